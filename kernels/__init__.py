@@ -1,0 +1,28 @@
+"""Warp kernels of warpdem: one physical model per file, one loop per file; usable without the rest.
+
+The file name of a model is its name in the scene. A model file holds, in this order: the equation with symbols, units,
+source and limits; ``coefficients`` (host, float64) where the model derives numbers per pair of materials; ``build(real)``,
+cached, which returns the Warp functions for one precision.
+
+Everything that a contact law calls is straight-line code: no early return, no vector assigned inside an ``if``; choices are
+made with ``wp.where`` on scalars. The pair loop lays ``lanes`` contacts side by side, and the compiler then turns the same
+scalar functions into SIMD code (see ``pairs.py``).
+"""
+
+from types import SimpleNamespace
+
+if __name__ != "warpdem.kernels":
+    raise ImportError("the folder kernels/ is imported as warpdem.kernels")
+
+# Straight-line kernels profit from the SLP vectoriser at its own depth (Warp limits it to 4 to save compile time);
+# floating-point contraction stays off (clang's default here), so a contact's bits do not depend on its lane.
+CPU_FLAGS = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-slp-recursion-max-depth=12"
+
+MODULE_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": CPU_FLAGS}
+
+
+class Built(SimpleNamespace):
+    """What a cached factory returns: named functions, types and kernels; equal only to itself, so it can be a cache key."""
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__

@@ -1,0 +1,89 @@
+"""The record of one grain: its whole moving state in consecutive numbers, so that a contact reads two cache lines.
+
+    index   0..2        3        4..6         7..9             10..12       13..15
+    field   position    radius   velocity     acceleration     spin         angular acceleration
+    unit    [m]         [m]      [m/s]        [m/s2]           [rad/s]      [rad/s2]
+
+Position in frame axes; velocity and spin are absolute, resolved in frame axes, and belong to the middle of the last step
+(design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
+friction the record ends after the acceleration.
+"""
+
+import functools
+
+
+import warp as wp
+
+from warpdem.kernels import Built
+
+WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin
+POSITION, RADIUS, VELOCITY, ACCELERATION, SPIN, ANGULAR_ACCELERATION = (
+    slice(0, 3),
+    3,
+    slice(4, 7),
+    slice(7, 10),
+    slice(10, 13),
+    slice(13, 16),
+)
+
+
+@functools.cache
+def build(spins: bool):
+    """Return the record type and the functions that read and make it."""
+    Record = wp.types.vector(WIDTH[spins], wp.float64)
+
+    @wp.func
+    def position(g: Record) -> wp.vec3d:
+        return wp.vec3d(g[0], g[1], g[2])
+
+    @wp.func
+    def velocity(g: Record) -> wp.vec3d:
+        return wp.vec3d(g[4], g[5], g[6])
+
+    @wp.func
+    def acceleration(g: Record) -> wp.vec3d:
+        return wp.vec3d(g[7], g[8], g[9])
+
+    if spins:
+
+        @wp.func
+        def spin(g: Record) -> wp.vec3d:
+            return wp.vec3d(g[10], g[11], g[12])
+
+        @wp.func
+        def angular_acceleration(g: Record) -> wp.vec3d:
+            return wp.vec3d(g[13], g[14], g[15])
+
+        @wp.func
+        def record(
+            q: wp.vec3d, r: wp.float64, v: wp.vec3d, a: wp.vec3d, w: wp.vec3d, b: wp.vec3d
+        ) -> Record:
+            return Record(
+                q[0], q[1], q[2], r, v[0], v[1], v[2], a[0], a[1], a[2], w[0], w[1], w[2], b[0], b[1], b[2]
+            )
+
+    else:
+
+        @wp.func
+        def spin(g: Record) -> wp.vec3d:
+            return wp.vec3d()
+
+        @wp.func
+        def angular_acceleration(g: Record) -> wp.vec3d:
+            return wp.vec3d()
+
+        @wp.func
+        def record(
+            q: wp.vec3d, r: wp.float64, v: wp.vec3d, a: wp.vec3d, w: wp.vec3d, b: wp.vec3d
+        ) -> Record:
+            return Record(q[0], q[1], q[2], r, v[0], v[1], v[2], a[0], a[1], a[2])
+
+    return Built(
+        Record=Record,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        spin=spin,
+        angular_acceleration=angular_acceleration,
+        record=record,
+    )

@@ -1,0 +1,238 @@
+"""Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
+
+Near list: per grain a row of partner slots in ascending order of partner id; ``twin`` names the same pair in the partner's
+row. Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and
+then by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the
+force loop and the rows of the summation short; rebuilding it costs a tenth of a near list. Neither changes a bit of the
+result: pairs are evaluated lower id first and summed in order of partner id.
+"""
+
+import functools
+
+
+import warp as wp
+
+from warpdem.kernels import MODULE_OPTIONS, Built, grain
+
+
+@functools.cache
+def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, table: bool, lag: float, result_width: int):
+    """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``."""
+    g = grain.build(spins)
+    Coefficients = wp.types.vector(7, wp.float64)
+    Inverse = wp.types.vector(2, wp.float64)
+    width = 4 if rolling else 2
+    kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+
+    @wp.func
+    def gap(a: g.Record, b: g.Record) -> wp.float64:
+        """Distance between two surfaces [m], negative when they overlap."""
+        way = g.position(a) - g.position(b)
+        return wp.sqrt(wp.dot(way, way)) - a[3] - b[3]
+
+    @kernel
+    def near_rows(
+        first: int,
+        fill: int,  # 0 counts, 1 fills
+        grid: wp.uint64,
+        grains: wp.array(dtype=g.Record),
+        id: wp.array(dtype=wp.int64),
+        largest: wp.float64,
+        skin: wp.float64,
+        start: wp.array(dtype=wp.int32),
+        count_out: wp.array(dtype=wp.int32),
+        slot_out: wp.array(dtype=wp.int32),
+    ):
+        i = first + wp.tid()
+        me = grains[i]
+        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + skin)
+        j = int(0)
+        n = int(0)
+        at = int(0)
+        if fill == 1:
+            at = start[i]
+        while wp.hash_grid_query_next(query, j):
+            if j != i:
+                if gap(me, grains[j]) < skin:
+                    if fill == 1:
+                        s = at + n  # insertion by partner id: rows are short
+                        while s > at and id[slot_out[s - 1]] > id[j]:
+                            slot_out[s] = slot_out[s - 1]
+                            s -= 1
+                        slot_out[s] = j
+                    n += 1
+        count_out[i] = n
+
+    @kernel
+    def pair_twins(
+        first: int,
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        twin_out: wp.array(dtype=wp.int32),
+    ):
+        i = first + wp.tid()
+        for e in range(start[i], start[i + 1]):
+            j = slot[e]
+            for o in range(start[j], start[j + 1]):
+                if slot[o] == i:
+                    twin_out[e] = o
+
+    @kernel
+    def carry_contacts(
+        first: int,
+        id: wp.array(dtype=wp.int64),
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list
+        old_id: wp.array(dtype=wp.int64),
+        old_start: wp.array(dtype=wp.int32),
+        old_partner: wp.array(dtype=wp.int32),
+        old_contact: wp.array(dtype=wp.int32),
+        contact_out: wp.array(dtype=wp.int32),
+    ):
+        """Contact number of each owned pair in the list that is being replaced, -1 if it had none."""
+        i = first + wp.tid()
+        o = old_slot[i]
+        for e in range(start[i], start[i + 1]):
+            j = slot[e]
+            found = int(-1)
+            if id[j] > id[i]:
+                for f in range(old_start[o], old_start[o + 1]):
+                    if old_id[old_partner[f]] == id[j]:
+                        found = old_contact[f]
+            contact_out[e] = found
+
+    @kernel
+    def select_contacts(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        id: wp.array(dtype=wp.int64),
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        twin: wp.array(dtype=wp.int32),
+        margin: wp.float64,
+        active_out: wp.array(dtype=wp.uint8),
+        owned_out: wp.array(dtype=wp.int32),
+    ):
+        """Mark the pairs closer than the margin, decided once per pair by its owner."""
+        i = first + wp.tid()
+        me = grains[i]
+        n = int(0)
+        for e in range(start[i], start[i + 1]):
+            j = slot[e]
+            if id[j] > id[i]:
+                close = wp.uint8(0)
+                if gap(me, grains[j]) < margin:
+                    close = wp.uint8(1)
+                    n += 1
+                active_out[e] = close
+                active_out[twin[e]] = close
+        owned_out[i] = n
+
+    @kernel
+    def count_rows(
+        first: int,
+        start: wp.array(dtype=wp.int32),
+        active: wp.array(dtype=wp.uint8),
+        count_out: wp.array(dtype=wp.int32),
+    ):
+        i = first + wp.tid()
+        n = int(0)
+        for e in range(start[i], start[i + 1]):
+            n += int(active[e])
+        count_out[i] = n
+
+    @kernel
+    def fill_contacts(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        kind: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=Coefficients),
+        id: wp.array(dtype=wp.int64),
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        active: wp.array(dtype=wp.uint8),
+        contact_start: wp.array(dtype=wp.int32),
+        old_memory: wp.array3d(dtype=wp.float64),
+        contact_out: wp.array(dtype=wp.int32),
+        owner_out: wp.array2d(dtype=wp.int32),
+        partner_out: wp.array2d(dtype=wp.int32),
+        kind_out: wp.array2d(dtype=wp.int32),
+        constants_out: wp.array3d(dtype=wp.float64),
+        memory_out: wp.array3d(dtype=wp.float64),
+    ):
+        """Write the contacts that grain ``i`` owns into their packs, with their constants and their memory."""
+        i = first + wp.tid()
+        at = contact_start[i]
+        for e in range(start[i], start[i + 1]):
+            j = slot[e]
+            if id[j] > id[i]:
+                old = contact_out[e]
+                contact_out[e] = -1
+                if active[e] == wp.uint8(1):
+                    contact_out[e] = at
+                    p = at // wp.static(lanes)
+                    k = at % wp.static(lanes)
+                    owner_out[p, k] = i
+                    partner_out[p, k] = j
+                    c = coefficients[0]
+                    if wp.static(table):
+                        which = kind[i] * materials + kind[j]
+                        kind_out[p, k] = which
+                        c = coefficients[which]
+                    ri = grains[i][3]
+                    rj = grains[j][3]
+                    one = wp.float64(1.0)
+                    radius = ri * rj / (ri + rj)
+                    stiffness, damping = constants(c[0], c[1], radius, one / (inverse[i][0] + inverse[j][0]))
+                    constants_out[p, 0, k] = stiffness
+                    constants_out[p, 1, k] = damping
+                    if wp.static(rolling):
+                        constants_out[p, 2, k] = radius
+                        constants_out[p, 3, k] = wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1])
+                    if wp.static(memory > 0):
+                        for f in range(wp.static(memory)):
+                            value = wp.float64(0.0)
+                            if old >= 0:
+                                value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
+                            memory_out[p, f, k] = value
+                    at += 1
+
+    @kernel
+    def fill_rows(
+        first: int,
+        id: wp.array(dtype=wp.int64),
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        twin: wp.array(dtype=wp.int32),
+        active: wp.array(dtype=wp.uint8),
+        contact: wp.array(dtype=wp.int32),
+        row_start: wp.array(dtype=wp.int32),
+        result_out: wp.array(dtype=wp.int32),
+    ):
+        """Where each grain finds its shares among the pair results: 2 x first number + side, in order of partner id."""
+        i = first + wp.tid()
+        at = row_start[i]
+        for e in range(start[i], start[i + 1]):
+            if active[e] == wp.uint8(1):
+                side = int(0)
+                c = contact[e]
+                if id[slot[e]] < id[i]:
+                    side = 1
+                    c = contact[twin[e]]
+                place = (c // wp.static(lanes)) * wp.static(lanes * result_width) + c % wp.static(lanes)
+                result_out[at] = 2 * place + side
+                at += 1
+
+    return Built(
+        near_rows=near_rows,
+        pair_twins=pair_twins,
+        carry_contacts=carry_contacts,
+        select_contacts=select_contacts,
+        count_rows=count_rows,
+        fill_contacts=fill_contacts,
+        fill_rows=fill_rows,
+        constants_width=width,
+    )

@@ -1,0 +1,46 @@
+r"""Elastic-plastic rolling spring with dashpot (EPSD, type C of Ai et al. 2011): holds a grain truly still.
+
+    M_i = -k_r a - C_r w,   |k_r a| <= mu_r R* max(F_n, 0),   k_r = 2.25 k_n (mu_r R*)^2,   C_r = 2 eta sqrt(I_r k_r)
+
+    a     relative rolling angle since the contact began, carried like the tangential spring   [rad]
+    w     part of w_i - w_j across the normal (all of it with torsion)                         [rad/s]
+    k_n   F_n / d of the elastic part                                                          [N/m]
+    I_r   1 / (1/(I_i + m_i R_i^2) + 1/(I_j + m_j R_j^2)), about the contact point             [kg m2]
+    eta   rolling damping ratio                                                                [-]
+
+Once the spring reaches its limit it slides along with it and the dashpot is left out (f = 0 in the source's equation 12).
+"""
+
+import functools
+
+import warp as wp
+
+HISTORY = True
+
+
+@functools.cache
+def build(real):
+    """Return the rolling torque for ``real``."""
+    vec3 = wp.types.vector(3, real)
+
+    @wp.func
+    def torque(
+        spin: vec3,
+        spin_predicted: vec3,  # relative spin at the instant of the force [rad/s]
+        angle: vec3,  # rolling spring with this step's increment [rad]
+        limit: real,  # mu_r R* max(F_n, 0) [N m]
+        spring: real,  # k_n (mu_r R*)^2 [N m]
+        damping: real,  # eta [-]
+        inertia: real,  # I_r [kg m2]
+        dt: real,
+    ):
+        """Torque on i [N m] and the rolling spring [rad] cut to its limit."""
+        stiffness = real(2.25) * spring
+        size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(1.0e-300))
+        share = limit / (size + real(1.0e-300))
+        kept = wp.where(share < real(1.0), share, real(1.0))
+        viscous = wp.where(share < real(1.0), real(0.0), real(2.0) * damping * wp.sqrt(inertia * stiffness))
+        held = angle * kept
+        return held * (-stiffness) - spin_predicted * viscous, held
+
+    return torque

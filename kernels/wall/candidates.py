@@ -1,0 +1,146 @@
+"""Which features of the walls a grain may touch.
+
+``wp.Mesh`` is float32 and only finds triangles: boxes are asked for with a slack for its rounding, in the body axes of the
+wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64.
+"""
+
+import functools
+
+
+import warp as wp
+
+from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.schedule import Placement, local
+from warpdem.kernels.wall.surface import Surface
+
+
+@functools.cache
+def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, memory: int):
+    """Return the kernels for ``meshes`` mesh walls and ``planes`` analytic planes."""
+    g = grain.build(spins)
+    kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+
+    @wp.func
+    def add(
+        f: int, fill: int, at: int, n: int, point: wp.vec3d, radius: wp.float64, reach: wp.float64, surface: Surface,
+        feature_out: wp.array(dtype=wp.int32),
+    ) -> int:  # fmt: skip
+        """Number of features after feature ``f`` has been looked at; inserted in ascending order when filling."""
+        nearest, direction, distance, mask = closest_on_feature(surface, f, point, radius)
+        if distance >= reach:
+            return n
+        if fill == 1:
+            s = at + n
+            while s > at and feature_out[s - 1] > f:
+                feature_out[s] = feature_out[s - 1]
+                s -= 1
+            feature_out[s] = f
+        return n + 1
+
+    @kernel
+    def near_features(
+        first: int,
+        fill: int,  # 0 counts, 1 fills
+        grains: wp.array(dtype=g.Record),
+        skin: wp.float64,
+        surface: Surface,
+        mesh: wp.array(dtype=wp.uint64),
+        mesh_wall: wp.array(dtype=wp.int32),
+        mesh_first: wp.array(dtype=wp.int32),  # number of the mesh's first triangle
+        placements: wp.array(dtype=Placement),
+        start: wp.array(dtype=wp.int32),
+        count_out: wp.array(dtype=wp.int32),
+        feature_out: wp.array(dtype=wp.int32),
+    ):
+        i = first + wp.tid()
+        state = grains[i]
+        q = g.position(state)
+        radius = state[3]
+        reach = radius + skin
+        n = int(0)
+        at = int(0)
+        if fill == 1:
+            at = start[i]
+        if wp.static(meshes > 0):
+            for m in range(wp.static(meshes)):
+                body = local(placements[surface.motion[mesh_wall[m]]], q)
+                centre = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
+                largest = wp.max(wp.abs(centre[0]), wp.max(wp.abs(centre[1]), wp.abs(centre[2])))
+                half = float(reach) * 1.0001 + largest * 1.0e-6
+                box = wp.vec3(half, half, half)
+                query = wp.mesh_query_aabb(mesh[m], centre - box, centre + box)
+                t = int(0)
+                while wp.mesh_query_aabb_next(query, t):
+                    n = add(mesh_first[m] + t, fill, at, n, body, radius, reach, surface, feature_out)
+        if wp.static(planes > 0):
+            for k in range(wp.static(planes)):
+                f = surface.triangles + k
+                body = local(placements[surface.motion[surface.wall[f]]], q)
+                n = add(f, fill, at, n, body, radius, reach, surface, feature_out)
+        count_out[i] = n
+
+    @kernel
+    def close_features(
+        first: int,
+        fill: int,
+        grains: wp.array(dtype=g.Record),
+        margin: wp.float64,
+        surface: Surface,
+        placements: wp.array(dtype=Placement),
+        near_start: wp.array(dtype=wp.int32),
+        near_feature: wp.array(dtype=wp.int32),
+        row: wp.array(dtype=wp.int32),
+        row_first: wp.array(dtype=wp.int32),
+        count_out: wp.array(dtype=wp.int32),
+        grain_out: wp.array(dtype=wp.int32),
+        candidate_out: wp.array(dtype=wp.int32),
+    ):
+        """Candidates of each grain within the margin; rows exist only for grains that have some."""
+        i = first + wp.tid()
+        state = grains[i]
+        q = g.position(state)
+        radius = state[3]
+        at = int(0)
+        if fill == 1 and row[i] >= 0:
+            grain_out[row[i]] = i
+            at = row_first[row[i]]
+        n = int(0)
+        for e in range(near_start[i], near_start[i + 1]):
+            f = near_feature[e]
+            body = local(placements[surface.motion[surface.wall[f]]], q)
+            n = add(f, fill, at, n, body, radius, radius + margin, surface, candidate_out)
+        if fill == 0:
+            count_out[i] = n
+
+    @kernel
+    def carry_places(
+        first: int,
+        parity: int,
+        row: wp.array(dtype=wp.int32),
+        old_row: wp.array(dtype=wp.int32),
+        before: Rows,
+        now: Rows,
+    ):
+        """Hand the places of the last force call over to the grain's new row."""
+        i = first + wp.tid()
+        r = row[i]
+        if r >= 0:
+            now.place_count[parity, r] = 0
+            o = old_row[i]
+            if o >= 0:
+                room = now.first[r + 1] - now.first[r]
+                n = wp.min(before.place_count[parity, o], room)
+                now.place_count[parity, r] = n
+                for k in range(n):
+                    s = before.first[o] + k
+                    d = now.first[r] + k
+                    now.place_wall[parity, d] = before.place_wall[parity, s]
+                    now.place_point[parity, d] = before.place_point[parity, s]
+                    now.place_normal[parity, d] = before.place_normal[parity, s]
+                    now.place_overlap[parity, d] = before.place_overlap[parity, s]
+                    if wp.static(memory >= 3):
+                        now.place_spring[parity, d] = before.place_spring[parity, s]
+                    if wp.static(memory == 6):
+                        now.place_angle[parity, d] = before.place_angle[parity, s]
+
+    return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)

@@ -1,0 +1,271 @@
+"""Grain-wall contacts: one contact per touching place, whatever the triangles.
+
+A row is a grain near a wall with its candidate features. Each step:
+
+1. closest point and corner mask of every candidate, in float64 and body axes; a closest point within 1e-6 radii of the
+   foot on the triangle's plane takes the plane of its whole flat piece, so 2 or 20 000 triangles give one force;
+2. a hit on an edge or vertex is dropped when another triangle that shares it comes closer (it is no local minimum of the
+   distance to the surface) or is the same place seen twice;
+3. from the deepest on, hits of one smooth piece whose directions differ by less than 30 degrees are one place;
+4. each place takes the memory of the nearest place of the step before on that wall (in body axes: it survives any
+   triangle border) and goes through the contact law of the scene.
+
+The wall's displacement over the step is that of its material point along its exact path, so a grain that rests in a turning
+body slips by nothing at all. The grain's torque arm is its distance to the contact point.
+"""
+
+import functools
+
+import warp as wp
+
+from warpdem.kernels import grain
+from warpdem.kernels.schedule import (
+    Placement,
+    Row,
+    local,
+    past_turn,
+    pivot,
+    placed,
+    slip_time,
+    turned,
+    wall_spin,
+    wall_velocity,
+)
+from warpdem.kernels.wall.surface import Surface, is_corner_set_within
+from warpdem.kernels.wall.triangle import FACE, closest_point
+
+MERGE_COSINE = 0.8660254037844386  # 30 degrees
+FLAT = 1.0e-6  # lateral distance to the plane's foot, in radii, below which a hit counts as a hit of the plane
+IDLE, HIT, TAKEN, MERGED = 0, 1, 2, 3
+
+
+@wp.func
+def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64):
+    """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m] and corner mask."""
+    plane = surface.plane[f]
+    normal = wp.vec3d(plane[0], plane[1], plane[2])
+    height = wp.dot(normal, q) - plane[3]
+    side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
+    point = q - normal * height
+    mask = int(7)
+    distance = wp.abs(height)
+    direction = normal * side
+    if f >= surface.triangles:  # an analytic plane is one-sided: behind it a grain is pushed back all the way
+        distance = height
+        direction = normal
+    else:
+        nearest, corners = closest_point(q, surface.corner[f])
+        away = q - nearest
+        square = wp.dot(away, away)
+        tolerance = wp.float64(1.0e-6) * radius
+        if square - height * height > tolerance * tolerance:
+            mask = corners
+            point = nearest
+            distance = wp.sqrt(square)
+            direction = away / distance
+    return point, direction, distance, mask
+
+
+@functools.cache
+def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float):
+    """Return the row function; arguments as in ``pairs.build``, ``lag`` the inertia factor of the rolling model [-]."""
+    g = grain.build(spins)
+    vec6 = wp.types.vector(6, wp.float64)
+    Coefficients = wp.types.vector(7, wp.float64)
+    Inverse = wp.types.vector(2, wp.float64)
+
+    @wp.struct
+    class Rows:
+        """Grains near walls; per-candidate arrays hold hits while a row is worked on, and its places from its first on."""
+
+        grain: wp.array(dtype=wp.int32)
+        first: wp.array(dtype=wp.int32)
+        candidate: wp.array(dtype=wp.int32)
+        hit_state: wp.array(dtype=wp.int32)
+        hit_mask: wp.array(dtype=wp.int32)
+        hit_distance: wp.array(dtype=wp.float64)
+        hit_point: wp.array(dtype=wp.vec3d)
+        hit_direction: wp.array(dtype=wp.vec3d)
+        # places: two generations, [parity, slot]
+        place_count: wp.array2d(dtype=wp.int32)
+        place_wall: wp.array2d(dtype=wp.int32)
+        place_point: wp.array2d(dtype=wp.vec3d)
+        place_normal: wp.array2d(dtype=wp.vec3d)
+        place_overlap: wp.array2d(dtype=wp.float64)
+        place_spring: wp.array2d(dtype=wp.vec3d)
+        place_angle: wp.array2d(dtype=wp.vec3d)
+        place_force: wp.array(dtype=wp.vec3d)
+        load: wp.array(dtype=vec6)
+
+    @wp.func
+    def find_places(
+        r: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
+        placements: wp.array2d(dtype=Placement), row: int,
+    ):  # fmt: skip
+        """Steps 1 to 3: mark the candidates of row ``r`` that are places as TAKEN."""
+        first = rows.first[r]
+        last = rows.first[r + 1]
+        for c in range(first, last):
+            f = rows.candidate[c]
+            body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
+            point, direction, distance, mask = closest_on_feature(surface, f, body, radius)
+            rows.hit_state[c] = wp.where(distance < radius, wp.static(HIT), wp.static(IDLE))
+            rows.hit_mask[c] = mask
+            rows.hit_distance[c] = distance
+            rows.hit_point[c] = point
+            rows.hit_direction[c] = direction
+        same = wp.float64(1.0e-12) * radius
+        for c in range(first, last):
+            f = rows.candidate[c]
+            mask = rows.hit_mask[c]
+            if rows.hit_state[c] == wp.static(HIT) and mask != wp.static(FACE):
+                for o in range(first, last):
+                    of = rows.candidate[o]
+                    if o != c and of < surface.triangles and surface.wall[of] == surface.wall[f]:
+                        if is_corner_set_within(surface.vertex[f], mask, surface.vertex[of]):
+                            closer = rows.hit_distance[c] - rows.hit_distance[o]
+                            if closer > same or (closer >= -same and o < c):
+                                rows.hit_state[c] = wp.static(IDLE)
+        left = int(1)
+        while left == 1:
+            best = int(-1)
+            for c in range(first, last):
+                if rows.hit_state[c] == wp.static(HIT):
+                    if best < 0:
+                        best = c
+                    elif rows.hit_distance[c] < rows.hit_distance[best]:
+                        best = c
+            if best < 0:
+                left = 0
+            else:
+                rows.hit_state[best] = wp.static(TAKEN)
+                f = rows.candidate[best]
+                for c in range(first, last):
+                    if rows.hit_state[c] == wp.static(HIT):
+                        if surface.piece[rows.candidate[c]] == surface.piece[f]:
+                            cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[best])
+                            if cosine > wp.float64(wp.static(MERGE_COSINE)):
+                                rows.hit_state[c] = wp.static(MERGED)
+
+    @wp.func
+    def remembered(r: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, rows: Rows) -> int:
+        """Slot of the nearest unused place of the step before on ``wall``, -1 if none lies within a radius."""
+        first = rows.first[r]
+        found = int(-1)
+        nearest = radius * radius
+        for s in range(first, first + rows.place_count[old, r]):
+            if rows.place_wall[old, s] == wall:
+                way = rows.place_point[old, s] - point
+                square = wp.dot(way, way)
+                if square < nearest:
+                    nearest = square
+                    found = s
+        if found >= 0:
+            rows.place_wall[old, found] = -1
+        return found
+
+    @wp.func
+    def touch(
+        r: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        kind: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=Coefficients),
+        surface: Surface,
+        rows: Rows,
+        placements: wp.array2d(dtype=Placement),
+        row: int,
+        state: Row,
+        parity: int,
+        dt: wp.float64,
+    ):
+        """Evaluate row ``r``; returns the largest overlap share [-] and approach speed [m/s] in it."""
+        i = rows.grain[r]
+        grain_i = grains[i]
+        q = g.position(grain_i)
+        radius = grain_i[3]
+        find_places(r, q, radius, surface, rows, placements, row)
+        first = rows.first[r]
+        old = 1 - parity
+        count = int(0)
+        share = wp.float64(0.0)
+        approach = wp.float64(0.0)
+        total = vec6()
+        inv = inverse[i]
+        slip_dt = slip_time(state)
+        turn = past_turn(state)
+        v = g.velocity(grain_i)
+        w = g.spin(grain_i)
+        half = wp.float64(0.5) * dt
+        v_predicted = v + g.acceleration(grain_i) * half
+        w_predicted = w + g.angular_acceleration(grain_i) * half
+        for c in range(first, rows.first[r + 1]):
+            if rows.hit_state[c] == wp.static(TAKEN):
+                f = rows.candidate[c]
+                wall = surface.wall[f]
+                motion = surface.motion[wall]
+                now = placements[row + 1, motion]
+                body_point = rows.hit_point[c]
+                distance = rows.hit_distance[c]
+                n = turned(now, rows.hit_direction[c])
+                point = placed(now, body_point)
+                overlap = radius - distance
+                n_before = n
+                overlap_before = wp.float64(0.0)
+                spring = wp.vec3d()
+                angle = wp.vec3d()
+                s = remembered(r, wall, body_point, radius, old, rows)
+                if s >= 0:
+                    n_before = rows.place_normal[old, s]
+                    overlap_before = rows.place_overlap[old, s]
+                    if wp.static(turning_frame):
+                        n_before = n_before + turn * n_before
+                    if wp.static(memory >= 3):
+                        spring = rows.place_spring[old, s]
+                        if wp.static(turning_frame):
+                            spring = spring + turn * spring
+                    if wp.static(memory == 6):
+                        angle = rows.place_angle[old, s]
+                        if wp.static(turning_frame):
+                            angle = angle + turn * angle
+                before = placed(placements[row, motion], body_point)
+                way = point - before
+                if wp.static(turning_frame):
+                    way = way - turn * (before - pivot(state))
+                if slip_dt == wp.float64(0.0):
+                    way = wp.vec3d()
+                w_wall = wall_spin(now)
+                slip = v * slip_dt - wp.cross(w, n + n_before) * (wp.float64(0.5) * distance * slip_dt) - way
+                velocity = v_predicted - wp.cross(w_predicted, n) * distance - wall_velocity(now, point)
+                c_kind = coefficients[0]
+                if wp.static(table):
+                    c_kind = coefficients[kind[i] * materials + surface.material[wall]]
+                stiffness, damping = constants(c_kind[0], c_kind[1], radius, wp.float64(1.0) / inv[0])
+                inertia = wp.float64(0.0)
+                if wp.static(rolling):
+                    inertia = wp.float64(wp.static(lag)) / inv[1]
+                force, moment, held, bent = law(
+                    n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
+                    w - w_wall, w_predicted - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle,
+                )  # fmt: skip
+                torque = moment - wp.cross(n, force) * distance
+                total += vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
+                slot = first + count
+                count += 1
+                rows.place_wall[parity, slot] = wall
+                rows.place_point[parity, slot] = body_point
+                rows.place_normal[parity, slot] = n
+                rows.place_overlap[parity, slot] = overlap
+                if wp.static(memory >= 3):
+                    rows.place_spring[parity, slot] = held
+                if wp.static(memory == 6):
+                    rows.place_angle[parity, slot] = bent
+                rows.place_force[slot] = force
+                share = wp.max(share, overlap / radius)
+                approach = wp.max(approach, -wp.dot(velocity, n))
+        rows.place_count[parity, r] = count
+        rows.load[r] = total
+        return share, approach
+
+    return Rows, touch

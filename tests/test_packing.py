@@ -1,0 +1,147 @@
+import numpy as np
+import pytest
+import trimesh
+
+from warpdem import packing
+from warpdem.errors import SceneError
+from warpdem.geometry import build_mesh, clipped_volume, signed_distance
+from warpdem.packing import fill, worst_overlaps
+
+CUBE = np.array([[0.0, 0.0, 0.0], [0.01, 0.01, 0.01]])
+SIZES = (0.5e-3, 1e-3)
+
+
+def ball(radius=0.01):
+    """A closed mesh of a ball about the origin."""
+    return build_mesh(radius * np.array(trimesh.creation.icosphere(subdivisions=3).triangles))
+
+
+def overlap_by_brute_force(position, radius):
+    """Largest overlap of each grain as a share of the smaller radius, none as 0."""
+    apart = np.linalg.norm(position[:, None] - position[None], axis=2)
+    share = (radius[:, None] + radius[None] - apart) / np.minimum(radius[:, None], radius[None])
+    np.fill_diagonal(share, 0.0)
+    return np.maximum(share.max(axis=1), 0.0)
+
+
+def solid_volume(radius):
+    return 4.0 / 3.0 * np.pi * (radius**3).sum()
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.56])
+def test_box_is_filled_to_the_solid_fraction_without_overlap(fraction):
+    position, radius = fill(None, CUBE, SIZES, 7, solid_fraction=fraction)
+    # one grain more or less is the closest that whole grains allow
+    assert abs(solid_volume(radius) / 1e-6 - fraction) <= 0.5 * np.pi / 6.0 * SIZES[1] ** 3 / 1e-6
+    assert overlap_by_brute_force(position, radius).max() < packing.OVERLAP
+    assert (position >= radius[:, None]).all()
+    assert (position <= 0.01 - radius[:, None]).all()
+    assert radius.min() > 0.25e-3
+    assert radius.max() < 0.5e-3
+
+
+def test_dense_box_of_five_thousand_grains():
+    side = (5000 * np.pi / 6.0 * 3.75 * SIZES[0] ** 3 / 0.56) ** (1.0 / 3.0)
+    position, radius = fill(None, [[0, 0, 0], [side] * 3], SIZES, 0, solid_fraction=0.56)
+    assert abs(len(radius) - 5000) < 150
+    assert worst_overlaps(position, radius)[0].max() < packing.OVERLAP
+
+
+def test_count_gives_as_many_grains_and_one_diameter_equal_ones():
+    position, radius = fill(None, CUBE, 1e-3, 0, count=123)
+    assert position.shape == (123, 3)
+    np.testing.assert_array_equal(radius, 0.5e-3)
+
+
+def test_sizes_are_uniform_by_number():
+    _, radius = fill(None, 10 * CUBE, SIZES, 5, count=4000)
+    # mean and deviation of a uniform distribution, within 4 standard errors
+    width = 0.25e-3
+    assert abs(radius.mean() - 0.375e-3) < 4 * width / np.sqrt(12 * 4000)
+    assert abs(radius.std() - width / np.sqrt(12)) < 4 * width / np.sqrt(12 * 4000)
+
+
+def test_same_seed_gives_the_same_bits_and_another_seed_other_grains():
+    one, two, other = (fill(ball(), None, SIZES, seed, count=800) for seed in (3, 3, 4))
+    assert one[0].tobytes() == two[0].tobytes()
+    assert one[1].tobytes() == two[1].tobytes()
+    assert (one[1] != other[1]).all()
+    assert (one[0] != other[0]).all()
+
+
+def test_sizes_do_not_depend_on_the_space():
+    in_ball = fill(ball(), None, SIZES, 3, count=300)[1]
+    in_box = fill(None, CUBE, SIZES, 3, count=300)[1]
+    assert in_ball.tobytes() == in_box.tobytes()
+    # a solid fraction only decides how many are drawn
+    by_fraction = fill(None, CUBE, SIZES, 3, solid_fraction=0.05)[1]
+    assert 200 < len(by_fraction) < 300
+    np.testing.assert_array_equal(by_fraction, in_box[: len(by_fraction)])
+
+
+def test_mesh_clipped_by_a_region_is_filled_within_both():
+    mesh = ball()
+    region = np.array([[-1.0, -0.004, -1.0], [1.0, 1.0, 0.002]])
+    position, radius = fill(mesh, region, (1e-3, 2e-3), 1, solid_fraction=0.5)
+    volume = clipped_volume(mesh, region)
+    assert abs(solid_volume(radius) / volume - 0.5) < 1e-3
+    assert overlap_by_brute_force(position, radius).max() < packing.OVERLAP
+    distance, _ = signed_distance(mesh, position)
+    assert (distance <= -radius * (1.0 - packing.OVERLAP)).all()
+    assert (position[:, 1] - radius >= -0.004 - 1e-15).all()
+    assert (position[:, 2] + radius <= 0.002 + 1e-15).all()
+    # and right up to the walls
+    assert (distance > -1.001 * radius).sum() > 30
+    assert (position[:, 2] + radius > 0.002 - 1e-6).sum() > 10
+
+
+def test_worst_overlaps_agree_with_brute_force():
+    rng = np.random.default_rng(0)
+    position, radius = rng.random((400, 3)), rng.uniform(0.01, 0.08, 400)
+    share, partner = worst_overlaps(position, radius)
+    np.testing.assert_allclose(share, overlap_by_brute_force(position, radius), atol=1e-12)
+    touching = share > 0.0
+    assert (partner[~touching] == -1).all()
+    i, j = np.flatnonzero(touching), partner[touching]
+    gap = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)
+    np.testing.assert_allclose(gap / np.minimum(radius[i], radius[j]), share[i], rtol=1e-12)
+
+
+def test_more_than_spheres_can_fill_is_refused_at_once():
+    with pytest.raises(
+        SceneError, match=r"grains\[0\]\.fill: asked for 3000 grains .*fraction of 1\.57.*at most 0\.74"
+    ):
+        fill(None, CUBE, 1e-3, 0, count=3000, key="grains[0].fill")
+
+
+def test_fraction_out_of_reach_is_refused_with_what_was_reached(monkeypatch):
+    monkeypatch.setattr(packing, "PATIENCE", 60)
+    with pytest.raises(
+        SceneError, match=r"grains\[0\]\.fill: asked for solid fraction 0\.7\d+ .*reached 0\.(\d+)"
+    ) as e:
+        fill(None, CUBE, 1e-3, 0, solid_fraction=0.71, key="grains[0].fill")
+    reached = float(str(e.value).split("reached ")[1].split()[0])
+    assert 0.45 < reached < 0.66
+
+
+def test_grain_without_a_place_is_refused():
+    with pytest.raises(SceneError, match=r"no place for 1 grains, the largest 0\.011 m .*0\.01 x 0\.01 x 0\.01"):
+        fill(None, CUBE, 0.011, 0, count=1)
+    with pytest.raises(SceneError, match=r"no place for 1 grains, the largest 0\.01999 m"):
+        # fits the ball's bounding box, but the faces of the mesh stand back from the ball
+        fill(ball(), None, 0.01999, 0, count=1)
+
+
+def test_region_beside_the_mesh_and_fraction_of_less_than_a_grain_are_refused():
+    with pytest.raises(SceneError, match="does not meet the mesh"):
+        fill(ball(), [[1, 1, 1], [2, 2, 2]], 1e-3, 0, count=1)
+    with pytest.raises(SceneError, match="holds nothing of the inside"):
+        fill(ball(), [[0.008, 0.008, 0.008], [2, 2, 2]], 1e-3, 0, count=1)
+    with pytest.raises(SceneError, match=r"less than half a grain of 0\.009 m"):
+        fill(None, CUBE, 0.009, 0, solid_fraction=0.1)
+
+
+def test_open_mesh_cannot_be_filled():
+    mesh = build_mesh(np.array(trimesh.creation.box((1, 1, 1)).triangles)[1:])
+    with pytest.raises(SceneError, match=r"grains\[0\]\.fill: .*3 open edges"):
+        fill(mesh, None, 0.1, 0, count=1, key="grains[0].fill")

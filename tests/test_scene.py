@@ -1,0 +1,260 @@
+import copy
+import itertools
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from warpdem.scene import Rotation, Scene
+
+
+def minimal() -> dict:
+    return {
+        "materials": {"glass": {"density": 2500, "young_modulus": "50 MPa", "poisson_ratio": 0.25}},
+        "pairs": [{"materials": ["glass", "glass"], "restitution": 0.9}],
+        "grains": [{"material": "glass", "positions": [[0, 0, 0], [0, 0, 0.1]], "diameter": "1 mm"}],
+        "time": {"end": 1},
+        "output": {"interval": "20 ms"},
+    }
+
+
+def test_defaults():
+    scene = Scene.model_validate(minimal())
+    assert scene.gravity == (0.0, 0.0, -9.81)
+    assert (scene.contact.normal, scene.contact.tangential, scene.contact.rolling) == ("hertz", "mindlin", "none")
+    assert scene.pairs[0].tangential_stiffness_ratio == 2 / 7
+    assert scene.pairs[0].rolling_damping == 0.3
+    assert scene.output.formats == ["vtk", "usd"]
+    assert (scene.time.step, scene.engine.skin, scene.engine.max_overlap) == ("auto", "auto", 0.1)
+    assert (scene.frame, scene.walls) == (None, [])
+    assert (scene.base, scene.source) == (Path.cwd(), "<scene>")
+
+
+def test_values_are_si_and_immutable():
+    scene = Scene.model_validate(minimal())
+    assert scene.materials["glass"].young_modulus == 5e7
+    assert scene.output.interval == 0.02
+    with pytest.raises(ValidationError):
+        scene.title = "other"
+    with pytest.raises(ValueError):
+        scene.grains[0].positions[0, 0] = 1.0
+
+
+def test_dump_gives_the_same_scene_again():
+    data = minimal()
+    data["frame"] = {"axis": [1, 2, 3], "schedule": [{"until": 1, "rate": ["10 rpm", "30 rpm"]}, {"rate": 2}]}
+    data["walls"] = [
+        {"name": "drum", "material": "glass", "mesh": "drum.stl", "rotation": {"axis": [0, 1, 0], "rate": 1}}
+    ]
+    data["grains"].append({"material": "glass", "fill": {"wall": "drum", "count": 7, "diameter": {"uniform": [1, 2]}}})
+    scene = Scene.model_validate(data)
+    assert Scene.model_validate(scene.model_dump()) == scene
+    assert Scene.model_validate(json.loads(scene.model_dump_json())) == scene
+    assert "base" not in scene.model_dump()
+    assert "source" not in scene.model_dump()
+    moved = copy.deepcopy(data)
+    moved["grains"][0]["positions"][1][2] = 0.2
+    assert Scene.model_validate(moved) != scene
+
+
+def test_explicit_columns_have_their_defaults():
+    data = minimal()
+    [grains] = Scene.model_validate(data).grains
+    np.testing.assert_array_equal(grains.explicit_radii, [0.0005, 0.0005])
+    np.testing.assert_array_equal(grains.explicit_velocities, np.zeros((2, 3)))
+    np.testing.assert_array_equal(grains.explicit_spins, np.zeros((2, 3)))
+    del data["grains"][0]["diameter"]
+    data["grains"][0] |= {
+        "diameters": [0.2, 0.4],
+        "velocities": [[1, 0, 0], [0, 1, 0]],
+        "spins": [["30 rpm", 0, 0]] * 2,
+    }
+    [grains] = Scene.model_validate(data).grains
+    np.testing.assert_array_equal(grains.explicit_radii, [0.1, 0.2])
+    np.testing.assert_array_equal(grains.explicit_velocities, [[1, 0, 0], [0, 1, 0]])
+    np.testing.assert_array_equal(grains.explicit_spins, [[math.pi, 0, 0]] * 2)
+
+
+@pytest.mark.parametrize(("key", "value"), [("radius", 0.3), ("radii", [0.3, 0.3]), ("diameter", 0.6)])
+def test_size_may_be_given_in_each_form(key, value):
+    data = minimal()
+    del data["grains"][0]["diameter"]
+    data["grains"][0][key] = value
+    np.testing.assert_array_equal(Scene.model_validate(data).grains[0].explicit_radii, [0.3, 0.3])
+
+
+def test_ids_are_whole_and_unique():
+    data = minimal()
+    data["grains"][0]["ids"] = [7, 3]
+    ids = Scene.model_validate(data).grains[0].ids
+    assert ids.tolist() == [7, 3]
+    assert ids.dtype == np.int64
+    for wrong in ([7, 7], [1, -1], [1.5, 2], [True, 2], [[1], [2, 3]], [2**63, 1], 5, []):
+        data["grains"][0]["ids"] = wrong
+        with pytest.raises(ValidationError):
+            Scene.model_validate(data)
+
+
+def test_pair_is_found_in_either_order():
+    data = minimal()
+    data["materials"]["steel"] = data["materials"]["glass"]
+    data["walls"] = [{"name": "floor", "material": "steel", "plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}}]
+    data["pairs"].append({"materials": ["steel", "glass"], "restitution": 0.3})
+    scene = Scene.model_validate(data)
+    assert scene.pair("glass", "steel") is scene.pair("steel", "glass") is scene.pairs[1]
+    with pytest.raises(KeyError):
+        scene.pair("steel", "steel")
+
+
+def test_paths_start_from_base():
+    scene = Scene.model_validate(minimal() | {"base": "folder"})
+    assert scene.resolve("a.stl") == Path("folder/a.stl")
+    assert scene.resolve(Path("/x/a.stl")) == Path("/x/a.stl")
+    assert scene.resolve("~/a.stl") == Path.home() / "a.stl"
+
+
+def test_many_positions_are_exact():
+    data = minimal()
+    positions = np.random.default_rng(0).random((100_000, 3))
+    data["grains"][0]["positions"] = positions.tolist()
+    np.testing.assert_array_equal(Scene.model_validate(data).grains[0].positions, positions)
+
+
+def all_models(model=Scene, seen=None):
+    seen = set() if seen is None else seen
+    if model not in seen:
+        seen.add(model)
+        for field in model.model_fields.values():
+            for part in parts(field.annotation):
+                all_models(part, seen)
+    return seen
+
+
+def parts(annotation):
+    if hasattr(annotation, "model_fields"):
+        return [annotation]
+    return [model for inner in getattr(annotation, "__args__", ()) for model in parts(inner)]
+
+
+def quantities(schema):
+    """Units that a JSON schema of a field speaks of."""
+    if isinstance(schema, dict):
+        text = schema.get("description", "")
+        if schema.get("type") == "number" and text.startswith("in ["):
+            yield text.removeprefix("in "), schema
+        for value in schema.values():
+            yield from quantities(value)
+    elif isinstance(schema, list):
+        for value in schema:
+            yield from quantities(value)
+
+
+def test_each_field_is_described_with_unit_and_range():
+    models = all_models()
+    assert len(models) >= 15
+    for model in models:
+        properties = model.model_json_schema(ref_template="{model}")["properties"]
+        for name, field in model.model_fields.items():
+            assert field.description, f"{model.__name__}.{name} has no description"
+            for unit, number in quantities(properties.get(name, {})):
+                assert unit in field.description, f"{model.__name__}.{name}: {unit}"
+                for key, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("maximum", "<=")):
+                    if key in number:
+                        assert f"{sign} {number[key]:g}" in field.description, f"{model.__name__}.{name}: {key}"
+
+
+# --- rotation --------------------------------------------------------------------------------------------------------
+
+
+def test_axis_is_normalised_once():
+    rotation = Rotation(axis=[1, 2, 3], rate=1)
+    np.testing.assert_allclose(rotation.axis, np.array([1, 2, 3]) / math.sqrt(14), rtol=1e-15)
+    assert Rotation(axis=rotation.axis, rate=1).axis == rotation.axis
+    assert Rotation(axis=[0, 0, 1e-300], rate=1).axis == (0.0, 0.0, 1.0)
+
+
+def test_constant_rate_turns_for_ever():
+    rotation = Rotation(axis=[0, 0, 1], rate="-30 rpm")
+    assert rotation.angle(2.0) == -2 * math.pi
+    assert rotation.rate_at(1e6) == -math.pi
+    assert rotation.max_rate() == math.pi
+    np.testing.assert_array_equal(rotation.angle(np.array([0.0, 1.0])), [0, -math.pi])
+    np.testing.assert_array_equal(rotation.rate_at(np.array([0.0, 1.0])), [-math.pi] * 2)
+
+
+SCHEDULE = Rotation(
+    axis=[0, 1, 0],
+    schedule=[{"until": 1, "rate": 2}, {"until": 3, "rate": [2, -4]}, {"until": 4, "rate": 3}],
+)
+
+
+@pytest.mark.parametrize(
+    ("time", "angle", "rate"),
+    [
+        (0.0, 0.0, 2.0),
+        (0.5, 1.0, 2.0),
+        (1.0, 2.0, 2.0),
+        (2.0, 2.0 + 2.0 - 1.5, -1.0),
+        (3.0, 0.0, 3.0),  # the jump from -4 to 3 shows the value after it
+        (3.5, 1.5, 3.0),
+        (4.0, 3.0, 0.0),  # after the last until the frame stands still
+        (1e9, 3.0, 0.0),
+    ],
+)
+def test_schedule_by_hand(time, angle, rate):
+    assert SCHEDULE.angle(time) == pytest.approx(angle, abs=1e-15)
+    assert SCHEDULE.rate_at(time) == rate
+    assert type(SCHEDULE.angle(time)) is type(SCHEDULE.rate_at(time)) is float
+
+
+def test_schedule_takes_arrays_and_knows_its_largest_rate():
+    times = np.linspace(0, 5, 41).reshape(1, -1)
+    np.testing.assert_array_equal(SCHEDULE.angle(times), [[SCHEDULE.angle(t) for t in times[0]]])
+    np.testing.assert_array_equal(SCHEDULE.rate_at(times), [[SCHEDULE.rate_at(t) for t in times[0]]])
+    assert SCHEDULE.max_rate() == 4.0
+
+
+def test_last_stretch_without_end_holds():
+    rotation = Rotation(axis=[0, 1, 0], schedule=[{"until": 1, "rate": [0, 2]}, {"rate": 2}])
+    assert rotation.rate_at(100.0) == 2.0
+    assert rotation.angle(100.0) == 1.0 + 2.0 * 99.0
+
+
+RATES = st.floats(-100, 100)
+STRETCHES = st.lists(st.tuples(st.floats(0.01, 10), st.one_of(RATES, st.tuples(RATES, RATES))), min_size=1, max_size=5)
+
+
+@settings(max_examples=50, deadline=None)
+@given(STRETCHES)
+def test_angle_is_the_integral_of_the_rate(stretches):
+    ends = np.cumsum([length for length, _ in stretches])
+    schedule = [{"until": end, "rate": rate} for end, (_, rate) in zip(ends, stretches, strict=True)]
+    rotation = Rotation(axis=[0, 0, 1], schedule=schedule)
+    # the midpoint rule is exact for a rate that is linear on each cell; cells end where stretches end
+    knots = np.concatenate([[0.0], ends, [ends[-1] + 1.0]])
+    grid = np.unique(np.concatenate([np.linspace(a, b, 8) for a, b in itertools.pairwise(knots)]))
+    integral = np.concatenate([[0.0], np.cumsum(rotation.rate_at(0.5 * (grid[1:] + grid[:-1])) * np.diff(grid))])
+    np.testing.assert_allclose(rotation.angle(grid), integral, rtol=0, atol=1e-13 * (1 + 100 * knots[-1]))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"axis": [0, 0, 0], "rate": 1},
+        {"axis": [0, 0, 1]},
+        {"axis": [0, 0, 1], "rate": 1, "schedule": [{"rate": 1}]},
+        {"axis": [0, 0, 1], "schedule": []},
+        {"axis": [0, 0, 1], "schedule": [{"rate": 1}, {"until": 1, "rate": 1}]},
+        {"axis": [0, 0, 1], "schedule": [{"until": 1, "rate": 1}, {"until": 1, "rate": 1}]},
+        {"axis": [0, 0, 1], "schedule": [{"until": 0, "rate": 1}]},
+        {"axis": [0, 0, 1], "schedule": [{"rate": [0, 1]}]},
+    ],
+)
+def test_wrong_rotation_is_refused(wrong):
+    with pytest.raises(ValidationError):
+        Rotation.model_validate(wrong)

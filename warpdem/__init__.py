@@ -1,0 +1,1 @@
+"""warpdem: discrete element method for granular flow in rotating and moving equipment."""

@@ -1,0 +1,19 @@
+"""What warpdem raises: every message names what is wrong, where, and what is allowed."""
+
+
+class WarpdemError(Exception):
+    """Base of all errors that a user can mend; ``exit_code`` is what the command line returns."""
+
+    exit_code = 1
+
+
+class SceneError(WarpdemError):
+    """The scene is wrong: the message names file, key, value and what is allowed."""
+
+    exit_code = 2
+
+
+class StabilityError(WarpdemError):
+    """The run stopped itself: the message names grain, time and cause."""
+
+    exit_code = 3

@@ -1,0 +1,337 @@
+"""Where the grains of a scene come from (arrays, state files, fillings), and whether they can start there."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.geometry import TriangleMesh, signed_distance
+from warpdem.packing import fill, worst_overlaps
+
+NPZ_KEYS = {
+    "position": ("position", "x"),
+    "radius": ("radius", "r"),
+    "velocity": ("velocity", "v"),
+    "spin": ("spin", "w"),
+    "id": ("id",),
+}
+"""Names in a .npz file of each field of a grain."""
+CSV_COLUMNS = {
+    "position": ("x", "y", "z"),
+    "radius": ("radius",),
+    "velocity": ("vx", "vy", "vz"),
+    "spin": ("wx", "wy", "wz"),
+    "id": ("id",),
+}
+"""Columns in a .csv file of each field of a grain."""
+VTP_ARRAYS = {"radius": "radius", "velocity": "v", "spin": "omega", "id": "id"}
+"""Names in a .vtp file of each field of a grain, beside its points."""
+
+
+@dataclass(frozen=True)
+class Grains0:
+    """The grains at time 0: vectors in frame axes, motion relative to the frame."""
+
+    id: np.ndarray
+    """Grain ids, all different, shape (n,), int64."""
+    type: np.ndarray
+    """Material index in the order of the scene, shape (n,), int32."""
+    radius: np.ndarray
+    """Radius [m], shape (n,)."""
+    position: np.ndarray
+    """Position [m], shape (n, 3)."""
+    velocity: np.ndarray
+    """Velocity relative to the frame [m/s], shape (n, 3)."""
+    spin: np.ndarray
+    """Angular velocity relative to the frame [rad/s], shape (n, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
+def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
+    """All grains of a scene, group after group in the scene's order.
+
+    Grains without ids get the least numbers that no other grain has, running on from group to group. A filling knows
+    its own wall or box only, no other group and no other wall: `check_start` finds what overlaps.
+
+    Args:
+        scene: Validated scene.
+        meshes: Mesh walls by name, placed where they stand at time 0.
+
+    Raises:
+        SceneError: A state file is missing, unreadable or holds no grains; a filling does not fit; an id comes twice.
+    """
+    names = list(scene.materials)
+    groups = []
+    for number, group in enumerate(scene.grains):
+        grains = _group(scene, meshes, group, f"{scene.source}: grains[{number}]")
+        if group.velocities_in == "laboratory" and scene.frame is not None:
+            grains = _relative_to_frame(grains, scene.frame)
+        grains["type"] = np.full(len(grains["radius"]), names.index(group.material), np.int32)
+        groups.append(grains)
+    fields = {
+        key: np.concatenate([g[key] for g in groups]) for key in ("type", "radius", "position", "velocity", "spin")
+    }
+    return Grains0(id=_unique_ids(groups, scene.source), **fields)
+
+
+def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None:
+    """Refuse a start that the engine would answer with an explosion.
+
+    A closed mesh with more than half of the grains inside, or one that a filling names, is a container: all other
+    grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
+    meshes have no inside and are not checked.
+
+    Raises:
+        SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
+            centre is on the wrong side of a wall.
+    """
+    _check_overlaps(grains, scene)
+    for number, wall in enumerate(scene.walls):
+        if wall.plane is not None:
+            _check_plane(grains, wall, f"{scene.source}: walls[{number}]")
+    _check_closed_meshes(grains, meshes, scene)
+
+
+def _group(scene, meshes: dict[str, TriangleMesh], group, key: str) -> dict[str, np.ndarray]:
+    """Fields of one group by name, without type; id None when the source has none."""
+    if group.positions is not None:
+        return {
+            "position": np.array(group.positions, float),
+            "radius": np.array(group.explicit_radii, float),
+            "velocity": np.array(group.explicit_velocities, float),
+            "spin": np.array(group.explicit_spins, float),
+            "id": None if group.ids is None else np.array(group.ids, np.int64),
+        }
+    if group.file is not None:
+        return read_state(scene.resolve(group.file), f"{key}.file")
+    asked = group.fill
+    mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
+    position, radius = fill(
+        mesh,
+        None if box is None else (box.min, box.max),
+        getattr(asked.diameter, "uniform", asked.diameter),
+        asked.seed,
+        count=asked.count,
+        solid_fraction=asked.solid_fraction,
+        key=f"{key}.fill",
+    )
+    rest = np.zeros_like(position)
+    return {"position": position, "radius": radius, "velocity": rest, "spin": rest, "id": None}
+
+
+def read_state(path: Path, key: str) -> dict[str, np.ndarray | None]:
+    """Fields of the grains in a state file: position, radius, velocity, spin (zero when absent), id (or None).
+
+    Args:
+        path: .npz with the keys of `NPZ_KEYS`, .csv with a header of `CSV_COLUMNS`, or .vtp with `VTP_ARRAYS`.
+        key: Scene key, for messages.
+
+    Raises:
+        SceneError: Missing file, key or column; a number that is not finite; a radius that is not above 0; ids that
+            are not whole or come twice. Names the row, counted from 1.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(f"{key}: no such state file: {path}")
+    readers = {".npz": _read_npz, ".csv": _read_csv, ".vtp": _read_vtp}
+    if path.suffix.lower() not in readers:
+        raise SceneError(f"{key}: {path.name}: a state file ends in one of {', '.join(readers)}")
+    key = f"{key}: {path.name}"
+    fields = readers[path.suffix.lower()](path, key)
+    count = len(np.atleast_1d(fields["radius"]))
+    if count == 0:
+        raise SceneError(f"{key}: holds no grains")
+    checked = {}
+    for name, width in (("position", (3,)), ("radius", ()), ("velocity", (3,)), ("spin", (3,)), ("id", ())):
+        values = fields.get(name)
+        if values is None:
+            checked[name] = None if name == "id" else np.zeros((count, *width))
+            continue
+        checked[name] = _checked_field(np.asarray(values), (count, *width), name, key)
+    _refuse_row(checked["radius"] <= 0.0, checked["radius"], "radius", "must be above 0", key)
+    if checked["id"] is not None:
+        checked["id"] = _checked_ids(checked["id"], key)
+    return checked
+
+
+def _checked_field(values: np.ndarray, shape: tuple[int, ...], name: str, key: str) -> np.ndarray:
+    """Field as finite float64 (integers stay as they are), of the shape that belongs to it."""
+    if values.shape != shape:
+        raise SceneError(f"{key}: {name} has the shape {values.shape}, must be {shape}")
+    if values.dtype.kind not in "fiu":
+        raise SceneError(f"{key}: {name} must hold numbers, holds {values.dtype}")
+    bad = ~np.isfinite(values)
+    _refuse_row(bad if bad.ndim == 1 else bad.any(axis=1), values, name, "must be finite", key)
+    return values if name == "id" else values.astype(np.float64)
+
+
+def _checked_ids(ids: np.ndarray, key: str) -> np.ndarray:
+    """Ids as int64."""
+    _refuse_row((ids < 0) | (ids != np.floor(ids)), ids, "id", "must be a whole number from 0", key)
+    ids = ids.astype(np.int64)
+    _, first = np.unique(ids, return_index=True)
+    again = np.ones(len(ids), bool)
+    again[first] = False
+    _refuse_row(again, ids, "id", "comes twice, ids must be unique", key)
+    return ids
+
+
+def _refuse_row(bad: np.ndarray, values: np.ndarray, name: str, what: str, key: str) -> None:
+    """Raise for the first bad row."""
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise SceneError(
+            f"{key}: row {row + 1}: {name} = {values[row].tolist()} {what} ({int(bad.sum())} of {len(bad)} rows)"
+        )
+
+
+def _read_npz(path: Path, key: str) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            held = {name: data[name] for name in data.files}
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise SceneError(f"{key}: cannot be read as .npz: {error}") from error
+    fields = {}
+    for field, names in NPZ_KEYS.items():
+        present = [name for name in names if name in held]
+        if present:
+            fields[field] = held[present[0]]
+        elif field in ("position", "radius"):
+            raise SceneError(f"{key}: has no key {' or '.join(names)}; it has {', '.join(held) or 'none'}")
+    return fields
+
+
+def _read_csv(path: Path, key: str) -> dict[str, np.ndarray]:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = [name.strip() for name in file.readline().split(",")]
+        known = [name for names in CSV_COLUMNS.values() for name in names]
+        wrong = [name for name in header if name not in known]
+        if wrong:
+            raise SceneError(f"{key}: unknown column {wrong[0]!r}; allowed: {', '.join(known)}")
+        if len(set(header)) < len(header):
+            raise SceneError(f"{key}: a column comes twice in {', '.join(header)}")
+        lines = [line for line in file if line.strip()]
+    try:
+        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, len(header)))
+    except ValueError as error:
+        raise SceneError(f"{key}: {error}") from error
+    if table.shape[1] != len(header):
+        raise SceneError(f"{key}: the header names {len(header)} columns, the rows have {table.shape[1]}")
+    fields = {}
+    for field, names in CSV_COLUMNS.items():
+        missing = [name for name in names if name not in header]
+        if not missing:
+            columns = table[:, [header.index(name) for name in names]]
+            fields[field] = columns if len(names) == 3 else columns[:, 0]
+        elif field in ("position", "radius") or len(missing) < len(names):
+            raise SceneError(f"{key}: missing column {missing[0]}; it has {', '.join(header)}")
+    return fields
+
+
+def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
+    import pyvista  # slow to import: only scenes that start from a .vtp pay
+
+    try:
+        data = pyvista.read(path)
+    except Exception as error:  # whatever VTK's reader runs into
+        raise SceneError(f"{key}: cannot be read as .vtp: {error}") from error
+    if "radius" not in data.point_data:
+        held = ", ".join(data.point_data.keys()) or "none"
+        raise SceneError(f"{key}: has no point array radius; it has {held}")
+    fields = {field: np.asarray(data.point_data[n]) for field, n in VTP_ARRAYS.items() if n in data.point_data}
+    return {"position": np.asarray(data.points), **fields}
+
+
+def _relative_to_frame(grains: dict[str, np.ndarray], frame) -> dict[str, np.ndarray]:
+    """Velocities and spins relative to the frame from those in the laboratory: v - Omega x (q - origin), w - Omega."""
+    omega = frame.rate_at(0.0) * np.asarray(frame.axis, float)
+    arm = grains["position"] - np.asarray(frame.origin, float)
+    return {
+        **grains,
+        "velocity": grains["velocity"] - np.cross(omega, arm),
+        "spin": grains["spin"] - omega,
+    }
+
+
+def _unique_ids(groups: list[dict[str, np.ndarray]], source: str) -> np.ndarray:
+    """Ids of all grains: given ones as they are, the others the least free numbers in turn."""
+    owner = {}
+    for number, group in enumerate(groups):
+        for name in [] if group["id"] is None else group["id"].tolist():
+            if owner.setdefault(name, number) != number:
+                raise SceneError(
+                    f"{source}: grains[{number}]: grains[{owner[name]}] has the id {name} too: ids must be unique"
+                )
+    wanted = sum(len(group["radius"]) for group in groups if group["id"] is None)
+    free = np.setdiff1d(np.arange(wanted + len(owner)), np.fromiter(owner, np.int64, len(owner)))[:wanted]
+    parts = []
+    for group in groups:
+        if group["id"] is not None:
+            parts.append(group["id"])
+            continue
+        count = len(group["radius"])
+        parts.append(free[:count])
+        free = free[count:]
+    return np.concatenate(parts).astype(np.int64)
+
+
+def _place(grains: Grains0, i: int) -> str:
+    """Grain i by id and position, for messages."""
+    return f"grain {grains.id[i]} at ({', '.join(f'{v:.6g}' for v in grains.position[i])}) m"
+
+
+def _check_overlaps(grains: Grains0, scene) -> None:
+    share, partner = worst_overlaps(grains.position, grains.radius)
+    i = int(np.argmax(share))
+    allowed = scene.engine.max_overlap
+    if share[i] <= allowed:
+        return
+    i, j = sorted((i, int(partner[i])), key=lambda k: grains.id[k])
+    apart = np.linalg.norm(grains.position[i] - grains.position[j])
+    both = f"{_place(grains, i)} and {_place(grains, j)}"
+    count = int((share > allowed).sum())
+    if apart == 0.0:
+        raise SceneError(f"{scene.source}: grains: {both} coincide; each grain needs a place of its own")
+    overlap = grains.radius[i] + grains.radius[j] - apart
+    raise SceneError(
+        f"{scene.source}: grains: {both} overlap by {overlap:.6g} m, {share.max():.3g} of the smaller radius; allowed "
+        f"at the start is {allowed:g} ({count} grains overlap by more)"
+    )
+
+
+def _check_plane(grains: Grains0, wall, key: str) -> None:
+    height = (grains.position - np.asarray(wall.plane.point, float)) @ np.asarray(wall.plane.normal, float)
+    below = height < 0.0
+    if below.any():
+        i = int(np.argmin(height))
+        raise SceneError(
+            f"{key}.plane: {_place(grains, i)} is {-height[i]:.6g} m behind the plane {wall.name!r}, whose normal must "
+            f"point to the grains ({int(below.sum())} of {len(grains)} grains are behind it)"
+        )
+
+
+def _check_closed_meshes(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None:
+    keys = {wall.name: f"{scene.source}: walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
+    filled = {group.fill.wall for group in scene.grains if group.fill is not None}
+    depth = {
+        name: -signed_distance(mesh, grains.position)[0]
+        for name, mesh in meshes.items()
+        if mesh.is_closed and mesh.twisted_edges == 0
+    }
+    containers = {name for name, d in depth.items() if name in filled or 2 * int((d > 0.0).sum()) > len(grains)}
+    contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else None
+    for name, d in depth.items():
+        if name in containers:
+            wrong, side = ~contained & (d <= 0.0), "outside the closed mesh"
+        else:
+            wrong, side = d > 0.0, "inside the solid mesh"
+        if wrong.any():
+            i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
+            raise SceneError(
+                f"{keys[name]}: {_place(grains, i)} is {side} {name!r}, {abs(d[i]):.6g} m from its surface "
+                f"({int(wrong.sum())} of {len(grains)} grains are {side.split()[0]})"
+            )

@@ -1,0 +1,264 @@
+"""Host side of the lists: which grains and features may touch, when to look again, and what is carried over."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels import grain
+
+REFRESH_STEPS = (12, 60)  # steps between refreshes that the margin is steered to
+MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
+
+
+def morton_order(position: np.ndarray, cell: float) -> np.ndarray:
+    """Order of points (n, 3) [m] along a Z-order curve of cells of edge ``cell`` [m]; ties keep their order."""
+    index = ((position - position.min(axis=0)) / cell).astype(np.uint64)
+    index = np.minimum(index, np.uint64(2**21 - 1))
+    for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
+                        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):  # fmt: skip
+        index = (index | (index << np.uint64(shift))) & np.uint64(mask)
+    code = index[:, 0] | (index[:, 1] << np.uint64(1)) | (index[:, 2] << np.uint64(2))
+    return np.argsort(code, kind="stable")
+
+
+def starts(count: np.ndarray) -> np.ndarray:
+    """Exclusive prefix sums with the total at the end, int32."""
+    out = np.zeros(len(count) + 1, dtype=np.int32)
+    np.cumsum(count, out=out[1:])
+    return out
+
+
+def chosen_skin(scene, radius: np.ndarray) -> float:
+    """Distance beyond touching that the near list covers [m]: as given, or 0.4 mean radii."""
+    if scene.engine.skin != "auto":
+        return float(scene.engine.skin)
+    return 0.4 * float(np.mean(radius)) if len(radius) else 1.0
+
+
+class Lists:
+    """Near list, contact list and wall rows of a simulation.
+
+    Attributes:
+        rebuilds: how often the near list was made.
+        refreshes: how often the contact list was made.
+        margin: gap below which a near pair is in the contact list [m].
+    """
+
+    def __init__(self, sim, skin: float) -> None:
+        self.sim = sim
+        self.skin = skin
+        self.margin = 0.2 * skin
+        self.rebuilds = 0
+        self.refreshes = 0
+        self._last_refresh = 0
+        n = len(sim.state)
+        self.largest = float(sim.state.record.numpy()[:, grain.RADIUS].max()) if n else 0.0
+        self._near = None  # start, slot, twin, contact
+        self._near_reference = None
+        self._grid = None
+        self.contact_count = 0
+        self.row_count = 0
+        self._wall_near = None
+        self._row = None
+        self._rows = None
+        self._empty_packs()
+
+    # -- what the loop reads ------------------------------------------------------------------
+
+    @property
+    def reach(self) -> float:
+        """How far a grain may move before the contact list is out of date [m]."""
+        return 0.5 * self.margin
+
+    def _array(self, shape, dtype, fill=None):
+        make = wp.zeros if fill is None else wp.full
+        extra = {} if fill is None else {"value": fill}
+        return make(shape, dtype=dtype, device=self.sim.device, **extra)
+
+    def _upload(self, data: np.ndarray, dtype):
+        return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self.sim.device)
+
+    def _empty_packs(self) -> None:
+        plan = self.sim.plan
+        self.memory = self._array((0, max(plan.memory, 1), plan.lanes), wp.float64)
+
+    def update(self, force_rebuild: bool = False) -> None:
+        """Make the lists valid for the present positions."""
+        sim = self.sim
+        position = sim.state.record.numpy()[:, grain.POSITION]
+        if not np.isfinite(position).all():
+            sim.stop_not_finite()
+        steps = sim.step_number - self._last_refresh
+        if self.refreshes and not force_rebuild:
+            if steps < REFRESH_STEPS[0]:
+                self.margin = min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
+            elif steps > REFRESH_STEPS[1]:
+                self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
+        self._last_refresh = sim.step_number
+        placement = sim.placements_now()
+        if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+            with sim.clock("lists"):
+                self._rebuild(placement)
+        with sim.clock("refresh"):
+            self._refresh(placement)
+
+    def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
+        """Largest way of a grain since the near lists were made, in frame axes and in those of moving walls [m]."""
+        ways = [position, *self._bodies(position, placement)]
+        return max(
+            float(np.sqrt(np.einsum("ij,ij->i", now - then, now - then).max(initial=0.0)))
+            for now, then in zip(ways, self._near_reference, strict=True)
+        )
+
+    def _bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
+        """Positions in the body axes of each wall motion that moves relative to the frame."""
+        return [
+            (position - p[9:12]) @ p[:9].reshape(3, 3) for p in placement[: self.sim.plan.moving]
+        ]
+
+    # -- near list ------------------------------------------------------------------------------
+
+    def _rebuild(self, placement: np.ndarray) -> None:
+        sim, lists = self.sim, self.sim.kernels.lists
+        state, n = sim.state, len(sim.state)
+        cell = 2.0 * self.largest + self.skin
+        position = state.record.numpy()[:, grain.POSITION]
+        order = morton_order(position, cell)
+        old_id = wp.clone(state.id)
+        state.reorder(order)
+        if self._row is not None:
+            self._row = self._upload(self._row.numpy()[order], wp.int32)
+        position = np.ascontiguousarray(state.record.numpy()[:, grain.POSITION])
+        self._near_reference = [position.copy(), *self._bodies(position, placement)]
+        points = self._upload(position, wp.vec3d)
+        cells = np.clip(np.ceil((position.max(0) - position.min(0)) / cell).astype(int) + 1, 4, 256)
+        if self._grid is None or self._grid_cells != tuple(cells):
+            self._grid_cells = tuple(int(c) for c in cells)
+            self._grid = wp.HashGrid(*self._grid_cells, device=sim.device, dtype=wp.float64)
+        self._grid.build(points, cell)
+        count = self._array(n, wp.int32)
+        nothing = self._array(0, wp.int32)
+        shared = [self._grid.id, state.record, state.id, self.largest, self.skin]
+        sim.threads.split(lists.near_rows, n, [0, *shared, nothing, count, nothing], sim.device)
+        row_start = starts(count.numpy())
+        start = self._upload(row_start, wp.int32)
+        slot, twin, contact = (self._array(int(row_start[-1]), wp.int32) for _ in range(3))
+        sim.threads.split(lists.near_rows, n, [1, *shared, start, count, slot], sim.device)
+        sim.threads.split(lists.pair_twins, n, [start, slot, twin], sim.device)
+        if self._near is None:
+            contact.fill_(-1)
+        else:
+            old_start, old_slot, _, old_contact = self._near
+            sim.threads.split(
+                lists.carry_contacts,
+                n,
+                [state.id, start, slot, self._upload(order.astype(np.int32), wp.int32), old_id, old_start, old_slot,
+                 old_contact, contact],
+                sim.device,
+            )  # fmt: skip
+        self._near = (start, slot, twin, contact)
+        if sim.plan.walls:
+            self._rebuild_walls(placement)
+        self.rebuilds += 1
+
+    def _rebuild_walls(self, placement: np.ndarray) -> None:
+        sim, n = self.sim, len(self.sim.state)
+        near = sim.kernels.walls.near_features
+        count = self._array(n, wp.int32)
+        nothing = self._array(0, wp.int32)
+        placements = self._upload(placement, wp.types.vector(18, wp.float64))
+        shared = [sim.state.record, self.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
+        sim.threads.split(near, n, [0, *shared, nothing, count, nothing], sim.device)
+        start_host = starts(count.numpy())
+        start = self._upload(start_host, wp.int32)
+        feature = self._array(int(start_host[-1]), wp.int32)
+        sim.threads.split(near, n, [1, *shared, start, count, feature], sim.device)
+        self._wall_near = (start, feature)
+
+    # -- contact list ---------------------------------------------------------------------------
+
+    def _refresh(self, placement: np.ndarray) -> None:
+        sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
+        state, n = sim.state, len(sim.state)
+        start, slot, twin, contact = self._near
+        active = self._array(slot.shape[0], wp.uint8)
+        owned, in_row = self._array(n, wp.int32), self._array(n, wp.int32)
+        split = sim.threads.split
+        split(
+            lists.select_contacts,
+            n,
+            [state.record, state.id, start, slot, twin, self.margin, active, owned],
+            sim.device,
+        )
+        split(lists.count_rows, n, [start, active, in_row], sim.device)
+        contact_start_host, row_start_host = starts(owned.numpy()), starts(in_row.numpy())
+        self.contact_count = int(contact_start_host[-1])
+        packs = -(-self.contact_count // plan.lanes)
+        contact_start, row_start = self._upload(contact_start_host, wp.int32), self._upload(row_start_host, wp.int32)
+        row_result = self._array(int(row_start_host[-1]), wp.int32)
+        owner, partner = self._array((packs, plan.lanes), wp.int32), self._array((packs, plan.lanes), wp.int32)
+        if n > 1:  # what fills the last pack are two grains with no stiffness
+            partner.fill_(1)
+        kind = self._array((packs if plan.table else 0, plan.lanes), wp.int32)
+        constants = self._array((packs, lists.constants_width, plan.lanes), wp.float64)
+        memory = self._array((packs, max(plan.memory, 1), plan.lanes), wp.float64)
+        result = self._array((packs, plan.result_width, plan.lanes), wp.float64)
+        split(
+            lists.fill_contacts,
+            n,
+            [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, start, slot, active,
+             contact_start, self.memory, contact, owner, partner, kind, constants, memory],
+            sim.device,
+        )  # fmt: skip
+        split(lists.fill_rows, n, [state.id, start, slot, twin, active, contact, row_start, row_result], sim.device)
+        self.memory = memory
+        self.owner, self.partner, self.result = owner, partner, result
+        self.constants = constants
+        self.kind = kind
+        self.row_start, self.row_result = row_start, row_result
+        position = state.record.numpy()[:, grain.POSITION]
+        self.reference = self._upload(np.stack([position, *self._bodies(position, placement)], axis=1), wp.vec3d)
+        if plan.walls:
+            self._refresh_walls(placement)
+        self.refreshes += 1
+
+    def _refresh_walls(self, placement: np.ndarray) -> None:
+        sim, n = self.sim, len(self.sim.state)
+        kernels = sim.kernels.walls
+        start, feature = self._wall_near
+        placements = self._upload(placement, wp.types.vector(18, wp.float64))
+        count = self._array(n, wp.int32)
+        nothing = self._array(0, wp.int32)
+        shared = [sim.state.record, self.margin, sim.walls.surface, placements, start, feature]
+        sim.threads.split(
+            kernels.close_features, n, [0, *shared, nothing, nothing, count, nothing, nothing], sim.device
+        )
+        counts = count.numpy()
+        has = counts > 0
+        row_host = np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
+        first_host = starts(counts[has])
+        row = self._upload(row_host, wp.int32)
+        self.row_count = int(has.sum())
+        rows = sim.new_rows(self.row_count, int(first_host[-1]))
+        rows.first = self._upload(first_host, wp.int32)
+        sim.threads.split(
+            kernels.close_features,
+            n,
+            [1, *shared, row, rows.first, count, rows.grain, rows.candidate],
+            sim.device,
+        )
+        if self._rows is not None:
+            parity = (sim.step_number + 1) & 1  # of the last force call, one step back
+            sim.threads.split(
+                kernels.carry_places, n, [parity, row, self._row, self._rows, rows], sim.device
+            )
+        self._row, self._rows = row, rows
+
+    @property
+    def rows(self):
+        """Wall rows, or None."""
+        return self._rows
+
+    @property
+    def wall_row(self):
+        """Wall row of each grain, -1 without; None without walls."""
+        return self._row

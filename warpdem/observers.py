@@ -1,0 +1,219 @@
+"""Read-only measures of a run: grains, contacts, energies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.kernels import grain
+from warpdem.plan import model
+
+
+class Particles:
+    """The grains of a simulation at its present time t_k, ordered by id; NumPy arrays are fresh copies.
+
+    Velocities are V_k = V + (k/2) a_k: the mid-step velocity advanced by half the kick of the forces at t_k.
+    """
+
+    def __init__(self, sim) -> None:
+        sim._prepare()
+        self._sim = sim
+        self._state = sim.state
+        self._pose = sim.schedule.pose(sim.time)
+
+    @property
+    def id(self) -> np.ndarray:
+        """Ids, shape (n,), int64, ascending."""
+        return self._state.id.numpy()[self._state.rank]
+
+    @property
+    def type(self) -> np.ndarray:
+        """Material index in the order of the scene, shape (n,), int32."""
+        return self._state.kind.numpy()[self._state.rank]
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radius [m], shape (n,)."""
+        return self._state.by_id(grain.RADIUS).copy()
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass [kg], shape (n,)."""
+        return 1.0 / self._state.inverse.numpy()[self._state.rank, 0]
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Moment of inertia (2/5) m R^2 [kg m2], shape (n,)."""
+        return 1.0 / self._state.inverse.numpy()[self._state.rank, 1]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Position in frame axes [m], shape (n, 3)."""
+        return self._state.by_id(grain.POSITION).copy()
+
+    @property
+    def position_lab(self) -> np.ndarray:
+        """Position in the laboratory [m], shape (n, 3)."""
+        return self._pose.to_laboratory(self.position)
+
+    def _absolute_velocity(self) -> np.ndarray:
+        row = self._sim.schedule.rows(self._sim.step_number, 0)[0]
+        force, _ = self._sim.loads()
+        acceleration = force / self.mass[:, None] + row[2:5]
+        half = 0.0 if self._sim.step_number == 0 else 0.5 * self._sim.dt
+        return self._state.by_id(grain.VELOCITY) + half * acceleration
+
+    def _absolute_spin(self) -> np.ndarray:
+        if not self._state.spins:
+            return np.zeros((len(self._state), 3))
+        _, torque = self._sim.loads()
+        half = 0.0 if self._sim.step_number == 0 else 0.5 * self._sim.dt
+        return self._state.by_id(grain.SPIN) + half * torque / self.inertia[:, None]
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity relative to the frame, in frame axes [m/s], shape (n, 3): V - Omega x (q - o)."""
+        omega = self._pose.axis * self._pose.rate
+        return self._absolute_velocity() - np.cross(omega, self.position - self._pose.origin)
+
+    @property
+    def velocity_lab(self) -> np.ndarray:
+        """Velocity in the laboratory [m/s], shape (n, 3)."""
+        return self._absolute_velocity() @ self._pose.rotation.T
+
+    @property
+    def spin(self) -> np.ndarray:
+        """Angular velocity relative to the frame, in frame axes [rad/s], shape (n, 3): W - Omega."""
+        if not self._state.spins:
+            return np.zeros((len(self._state), 3))
+        return self._absolute_spin() - self._pose.axis * self._pose.rate
+
+    @property
+    def spin_lab(self) -> np.ndarray:
+        """Angular velocity in the laboratory [rad/s], shape (n, 3)."""
+        return self._absolute_spin() @ self._pose.rotation.T
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Touching pairs, grain-grain first, then grain-wall; vectors in frame axes.
+
+    ``j`` is the partner's id, or -1 - w for wall w of the scene.
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    overlap: np.ndarray
+    """Overlap [m], shape (c,)."""
+    normal: np.ndarray
+    """Unit vector from j to i, shape (c, 3)."""
+    force: np.ndarray
+    """Force on i [N], shape (c, 3)."""
+    spring: np.ndarray
+    """Tangential spring [m], shape (c, 3)."""
+    point: np.ndarray
+    """Contact point [m], shape (c, 3)."""
+    share: np.ndarray
+    """Overlap over the smaller radius [-], shape (c,)."""
+    stiffness: np.ndarray
+    """Constant of the normal law (hertz: K [N/m^1.5], hooke: k [N/m]), shape (c,)."""
+
+    def worst(self) -> str:
+        """The deepest contact in words."""
+        c = int(np.argmax(self.share))
+        partner = f"grain {self.j[c]}" if self.j[c] >= 0 else f"wall {-1 - self.j[c]}"
+        place = ", ".join(f"{x:.4g}" for x in self.point[c])
+        return f"Deepest now: grain {self.i[c]} with {partner} at ({place}) m, {self.share[c]:.3g} of the radius."
+
+
+def read_contacts(sim) -> Contacts:
+    """Contacts of ``sim`` at its present time, from the results of its last force call."""
+    lists, state, plan = sim.lists, sim.state, sim.plan
+    record, ids = state.record.numpy(), state.id.numpy()
+    position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
+    parts = []
+    if len(state) and lists.contact_count:
+        c = lists.contact_count
+
+        def flat(array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
+            return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[:c]
+
+        a, b = lists.owner.numpy().ravel()[:c], lists.partner.numpy().ravel()[:c]
+        way = position[a] - position[b]
+        distance = np.linalg.norm(way, axis=1)
+        overlap = radius[a] + radius[b] - distance
+        on = overlap > 0
+        a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
+        normal = way / distance[:, None]
+        spring = flat(lists.memory)[on][:, :3] if plan.memory else np.zeros((len(a), 3))
+        parts.append(
+            (
+                ids[a], ids[b], overlap, normal, flat(lists.result)[on][:, :3], spring,
+                position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
+                flat(lists.constants)[on][:, 0],
+            )
+        )  # fmt: skip
+    if len(state) and plan.walls and lists.row_count:
+        rows, parity = lists.rows, sim.step_number & 1
+        first, count = rows.first.numpy()[:-1], rows.place_count.numpy()[parity]
+        row = np.repeat(np.arange(len(count)), count)
+        slot = first[row] + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        g = rows.grain.numpy()[row]
+        overlap, normal = rows.place_overlap.numpy()[parity, slot], rows.place_normal.numpy()[parity, slot]
+        wall = rows.place_wall.numpy()[parity, slot]
+        spring = rows.place_spring.numpy()[parity, slot] if plan.memory >= 3 else np.zeros((len(g), 3))
+        table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
+        material = sim.walls.surface.material.numpy()[wall]
+        which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
+        base = table[which, 0] * (np.sqrt(radius[g]) if plan.normal == "hertz" else 1.0)
+        parts.append(
+            (
+                ids[g], -1 - wall.astype(np.int64), overlap, normal, rows.place_force.numpy()[slot], spring,
+                position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
+            )
+        )  # fmt: skip
+    if not parts:
+        empty, vectors = np.zeros(0), np.zeros((0, 3))
+        return Contacts(
+            np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty, vectors, vectors, vectors, vectors, empty,
+            empty,
+        )  # fmt: skip
+    return Contacts(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def energy(sim) -> dict[str, float]:
+    """Energies in the laboratory [J].
+
+    kinetic (1/2) m V^2, rotational (1/2) I W^2, elastic of the normal contacts and of the tangential springs (1/2) k_t s^2,
+    potential -m g . x.
+    """
+    p = sim.particles
+    contacts = sim.contacts()
+    normal = model("normal", sim.plan.normal)
+    elastic = float(np.sum(normal.energy(contacts.overlap, contacts.stiffness)))
+    if sim.plan.memory:
+        k_n = contacts.stiffness * (np.sqrt(contacts.overlap) if sim.plan.normal == "hertz" else 1.0)
+        shear = _shear_ratios(sim, contacts)
+        elastic += float(np.sum(0.5 * shear * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)))
+    velocity, spin = p.velocity_lab, p.spin_lab
+    return {
+        "kinetic": float(0.5 * np.sum(p.mass * np.einsum("ij,ij->i", velocity, velocity))),
+        "rotational": float(0.5 * np.sum(p.inertia * np.einsum("ij,ij->i", spin, spin))),
+        "elastic": elastic,
+        "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(sim.scene.gravity)))),
+    }
+
+
+def _shear_ratios(sim, contacts: Contacts) -> np.ndarray:
+    """k_t/k_n of each contact [-]."""
+    table = sim.coefficients.numpy()
+    if not sim.plan.table:
+        return np.full(len(contacts.i), table[0, 2])
+    ids, kind = sim.particles.id, sim.particles.type
+    first = kind[np.searchsorted(ids, contacts.i)]
+    material = sim.walls.surface.material.numpy() if sim.walls else np.zeros(0, dtype=int)
+    other = np.where(
+        contacts.j >= 0,
+        kind[np.clip(np.searchsorted(ids, contacts.j), 0, len(ids) - 1)],
+        np.append(material, 0)[np.clip(-1 - contacts.j, 0, len(material))],
+    )
+    return table[first * sim.plan.materials + other, 2]

@@ -1,0 +1,52 @@
+"""The grains of a run on the device: moving state, constants, and their order in memory."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels import grain
+
+
+class State:
+    """Device arrays per grain, in memory order (neighbours in space are neighbours in memory); ids stay with their grain.
+
+    Attributes:
+        record: moving state, shape (n,), see ``kernels.grain``.
+        inverse: 1/m [1/kg] and 1/I [1/(kg m2)], shape (n,) of two numbers.
+        id: grain ids, shape (n,), int64.
+        kind: material index, shape (n,), int32.
+        rank: memory slots in ascending order of id, shape (n,), on the host.
+    """
+
+    def __init__(self, start, density: np.ndarray, spins: bool, device) -> None:
+        self.device = device
+        self.spins = spins
+        n = len(start.id)
+        mass = density[start.type] * (4.0 / 3.0) * np.pi * start.radius**3
+        record = np.zeros((n, grain.WIDTH[spins]))
+        record[:, grain.POSITION] = start.position
+        record[:, grain.RADIUS] = start.radius
+        record[:, grain.VELOCITY] = start.velocity
+        if spins:
+            record[:, grain.SPIN] = start.spin
+        self._Record = grain.build(spins).Record
+        self._Inverse = wp.types.vector(2, wp.float64)
+        self.record = wp.array(record, dtype=self._Record, device=device)
+        inverse = np.stack([1.0 / mass, 2.5 / (mass * start.radius**2)], axis=1).reshape(n, 2)
+        self.inverse = wp.array(inverse, dtype=self._Inverse, device=device)
+        self.id = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
+        self.kind = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
+        self.rank = np.argsort(self.id.numpy(), kind="stable")
+
+    def __len__(self) -> int:
+        return self.record.shape[0]
+
+    def reorder(self, order: np.ndarray) -> None:
+        """Put the grains into ``order``: slot s gets what was in slot order[s]."""
+        for name in ("record", "inverse", "id", "kind"):
+            array = getattr(self, name)
+            setattr(self, name, wp.array(array.numpy()[order], dtype=array.dtype, device=self.device))
+        self.rank = np.argsort(self.id.numpy(), kind="stable")
+
+    def by_id(self, columns: slice | int) -> np.ndarray:
+        """Columns of the record in ascending order of id."""
+        return self.record.numpy()[self.rank][:, columns]

@@ -1,0 +1,159 @@
+"""Characteristic times of a scene and the time step chosen from them.
+
+Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
+contact time      Hertz: t_c = 2.9433 d_max/v with d_max = (15 m* v^2 / (16 E* sqrt(R*)))^(2/5); Hooke: pi sqrt(m*/k)
+spectral limit    2/w_max x (sqrt(1 + 4 z^2) - 2 z),   w_max^2 = (Z/m) max((2/3)(k_n + 2 k_t), (10/3) k_t)
+frame             0.02 / Omega_max
+
+The spectral limit is that of a packing of Z contacts per grain with free rotation (checked against Bloch waves), its factor
+that of the predicted velocity v* at the damping ratio z of the tangential mode (exact for a damped oscillator). Stiffnesses
+are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of "auto"; Z = 2 is one
+impact of two grains, beyond which a given step is refused (a dense packing hardly ever holds impact overlaps everywhere).
+
+``step = "auto"`` is the least of 10 % of the Rayleigh time, contact time / 40, half the spectral limit, and the frame's.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.plan import coefficient_table
+
+PACKED, BINARY = 6, 2  # contacts per grain: dense frictional packing; an impact of two grains
+RAYLEIGH_SHARE = 0.1
+CONTACT_STEPS = 40
+FRAME_ANGLE = 0.02  # [rad] per step
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What bounds the time step of a scene; inf where nothing does [s]."""
+
+    rayleigh: float
+    contact_time: float
+    """Undamped contact time of the quickest impact at ``max_speed`` [s]."""
+    packed: float
+    """Spectral limit of a packing at impact overlaps [s]."""
+    stable: float
+    """Spectral limit of one impact at ``max_speed`` [s]: the largest step that is accepted."""
+    frame: float
+    max_speed: float
+    """Speed that the limits are made for [m/s]."""
+
+    @property
+    def candidates(self) -> dict[str, float]:
+        """The steps that "auto" chooses the least of [s], by what binds them."""
+        return {
+            f"{RAYLEIGH_SHARE:.0%} of the Rayleigh time": RAYLEIGH_SHARE * self.rayleigh,
+            f"contact time / {CONTACT_STEPS} at {self.max_speed:.3g} m/s": self.contact_time / CONTACT_STEPS,
+            "half the spectral stability limit": 0.5 * self.packed,
+            f"{FRAME_ANGLE} rad of the frame": self.frame,
+        }
+
+    @property
+    def binding(self) -> str:
+        """Which of the candidates is the least."""
+        return min(self.candidates, key=self.candidates.__getitem__)
+
+
+def damped_contact_factor(restitution: float) -> float:
+    """Contact time of the damped Hertz law over the undamped one [-].
+
+    Table of the closed relation (Antypov and Elliott 2011) interpolated in restitution.
+    """
+    e = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
+    factor = (1.778, 1.511, 1.296, 1.195, 1.134, 1.093, 1.064, 1.042, 1.025, 1.011, 1.005, 1.0)
+    return float(np.interp(restitution, e, factor))
+
+
+def contact_time(scene, stiffness: float, mass: float, radius: float, speed: float) -> float:
+    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``stiffness`` is the base of the normal law."""
+    if scene.contact.normal == "hooke":
+        return math.pi * math.sqrt(mass / stiffness)
+    depth = impact_overlap(stiffness, mass, radius, speed)
+    return 2.943275184 * depth / speed
+
+
+def impact_overlap(stiffness: float, mass: float, radius: float, speed: float) -> float:
+    """Largest overlap [m] of an undamped Hertz impact; ``stiffness`` is (4/3) E* [Pa]."""
+    return (5.0 * mass * speed**2 / (4.0 * stiffness * math.sqrt(radius))) ** 0.4
+
+
+def fall_speed(scene, start, meshes: dict) -> float:
+    """sqrt(2 g H) plus the largest wall speed and start speed [m/s]; H is the extent of walls and grains along gravity."""
+    points = [start.position] if len(start.id) else []
+    points += [m.vertices for m in meshes.values()]
+    if not points:
+        return 0.0
+    cloud = np.concatenate(points)
+    extent = cloud.max(axis=0) - cloud.min(axis=0)
+    gravity = np.array(scene.gravity)
+    g = float(np.linalg.norm(gravity))
+    turning = scene.frame is not None and scene.frame.max_rate() > 0
+    height = float(np.linalg.norm(extent)) if turning else float(abs(gravity) @ extent) / g if g else 0.0
+    speed = math.sqrt(2.0 * g * height)
+    for rotation in [scene.frame, *(w.rotation for w in scene.walls)]:
+        if rotation is not None:
+            arm = np.linalg.norm(np.cross(cloud - np.array(rotation.origin), np.array(rotation.axis)), axis=1).max()
+            speed += rotation.max_rate() * float(arm)
+    start_speed = float(np.linalg.norm(start.velocity, axis=1).max()) if len(start.id) else 0.0
+    return max(speed, 0.0) + start_speed
+
+
+def limits(scene, start, meshes: dict) -> Limits:
+    """Limits of the time step of ``scene`` for the grains it starts with."""
+    frame = FRAME_ANGLE / scene.frame.max_rate() if scene.frame is not None and scene.frame.max_rate() > 0 else math.inf
+    speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
+    rayleigh = contact = packed = math.inf
+    materials = list(scene.materials.values())
+    names = list(scene.materials)
+    table = coefficient_table(scene).reshape(len(names), len(names), -1)
+    for t in np.unique(start.type):
+        m = materials[t]
+        radius = float(start.radius[start.type == t].min())
+        shear = m.young_modulus / (2.0 * (1.0 + m.poisson_ratio))
+        rayleigh = min(
+            rayleigh, math.pi * radius * math.sqrt(m.density / shear) / (0.1631 * m.poisson_ratio + 0.8766)
+        )
+        mass = m.density * 4.0 / 3.0 * math.pi * radius**3
+        walls = {names.index(w.material) for w in scene.walls}
+        partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type)]
+        partners += [(o, mass, radius) for o in walls]
+        for other, reduced_mass, reduced_radius in partners:
+            base, _, shear_ratio, shear_damping, friction, *_ = table[t, other]
+            k_n, gamma = base, 0.0
+            if speed > 0:
+                contact = min(contact, contact_time(scene, base, reduced_mass, reduced_radius, speed))
+            if scene.contact.normal == "hertz":
+                depth = impact_overlap(base, reduced_mass, reduced_radius, max(speed, 1e-6))
+                k_n = 1.5 * base * math.sqrt(reduced_radius * depth)
+            k_t = shear_ratio * k_n / (1.5 if scene.contact.normal == "hertz" else 1.0) if friction > 0 else 0.0
+            beta = table[t, other, 1] / (math.sqrt(5.0) if scene.contact.normal == "hertz" else 2.0)
+            # damping ratio of the mode that governs: rolling at a contact (k_t, m* 2/7) with friction, else the normal one
+            gamma = math.sqrt(3.5) * math.sqrt(5.0 / 6.0) * beta if k_t > 0 else beta
+            omega = math.sqrt(PACKED / mass * max(2.0 / 3.0 * (k_n + 2.0 * k_t), 10.0 / 3.0 * k_t))
+            packed = min(packed, 2.0 / omega * (math.sqrt(1.0 + 4.0 * gamma**2) - 2.0 * gamma))
+    return Limits(rayleigh, contact, packed, packed * math.sqrt(PACKED / BINARY), frame, float(speed))
+
+
+def choose(scene, found: Limits) -> float:
+    """The time step [s]: as given, or by the rule of "auto".
+
+    Raises:
+        SceneError: if the step given is over the stability limit, or "auto" has nothing to go by.
+    """
+    if scene.time.step == "auto":
+        step = min(found.candidates.values())
+        if not math.isfinite(step):
+            raise SceneError(f'{scene.source}: time.step = "auto": nothing limits it here; give a number of seconds')
+        return step
+    step = float(scene.time.step)
+    if step > found.stable:
+        raise SceneError(
+            f"{scene.source}: time.step = {step:g} s is over the stability limit {found.stable:.3g} s of contacts at "
+            f"{found.max_speed:.3g} m/s (time.max_speed); allowed is less, and 'auto' would take "
+            f"{min(found.candidates.values()):.3g} s"
+        )
+    return step

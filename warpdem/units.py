@@ -1,0 +1,305 @@
+"""Units at the border of a scene: plain numbers are SI, strings carry a unit ("30 rpm", "0.45 mm").
+
+Each number of the scene declares its unit by one of the annotations below; inside warpdem everything is SI.
+"""
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from pydantic_core import core_schema
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """What a key asks for, in words and for pint."""
+
+    noun: str
+    base: dict[str, int]
+    """Exponents of pint's base units. The radian counts as one: this keeps turns, events and pure numbers apart."""
+    example: str
+
+
+DIMENSIONS = {
+    "m": Dimension("a length", {"meter": 1}, "0.45 mm"),
+    "s": Dimension("a time", {"second": 1}, "20 ms"),
+    "1/s": Dimension("a frequency", {"second": -1}, "50 Hz"),
+    "m/s": Dimension("a speed", {"meter": 1, "second": -1}, "20 cm/s"),
+    "m/s2": Dimension("an acceleration", {"meter": 1, "second": -2}, "9.81 m/s^2"),
+    "kg/m3": Dimension("a density", {"kilogram": 1, "meter": -3}, "2.6 g/cm^3"),
+    "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa"),
+    "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm"),
+    "rad": Dimension("an angle", {"radian": 1}, "90 deg"),
+    "rad/s": Dimension("an angular rate", {"radian": 1, "second": -1}, "30 rpm"),
+    "-": Dimension("a pure number", {}, "5 %"),
+}
+"""Units that a key of the scene may declare."""
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(1\s*/.+?|[^\d\s].*?)?\s*")
+_BARE_POWER = re.compile(r"(?<=[a-z])(?=[23]\b)")
+
+
+@functools.cache
+def _registry() -> Any:
+    """Return pint's registry; imported here because pint takes half a second and most scenes need it not at all.
+
+    Decimal makes the conversion exact up to one rounding: "0.45 mm" gives the same bits as 0.00045.
+    """
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def _allowed(unit: str) -> str:
+    """What a key of this unit accepts, in words."""
+    wanted = DIMENSIONS[unit]
+    plain = "0.05" if unit == "-" else f"a plain number in [{unit}]"
+    return f'must be {wanted.noun}: {plain} or a string such as "{wanted.example}"'
+
+
+def _numbers(unit: str) -> str:
+    """Several numbers of this unit, in words."""
+    return "pure numbers" if unit == "-" else f"numbers in [{unit}]"
+
+
+@functools.lru_cache(maxsize=4096)
+def _parse(text: str, unit: str) -> float:
+    """Value in SI of a string with a unit.
+
+    Raises:
+        ValueError: there is no number, no known unit, or a unit of another dimension.
+    """
+    wanted, allowed = DIMENSIONS[unit], _allowed(unit)
+    match = _NUMBER_AND_UNIT.fullmatch(text)
+    if match is None:
+        raise ValueError(allowed)
+    if match[2] is None:
+        raise ValueError(f"{allowed}; a number without unit is written without quotes")
+    registry = _registry()
+    try:
+        # "m/s2" is what this page and its messages write; pint wants a power sign
+        units = registry.parse_units(_BARE_POWER.sub("**", match[2]))
+        quantity = (Decimal(match[1]) * units).to_base_units()
+        base = {name: int(power) for name, power in quantity.unit_items() if power == int(power)}
+        value = float(quantity.magnitude)
+    except Exception:
+        # pint's parser answers odd text with errors of many kinds, AssertionError and decimal ones among them
+        raise ValueError(f'{allowed}; "{match[2]}" is no known unit') from None
+    if base != wanted.base or len(base) != len(quantity.unit_items()):
+        if unit == "rad/s" and base == DIMENSIONS["1/s"].base:
+            raise ValueError(f"must be {wanted.noun}; {match[2]} could mean turns or radians: write rpm or rad/s")
+        raise ValueError(f'{allowed}; "{match[2]}" is not {wanted.noun}')
+    return value
+
+
+def to_si(value: Any, unit: str) -> float:
+    """Value in SI units of a plain number (already SI) or of a string with a unit.
+
+    Args:
+        value: a number, or a string such as "30 rpm".
+        unit: what the key declares, one of ``DIMENSIONS``.
+
+    Raises:
+        ValueError: no number, not finite, no known unit, or a unit of another dimension; a rate in Hz is refused for
+            an angular rate, rpm for a frequency or a time.
+    """
+    if isinstance(value, str):
+        number = _parse(value, unit)
+    elif isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+    else:
+        raise ValueError(_allowed(unit))
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, {DIMENSIONS[unit].noun} in [{unit}]")
+    return number
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Annotation of a number: its unit and range; with ``auto`` the word "auto" is allowed too.
+
+    ``Annotated[float, Quantity("m", gt=0)]`` accepts 0.001 and "1 mm" and holds 0.001.
+    """
+
+    unit: str
+    gt: float | None = None
+    ge: float | None = None
+    lt: float | None = None
+    le: float | None = None
+    auto: bool = False
+
+    def range_text(self) -> str:
+        """Allowed range in words, such as "> 0 [m]" or "> 0 and <= 1"; empty if any number will do."""
+        signs = {">": self.gt, ">=": self.ge, "<": self.lt, "<=": self.le}
+        text = " and ".join(f"{sign} {limit:g}" for sign, limit in signs.items() if limit is not None)
+        return f"{text} [{self.unit}]" if text and self.unit != "-" else text
+
+    def in_range(self, value: Any) -> Any:
+        """Say for a number or array [SI] whether it lies in the range (elementwise)."""
+        inside = np.isfinite(value)
+        if self.gt is not None:
+            inside &= value > self.gt
+        if self.ge is not None:
+            inside &= value >= self.ge
+        if self.lt is not None:
+            inside &= value < self.lt
+        if self.le is not None:
+            inside &= value <= self.le
+        return inside
+
+    def validate(self, value: Any) -> float | str:
+        """Value in SI units, or "auto".
+
+        Raises:
+            ValueError: not a number of this dimension, or out of range.
+        """
+        if self.auto and isinstance(value, str) and value.strip() == "auto":
+            return "auto"
+        try:
+            number = to_si(value, self.unit)
+        except ValueError as error:
+            raise ValueError(f'{error}, or "auto"' if self.auto else str(error)) from None
+        if not self.in_range(number):
+            raise ValueError(f"must be {self.range_text()}" + (', or "auto"' if self.auto else ""))
+        return number
+
+    def json_schema(self) -> dict[str, Any]:
+        """JSON schema: a number in SI units, or a string with a unit."""
+        limits = {
+            "exclusiveMinimum": self.gt,
+            "minimum": self.ge,
+            "exclusiveMaximum": self.lt,
+            "maximum": self.le,
+        }
+        number = {"type": "number", "description": f"in [{self.unit}]"}
+        number |= {key: limit for key, limit in limits.items() if limit is not None}
+        text = {"type": "string", "description": f'with a unit, such as "{DIMENSIONS[self.unit].example}"'}
+        if self.auto:
+            text["description"] += ', or "auto"'
+        return {"anyOf": [number, text]}
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_plain_validator_function(self.validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return self.json_schema()
+
+
+@dataclass(frozen=True)
+class Vector:
+    """Annotation of a short fixed list of numbers, each plain or with its own unit; holds a tuple of floats."""
+
+    item: Quantity
+    length: int = 3
+
+    def listed(self, value: Any) -> list:
+        """Return the entries as a list.
+
+        Raises:
+            ValueError: not a list of this length.
+        """
+        entries = value.tolist() if isinstance(value, np.ndarray) else value
+        if not isinstance(entries, (list, tuple)) or len(entries) != self.length:
+            raise ValueError(f"must be a list of {self.length} {_numbers(self.item.unit)}")
+        return list(entries)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        item = core_schema.no_info_plain_validator_function(self.item.validate)
+        entries = core_schema.tuple_schema([item] * self.length)
+        return core_schema.no_info_before_validator_function(self.listed, entries)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {
+            "type": "array",
+            "items": self.item.json_schema(),
+            "minItems": self.length,
+            "maxItems": self.length,
+        }
+
+
+@dataclass(frozen=True)
+class Array:
+    """Annotation of an array of numbers, shape (n,) or (n, columns); holds a read-only float64 array [SI].
+
+    Lists (strings with units among them) and NumPy arrays are accepted; 1e5 rows take some 20 ms.
+    """
+
+    item: Quantity
+    columns: int | None = None
+
+    def shape_text(self) -> str:
+        """Wanted shape in words."""
+        numbers = _numbers(self.item.unit)
+        return f"a list of {numbers}" if self.columns is None else f"a list of rows of {self.columns} {numbers}"
+
+    def validate(self, value: Any) -> np.ndarray:
+        """Values in SI units, float64, read-only.
+
+        Raises:
+            ValueError: wrong shape, or an entry that is no number of this dimension or out of range (it is named).
+        """
+        wrong_shape = f"must be {self.shape_text()}"
+        if isinstance(value, np.ndarray):
+            value = value.tolist() if value.dtype.kind not in "iuf" else value
+        if isinstance(value, np.ndarray):
+            array = np.array(value, dtype=np.float64)
+        else:
+            array = self._from_list(value, wrong_shape)
+        if array.size == 0 or array.ndim != (1 if self.columns is None else 2):
+            raise ValueError(wrong_shape)
+        if self.columns is not None and array.shape[1] != self.columns:
+            raise ValueError(wrong_shape)
+        bad = np.argwhere(~self.item.in_range(array))
+        if bad.size:
+            entry = tuple(bad[0])
+            rule = " and ".join(filter(None, ["finite", self.item.range_text()]))
+            raise ValueError(f"entry {_index_text(entry)} = {array[entry]:g}: must be {rule}")
+        array.flags.writeable = False
+        return array
+
+    def _from_list(self, value: Any, wrong_shape: str) -> np.ndarray:
+        if not isinstance(value, (list, tuple)):
+            raise ValueError(wrong_shape)
+        rows = value
+        if self.columns is not None:
+            rows = [row.tolist() if isinstance(row, np.ndarray) else row for row in value]
+            for i, row in enumerate(rows):
+                if not isinstance(row, (list, tuple)) or len(row) != self.columns:
+                    raise ValueError(f"{wrong_shape}; row [{i}] is not one")
+        flat = list(rows if self.columns is None else chain.from_iterable(rows))
+        if not set(map(type, flat)) <= {int, float}:
+            flat = [self._entry(k, entry) for k, entry in enumerate(flat)]
+        shape = -1 if self.columns is None else (-1, self.columns)
+        try:
+            return np.array(flat, dtype=np.float64).reshape(shape)
+        except OverflowError:
+            raise ValueError(f"{wrong_shape}; an entry is too large") from None
+
+    def _entry(self, k: int, entry: Any) -> float:
+        try:
+            return to_si(entry, self.item.unit)
+        except ValueError as error:
+            place = (k,) if self.columns is None else divmod(k, self.columns)
+            raise ValueError(f"entry {_index_text(place)}: {error}") from None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        to_list = core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, when_used="json")
+        return core_schema.no_info_plain_validator_function(self.validate, serialization=to_list)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        items = self.item.json_schema()
+        if self.columns is not None:
+            items = {"type": "array", "items": items, "minItems": self.columns, "maxItems": self.columns}
+        return {"type": "array", "items": items, "minItems": 1}
+
+
+def _index_text(place: tuple) -> str:
+    return "".join(f"[{int(i)}]" for i in place)

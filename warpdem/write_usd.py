@@ -1,0 +1,338 @@
+"""Results as USD: grains as points and walls as meshes under an Xform that carries the frame's motion.
+
+    result.usda              small root layer: units, frame motion, wall motion, list of chunks
+    result_usd/walls.usdc    wall meshes, written once
+    result_usd/manifest.usda names of what the chunks hold
+    result_usd/chunk_0000.usdc ...   grains, some frames each, joined by value clips
+
+A time code is a fixed share of a second (a millisecond unless told otherwise). The variant set ``view`` of ``/World/Frame``
+shows the motion in the laboratory (default) or in the frame's own axes. USD points are float32: these files are for looking
+at results, not for starting from them.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.errors import WarpdemError
+from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.write_tables import replaced
+
+ROOT = "result.usda"
+
+_PARTS = "result_usd"
+_FRAME = "/World/Frame"
+_GRAINS = "/World/Frame/Grains"
+_WALLS = "/World/Frame/Walls"
+_ANGLE = f"{_FRAME}.xformOp:rotateZ:angle"
+_CLIPS = "default"
+
+# the open chunk is written anew for each frame, so its size bounds the cost of a frame
+_CHUNK_BYTES = 32e6
+_GRAIN_BYTES = 36.0  # position, velocity, spin as float32; equal widths and ids are stored once per chunk
+
+_GRAIN_ATTRIBUTES = {
+    "points": "point3f[]",
+    "widths": "float[]",
+    "velocities": "vector3f[]",
+    "ids": "int64[]",
+    "primvars:omega": "vector3f[]",
+    "extent": "float3[]",
+}
+_SAND = (0.85, 0.68, 0.42)
+_GLASS = (0.70, 0.78, 0.85)
+
+
+class UsdWriter:
+    """Write ``result.usda`` and the chunks it plays.
+
+    Each chunk starts with the last frame of the one before, so that viewers interpolate across the border too.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        walls: list[WallMesh],
+        *,
+        time_codes_per_second: float = 1000.0,
+        frames_per_chunk: int = 50,
+        resume: bool = False,
+    ):
+        """Prepare the folder.
+
+        Args:
+            folder: Where the files go; made if it is missing.
+            walls: The mesh walls, each in its body axes.
+            time_codes_per_second: Time codes of the stage in one second [1/s].
+            frames_per_chunk: Most frames in one chunk; fewer when there are many grains.
+            resume: Keep the frames of an earlier run that come before the first new one.
+        """
+        self._folder = Path(folder)
+        (self._folder / _PARTS).mkdir(parents=True, exist_ok=True)
+        self._walls = walls
+        self._wall_paths = _wall_paths(walls)
+        self._rate = time_codes_per_second
+        self._frames_per_chunk = frames_per_chunk
+        self._resume = resume and (self._folder / ROOT).exists()
+        self._root = None
+        self._chunk = None
+        self._chunk_codes: list[float] = []
+        self._clips: list[tuple[float, str]] = []
+        self._last: Snapshot | None = None
+        self._orient: dict[str, object] = {}
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Write one frame; when this returns the stage shows it.
+
+        Raises:
+            WarpdemError: The frame's axis or origin is another one than before.
+        """
+        code = self._code(snapshot)
+        if self._root is None:
+            self._start(snapshot, code)
+        elif not _same_axis(snapshot.frame, self._first_frame):
+            raise WarpdemError(
+                f"{self._folder / ROOT}: the frame's axis or origin changed at t = {snapshot.time} s; USD output needs fixed ones"
+            )
+        self._write_grains(snapshot, code)
+        self._root.SetTimeSample(_ANGLE, code, float(np.degrees(snapshot.frame.angle)))
+        for wall in self._walls:
+            self._write_placement(wall.name, snapshot, code)
+        self._root.endTimeCode = code
+        self._last = snapshot
+        with replaced(self._folder / ROOT) as part:
+            _export(self._root, part)
+
+    def close(self) -> None:
+        """Nothing is held back: every frame is on disk when ``write`` returns."""
+
+    def _code(self, snapshot: Snapshot) -> float:
+        """Time code of a frame, without the last digits of step x dt (300, not 300.00000000000006)."""
+        return round(float(snapshot.time) * self._rate, 6)
+
+    def _start(self, snapshot: Snapshot, code: float) -> None:
+        from pxr import Sdf
+
+        parts = self._folder / _PARTS
+        self._first_frame = snapshot.frame
+        for path, layer in [
+            (parts / "walls.usdc", _walls_layer(self._walls, self._wall_paths)),
+            (parts / "manifest.usda", _grains_layer(".usda")),
+        ]:
+            with replaced(path) as part:
+                _export(layer, part)
+        self._root = _root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate)
+        # not before the stage of _root_layer is gone: it would look for the sublayer beside a layer that has no place yet
+        self._root.subLayerPaths.append(f"./{_PARTS}/walls.usdc")
+        self._root.startTimeCode = code
+        if self._resume:
+            earlier = Sdf.Layer.OpenAsAnonymous(str(self._folder / ROOT))
+            self._keep(earlier, code)
+
+    def _keep(self, earlier, code: float) -> None:
+        """Take over what an earlier run wrote for times before ``code``."""
+        kept = [t for t in earlier.ListTimeSamplesForPath(_ANGLE) if t < code]
+        if not kept:
+            return
+        self._root.startTimeCode = kept[0]
+        paths = [_ANGLE] + [f"{path}.{op}" for path in self._wall_paths.values() for op in _PLACEMENT_OPS]
+        for path in paths:
+            for t in earlier.ListTimeSamplesForPath(path):
+                if t < code:
+                    self._root.SetTimeSample(path, t, earlier.QueryTimeSample(path, t))
+        clips = earlier.GetPrimAtPath(_GRAINS).GetInfo("clips")[_CLIPS]
+        files = [asset.path for asset in clips["assetPaths"]]
+        self._clips = [(t, files[int(k)]) for t, k in clips["active"] if t < code]
+
+    def _write_grains(self, snapshot: Snapshot, code: float) -> None:
+        room = max(2, min(self._frames_per_chunk, int(_CHUNK_BYTES / (_GRAIN_BYTES * max(1, len(snapshot.id))))))
+        if self._chunk is None or len(self._chunk_codes) >= room:
+            self._chunk = _grains_layer(".usdc")
+            self._chunk_codes = []
+            begin = code
+            if self._last is not None:
+                begin = self._code(self._last)
+                self._add_sample(self._last, begin)
+            self._clips.append((begin, f"./{_PARTS}/chunk_{len(self._clips):04d}.usdc"))
+        self._add_sample(snapshot, code)
+        with replaced(self._folder / self._clips[-1][1]) as part:
+            _export(self._chunk, part)
+        self._author_clips()
+
+    def _add_sample(self, snapshot: Snapshot, code: float) -> None:
+        from pxr import Vt
+
+        points = np.ascontiguousarray(snapshot.position, dtype=np.float32)
+        widths = (2.0 * snapshot.radius).astype(np.float32)
+        samples = {
+            "points": Vt.Vec3fArray.FromNumpy(points),
+            "widths": Vt.FloatArray.FromNumpy(widths),
+            "velocities": Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(snapshot.velocity, dtype=np.float32)),
+            "ids": Vt.Int64Array.FromNumpy(np.ascontiguousarray(snapshot.id, dtype=np.int64)),
+            "primvars:omega": Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(snapshot.spin, dtype=np.float32)),
+            "extent": _extent(points, 0.5 * widths),
+        }
+        for name, value in samples.items():
+            self._chunk.SetTimeSample(f"{_GRAINS}.{name}", code, value)
+        self._chunk_codes.append(code)
+
+    def _author_clips(self) -> None:
+        from pxr import Gf, Sdf, Vt
+
+        clips = {
+            "primPath": _GRAINS,
+            "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(file) for _, file in self._clips]),
+            "active": Vt.Vec2dArray([Gf.Vec2d(code, k) for k, (code, _) in enumerate(self._clips)]),
+            "manifestAssetPath": Sdf.AssetPath(f"./{_PARTS}/manifest.usda"),
+        }
+        self._root.GetPrimAtPath(_GRAINS).SetInfo("clips", {_CLIPS: clips})
+
+    def _write_placement(self, name: str, snapshot: Snapshot, code: float) -> None:
+        """Add a sample when the wall has moved, and one that held it in place until the frame before."""
+        path = self._wall_paths[name]
+        placement = snapshot.walls[name]
+        last = None if self._last is None else self._last.walls[name]
+        if last is not None:
+            if np.array_equal(last.rotation, placement.rotation) and np.array_equal(
+                last.translation, placement.translation
+            ):
+                return
+            self._add_placement(path, last, self._code(self._last))
+        self._add_placement(path, placement, code)
+
+    def _add_placement(self, path: str, placement: Placement, code: float) -> None:
+        from pxr import Gf
+
+        # Gf matrices act on row vectors
+        turn = Gf.Matrix3d(*placement.rotation.T.ravel().tolist()).ExtractRotation().GetQuat()
+        before = self._orient.get(path)
+        if before is not None and Gf.Dot(before, turn) < 0.0:
+            turn = -turn  # the same turn; a viewer must interpolate the short way round
+        self._orient[path] = turn
+        translate, orient = (f"{path}.{op}" for op in _PLACEMENT_OPS)
+        self._root.SetTimeSample(translate, code, Gf.Vec3d(*placement.translation.tolist()))
+        self._root.SetTimeSample(orient, code, turn)
+
+
+_PLACEMENT_OPS = ("xformOp:translate", "xformOp:orient")
+
+
+def _wall_paths(walls: list[WallMesh]) -> dict[str, str]:
+    """Prim path of each wall; names that USD does not allow are changed, never to equal ones."""
+    from pxr import Tf
+
+    paths: dict[str, str] = {}
+    for wall in walls:
+        path = stem = f"{_WALLS}/{Tf.MakeValidIdentifier(wall.name)}"
+        count = 1
+        while path in paths.values():
+            count += 1
+            path = f"{stem}_{count}"
+        paths[wall.name] = path
+    return paths
+
+
+def _root_layer(frame: FramePose, wall_paths: list[str], rate: float):
+    """Root layer without frames: units, prims, transform ops."""
+    from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    stage = Usd.Stage.Open(layer)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(25.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    _author_frame_ops(stage, frame)
+    grains = UsdGeom.Points.Define(stage, _GRAINS)
+    UsdGeom.PrimvarsAPI(grains).CreatePrimvar("omega", Sdf.ValueTypeNames.Vector3fArray, UsdGeom.Tokens.vertex)
+    grains.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_SAND)]))
+    for path in wall_paths:
+        wall = UsdGeom.Xformable(stage.OverridePrim(path))
+        wall.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
+        wall.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    return layer
+
+
+def _author_frame_ops(stage, frame: FramePose) -> None:
+    """Turn by the frame's angle about any axis, with ops that hold unwrapped angles.
+
+    x_lab = o + B Rz(angle) B^T (x_frame - o), B the constant turn that takes z onto the axis. An orient op would be shorter,
+    but quaternions lose whole turns between two frames, and so do matrices.
+    """
+    from pxr import Gf, UsdGeom
+
+    xform = UsdGeom.Xform.Define(stage, _FRAME)
+    double = UsdGeom.XformOp.PrecisionDouble
+    x, y, z = (float(c) for c in frame.axis)
+    tilt = Gf.Vec3d(0.0, np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)))
+    origin = xform.AddTranslateOp(double, "origin")
+    origin.Set(Gf.Vec3d(*(float(c) for c in frame.origin)))
+    axis = xform.AddRotateXYZOp(double, "axis")
+    axis.Set(tilt)
+    angle = xform.AddRotateZOp(double, "angle")
+    back = xform.AddRotateXYZOp(double, "axis", isInverseOp=True)
+    home = xform.AddTranslateOp(double, "origin", isInverseOp=True)
+    # the order that the calls above wrote would win over the variants
+    xform.GetPrim().RemoveProperty("xformOpOrder")
+    views = xform.GetPrim().GetVariantSets().AddVariantSet("view")
+    for view, ops in {"frame": [], "laboratory": [origin, axis, angle, back, home]}.items():
+        views.AddVariant(view)
+        views.SetVariantSelection(view)
+        with views.GetVariantEditContext():
+            xform.SetXformOpOrder(ops)
+
+
+def _walls_layer(walls: list[WallMesh], paths: dict[str, str]):
+    """Layer with the wall meshes in their body axes."""
+    from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    stage = Usd.Stage.Open(layer)
+    UsdGeom.Scope.Define(stage, _WALLS)
+    for wall in walls:
+        mesh = UsdGeom.Mesh.Define(stage, paths[wall.name])
+        points = np.ascontiguousarray(wall.vertices, dtype=np.float32)
+        mesh.GetPrim().SetDisplayName(wall.name)
+        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+        mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(wall.triangles), 3, dtype=np.int32)))
+        mesh.CreateFaceVertexIndicesAttr(
+            Vt.IntArray.FromNumpy(np.ascontiguousarray(wall.triangles, dtype=np.int32).ravel())
+        )
+        mesh.CreateExtentAttr(_extent(points, np.zeros(1, dtype=np.float32)))
+        mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        mesh.CreateDoubleSidedAttr(True)
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_GLASS)]))
+        mesh.CreateDisplayOpacityAttr(Vt.FloatArray([0.3]))
+    return layer
+
+
+def _grains_layer(suffix: str):
+    """Layer that declares what a chunk holds of the grains, without values: the manifest, and each chunk at its start."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(suffix)
+    grains = Sdf.CreatePrimInLayer(layer, _GRAINS)
+    for name, kind in _GRAIN_ATTRIBUTES.items():
+        Sdf.AttributeSpec(grains, name, Sdf.ValueTypeNames.Find(kind))
+    return layer
+
+
+def _extent(points: np.ndarray, radius: np.ndarray):
+    """Lowest and highest corner of balls, as USD stores it; an empty array when there is nothing."""
+    from pxr import Vt
+
+    if len(points) == 0:
+        return Vt.Vec3fArray()
+    low, high = (points - radius[:, None]).min(axis=0), (points + radius[:, None]).max(axis=0)
+    return Vt.Vec3fArray.FromNumpy(np.stack([low, high]))
+
+
+def _same_axis(a: FramePose, b: FramePose) -> bool:
+    return np.array_equal(a.axis, b.axis) and np.array_equal(a.origin, b.origin)
+
+
+def _export(layer, path: Path) -> None:
+    if not layer.Export(str(path)):
+        raise WarpdemError(f"{path}: cannot be written (disk full, or no right to write there?)")
