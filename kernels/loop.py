@@ -13,6 +13,7 @@ import warp as wp
 
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.barrier import meet
+from warpdem.kernels.pairs import BLOCK
 from warpdem.kernels.schedule import Placement, Row, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
@@ -36,7 +37,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         kind: wp.array(dtype=wp.int32)
         reference: wp.array2d(dtype=wp.vec3d)
         row_start: wp.array(dtype=wp.int32)
-        row_result: wp.array(dtype=wp.int32)
+        row: wp.array(dtype=pairs.Share)
         wall_row: wp.array(dtype=wp.int32)
 
     @wp.struct
@@ -48,8 +49,8 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         kind: wp.array(dtype=pairs.LaneInt)
         constants: wp.array2d(dtype=pairs.Lane)
         memory: wp.array2d(dtype=pairs.Lane)
-        result: wp.array2d(dtype=pairs.Lane)
-        flat: wp.array(dtype=wp.float64)
+        slot_i: wp.array(dtype=pairs.LaneInt)
+        slot_j: wp.array(dtype=pairs.LaneInt)
 
     @wp.struct
     class Control:
@@ -60,6 +61,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
+        scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
 
@@ -73,13 +75,22 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         slip_dt = slip_time(state)
         share = control.extreme[at]
         approach = control.extreme[at + 1]
-        for p in range(first, last, stride):
-            a, b = pairs.pack(
-                p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
-                slip_dt, dt, packs.memory, packs.result,
-            )  # fmt: skip
-            share = wp.max(share, a)
-            approach = wp.max(approach, b)
+        scratch = (at // wp.static(SPAN)) * wp.static(BLOCK)
+        for block in range(first, last, stride * wp.static(BLOCK)):
+            end = wp.min(block + stride * wp.static(BLOCK), last)
+            row = int(scratch)
+            for p in range(block, end, stride):
+                a, b = pairs.pack(
+                    p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
+                    slip_dt, dt, packs.memory, control.scratch, row,
+                )  # fmt: skip
+                row += 1
+                share = wp.max(share, a)
+                approach = wp.max(approach, b)
+            row = scratch
+            for p in range(block, end, stride):
+                pairs.share(p, control.scratch, row, packs.slot_i, packs.slot_j, grains.row)
+                row += 1
         control.extreme[at] = share
         control.extreme[at + 1] = approach
 
@@ -102,13 +113,13 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
 
     @wp.func
     def move_phase(
-        first: int, last: int, stride: int, s: int, grains: Grains, packs: Packs, rows: Rows, control: Control,
-        dt: wp.float64, reach: wp.float64,
+        first: int, last: int, stride: int, s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
+        reach: wp.float64,
     ) -> int:  # fmt: skip
         state = control.row[s]
         moved = int(0)
         for i in range(first, last, stride):
-            total = load(i, grains.row_start, grains.row_result, packs.flat, grains.wall_row, rows.load)
+            total = load(i, grains.row_start, grains.row, grains.wall_row, rows.load)
             far = advance(
                 i, grains.record, total, grains.inverse, grains.reference, state, control.placement, s + 2, dt, reach
             )
@@ -141,8 +152,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
             if stop == 0:
                 if s > 0:
                     moved = move_phase(
-                        control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, grains, packs, rows, control, dt,
-                        reach,
+                        control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, grains, rows, control, dt, reach,
                     )  # fmt: skip
                     control.moved[at] = moved
                     if threads > 1:
@@ -188,19 +198,19 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
 
     @kernel
     def move(
-        stride: int, last: int, s: int, grains: Grains, packs: Packs, rows: Rows, control: Control, dt: wp.float64,
+        stride: int, last: int, s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
         reach: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         control.moved[t * wp.static(SPAN)] = move_phase(
-            t, last, stride, s, grains, packs, rows, control, dt, reach
+            t, last, stride, s, grains, rows, control, dt, reach
         )
 
     @kernel
-    def gather(grains: Grains, packs: Packs, rows: Rows, load_out: wp.array(dtype=vec6)):
+    def gather(grains: Grains, rows: Rows, load_out: wp.array(dtype=vec6)):
         """Contact force [N] and torque [N m] on each grain at the present instant."""
         i = wp.tid()
-        load_out[i] = load(i, grains.row_start, grains.row_result, packs.flat, grains.wall_row, rows.load)
+        load_out[i] = load(i, grains.row_start, grains.row, grains.wall_row, rows.load)
 
     return Built(
         run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move, gather=gather,

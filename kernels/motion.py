@@ -13,16 +13,16 @@ import functools
 import warp as wp
 
 from warpdem.kernels import grain
+from warpdem.kernels.pairs import share_width
 from warpdem.kernels.schedule import Placement, Row, drift_turn, gravity, local, pivot
 from warpdem.kernels.schedule import kick_time as kick_time_of
 
 
 @functools.cache
-def build(lanes: int, *, spins: bool, turning_frame: bool, walls: bool, moving: int):
+def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
     """Return ``advance`` and ``load``.
 
     Args:
-        lanes: contacts per pack of the pair results.
         spins: grains spin.
         turning_frame: the frame turns.
         walls: there are wall rows.
@@ -30,48 +30,29 @@ def build(lanes: int, *, spins: bool, turning_frame: bool, walls: bool, moving: 
     """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
+    Share = wp.types.vector(share_width(spins), wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
 
     @wp.func
     def load(
         i: int,
         row_start: wp.array(dtype=wp.int32),
-        row_result: wp.array(dtype=wp.int32),
-        results: wp.array(dtype=wp.float64),
+        rows: wp.array(dtype=Share),
         wall_row: wp.array(dtype=wp.int32),
         wall_load: wp.array(dtype=vec6),
     ) -> vec6:
         """Force [N] and torque [N m] on grain ``i``: pairs in order of partner id, then walls in order of place."""
-        fx = wp.float64(0.0)
-        fy = wp.float64(0.0)
-        fz = wp.float64(0.0)
-        tx = wp.float64(0.0)
-        ty = wp.float64(0.0)
-        tz = wp.float64(0.0)
+        total = Share()
         for e in range(row_start[i], row_start[i + 1]):
-            code = row_result[e]
-            side = code & 1
-            at = code >> 1
-            sign = wp.float64(1 - 2 * side)
-            fx += sign * results[at]
-            fy += sign * results[at + wp.static(lanes)]
-            fz += sign * results[at + wp.static(2 * lanes)]
-            if wp.static(spins):
-                turn_at = at + wp.static(3 * lanes) * (1 + side)
-                tx += results[turn_at]
-                ty += results[turn_at + wp.static(lanes)]
-                tz += results[turn_at + wp.static(2 * lanes)]
+            total += rows[e]
+        full = vec6()
+        for k in range(wp.static(share_width(spins))):
+            full[k] = total[k]
         if wp.static(walls):
             w = wall_row[i]
             if w >= 0:
-                on_wall = wall_load[w]
-                fx += on_wall[0]
-                fy += on_wall[1]
-                fz += on_wall[2]
-                tx += on_wall[3]
-                ty += on_wall[4]
-                tz += on_wall[5]
-        return vec6(fx, fy, fz, tx, ty, tz)
+                full += wall_load[w]
+        return full
 
     @wp.func
     def advance(

@@ -16,7 +16,7 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 
 
 @functools.cache
-def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, table: bool, lag: float, result_width: int):
+def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, table: bool, lag: float):
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``."""
     g = grain.build(spins)
     Coefficients = wp.types.vector(7, wp.float64)
@@ -210,20 +210,20 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         active: wp.array(dtype=wp.uint8),
         contact: wp.array(dtype=wp.int32),
         row_start: wp.array(dtype=wp.int32),
-        result_out: wp.array(dtype=wp.int32),
+        slot_i_out: wp.array2d(dtype=wp.int32),
+        slot_j_out: wp.array2d(dtype=wp.int32),
     ):
-        """Where each grain finds its shares among the pair results: 2 x first number + side, in order of partner id."""
+        """Where each contact puts its shares: the rows of its grains hold them in order of partner id."""
         i = first + wp.tid()
         at = row_start[i]
         for e in range(start[i], start[i + 1]):
             if active[e] == wp.uint8(1):
-                side = int(0)
-                c = contact[e]
-                if id[slot[e]] < id[i]:
-                    side = 1
+                if id[slot[e]] > id[i]:
+                    c = contact[e]
+                    slot_i_out[c // wp.static(lanes), c % wp.static(lanes)] = at
+                else:
                     c = contact[twin[e]]
-                place = (c // wp.static(lanes)) * wp.static(lanes * result_width) + c % wp.static(lanes)
-                result_out[at] = 2 * place + side
+                    slot_j_out[c // wp.static(lanes), c % wp.static(lanes)] = at
                 at += 1
 
     return Built(

@@ -1,5 +1,6 @@
 import math
 import struct
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,8 @@ import trimesh
 from warpdem import geometry
 from warpdem.errors import SceneError
 from warpdem.geometry import build_mesh, check_size, clipped_volume, inside, load_mesh, require_closed, signed_distance
+
+MESHES = Path(__file__).resolve().parent.parent / "scenes" / "meshes"
 
 
 def box(size=(1.0, 2.0, 3.0)):
@@ -51,6 +54,30 @@ def test_pose_is_scale_then_rotate_then_translate(tmp_path):
     # the side of 2 along y turns to -x: half widths 0.1 along x, 0.05 along y
     np.testing.assert_allclose(mesh.bounds, [[0.9, -0.05, -0.15], [1.1, 0.05, 0.15]], atol=1e-15)
     np.testing.assert_allclose(mesh.volume, 6e-3, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "neck", "length", "rim"), [("hourglass", 4.5, 2.2, 16.2), ("hourglass_paper", 2.025, 1.0, 23.2)]
+)
+def test_hourglass_of_the_scenes_is_one_smooth_piece_and_two_lids(name, neck, length, rim):
+    mesh = load_mesh(MESHES / f"{name}.stl", 1e-3)
+    require_closed(mesh, "walls[0].mesh")
+    # the cones leave the neck at 29.95 degrees, measured across the middle of a facet
+    assert mesh.piece.max() + 1 == 3
+    # the facets of a cone run straight from the neck to the lid: 48 planes each for two cones and the neck
+    assert mesh.plane.max() + 1 == 3 * 48 + 2
+    cone = 2 * (rim - neck) / math.tan(math.radians(30)) / 3 * (rim**2 + rim * neck + neck**2)
+    polygon = 24 * math.sin(2 * math.pi / 48)  # area of a 48-gon over the square of its radius
+    np.testing.assert_allclose(mesh.volume, 1e-9 * polygon * (cone + length * neck**2), rtol=1e-6)
+    np.testing.assert_allclose(mesh.bounds[1, 0], 1e-3 * rim, rtol=1e-6)
+
+
+def test_box_of_the_scenes_is_the_unit_box():
+    mesh = load_mesh(MESHES / "box.stl")
+    require_closed(mesh, "walls[0].mesh")
+    np.testing.assert_array_equal(mesh.bounds, [[0, 0, 0], [1, 1, 1]])
+    assert mesh.volume == pytest.approx(1.0)
+    assert mesh.plane.max() + 1 == 6
 
 
 def test_welding_is_by_float32_and_keeps_the_digits_of_the_first_corner():
@@ -251,6 +278,16 @@ def test_distance_to_a_box_is_exact_near_far_and_away_from_the_origin():
     # going down the gradient by the distance ends on the surface
     on_surface = shift + 1e-3 * points - distance[:, None] * gradient
     np.testing.assert_allclose(signed_distance(mesh, on_surface)[0], 0.0, atol=1e-12)
+
+
+def test_gradient_leads_to_the_surface_at_edges_seen_from_inside():
+    # the rim of the neck stands into the hourglass: the closest point to many inner points is on an edge
+    mesh = load_mesh(MESHES / "hourglass.stl")
+    points = np.random.default_rng(4).uniform(-1.0, 1.0, (2000, 3)) * [5.0, 5.0, 3.0]
+    distance, gradient = signed_distance(mesh, points)
+    assert (distance < 0.0).sum() > 500
+    on_surface = signed_distance(mesh, points - distance[:, None] * gradient)[0]
+    np.testing.assert_allclose(on_surface, 0.0, atol=1e-5)
 
 
 def test_distance_to_a_sphere_of_triangles():

@@ -95,6 +95,24 @@ def test_mesh_clipped_by_a_region_is_filled_within_both():
     assert (position[:, 2] + radius > 0.002 - 1e-6).sum() > 10
 
 
+def test_neighbour_table_grows_to_what_it_must_hold():
+    rng = np.random.default_rng(0)
+    position, radius = rng.random((300, 3)), rng.uniform(0.01, 0.1, 300)
+    narrow, wide = (packing._Neighbours(radius, skin=0.05, width=width) for width in (2, 200))
+    for one, two in zip(narrow.push_apart(position, 1.0), wide.push_apart(position, 1.0), strict=True):
+        np.testing.assert_array_equal(one, two)
+    np.testing.assert_allclose(narrow.overlap.numpy(), overlap_by_brute_force(position, radius), atol=1e-12)
+
+
+def test_sharp_corners_of_a_mesh_hold():
+    x, y, z, o = *(0.01 * np.eye(3)), np.array([0.004, 0.004, 0.004]) / 3.0
+    spike = build_mesh(np.array([[o, y, x], [o, z, y], [o, x, z], [x, y, z]]))
+    position, radius = fill(spike, None, SIZES, 2, solid_fraction=0.45)
+    distance, _ = signed_distance(spike, position)
+    assert (distance <= -radius * (1.0 - packing.OVERLAP)).all()
+    assert overlap_by_brute_force(position, radius).max() < packing.OVERLAP
+
+
 def test_worst_overlaps_agree_with_brute_force():
     rng = np.random.default_rng(0)
     position, radius = rng.random((400, 3)), rng.uniform(0.01, 0.08, 400)
@@ -125,11 +143,14 @@ def test_fraction_out_of_reach_is_refused_with_what_was_reached(monkeypatch):
 
 
 def test_grain_without_a_place_is_refused():
-    with pytest.raises(SceneError, match=r"no place for 1 grains, the largest 0\.011 m .*0\.01 x 0\.01 x 0\.01"):
+    with pytest.raises(SceneError, match=r"no place found for 1 grains, the largest 0\.011 m .*0\.01 x 0\.01 x 0\.01"):
         fill(None, CUBE, 0.011, 0, count=1)
-    with pytest.raises(SceneError, match=r"no place for 1 grains, the largest 0\.01999 m"):
-        # fits the ball's bounding box, but the faces of the mesh stand back from the ball
-        fill(ball(), None, 0.01999, 0, count=1)
+    # fits the bounding box of the corner of a cube, but the corner itself only holds 0.0042 m
+    o, x, y, z = np.zeros(3), *(0.01 * np.eye(3))
+    corner = build_mesh(np.array([[o, y, x], [o, z, y], [o, x, z], [x, y, z]]))
+    with pytest.raises(SceneError, match=r"no place found for 1 grains, the largest 0\.005 m"):
+        fill(corner, None, 0.005, 0, count=1)
+    fill(corner, None, 0.003, 0, count=1)
 
 
 def test_region_beside_the_mesh_and_fraction_of_less_than_a_grain_are_refused():

@@ -29,9 +29,9 @@ def compile_plan(plan: Plan) -> Built:
     turning = {"turning_frame": plan.turning_frame}
     pair_pack = pairs.build(real, contact_law, plan.lanes, **shared, **turning)
     Rows, touch = contact.build(contact_law, constants, **shared, **turning, lag=plan.lag)
-    load, advance = motion.build(plan.lanes, spins=plan.spins, walls=plan.walls, moving=plan.moving, **turning)
+    load, advance = motion.build(spins=plan.spins, walls=plan.walls, moving=plan.moving, **turning)
     step = loop.build(pair_pack, touch, Rows, load, advance, spins=plan.spins, has_pairs=True, walls=plan.walls)
-    lists = neighbours.build(constants, plan.lanes, **shared, lag=plan.lag, result_width=plan.result_width)
+    lists = neighbours.build(constants, plan.lanes, **shared, lag=plan.lag)
     walls = None
     if plan.walls:
         walls = candidates.build(

@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
+from warpdem.kernels.pairs import share_width
 
 REFRESH_STEPS = (12, 60)  # steps between refreshes that the margin is steered to
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
@@ -57,6 +58,7 @@ class Lists:
         self._grid = None
         self.contact_count = 0
         self.row_count = 0
+        self.stale = False  # the lists only stand in for those of a checkpoint
         self._wall_near = None
         self._row = None
         self._rows = None
@@ -95,7 +97,9 @@ class Lists:
                 self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
         self._last_refresh = sim.step_number
         placement = sim.placements_now()
-        if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+        fresh = force_rebuild or self.stale or self._near is None
+        self.stale = False
+        if fresh or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             with sim.clock("lists"):
                 self._rebuild(placement)
         with sim.clock("refresh"):
@@ -194,14 +198,15 @@ class Lists:
         self.contact_count = int(contact_start_host[-1])
         packs = -(-self.contact_count // plan.lanes)
         contact_start, row_start = self._upload(contact_start_host, wp.int32), self._upload(row_start_host, wp.int32)
-        row_result = self._array(int(row_start_host[-1]), wp.int32)
+        shares = int(row_start_host[-1])
+        row = self._array((shares + 1, share_width(plan.spins)), wp.float64)
+        slot_i, slot_j = (self._array((packs, plan.lanes), wp.int32, fill=shares) for _ in range(2))
         owner, partner = self._array((packs, plan.lanes), wp.int32), self._array((packs, plan.lanes), wp.int32)
         if n > 1:  # what fills the last pack are two grains with no stiffness
             partner.fill_(1)
         kind = self._array((packs if plan.table else 0, plan.lanes), wp.int32)
         constants = self._array((packs, lists.constants_width, plan.lanes), wp.float64)
         memory = self._array((packs, max(plan.memory, 1), plan.lanes), wp.float64)
-        result = self._array((packs, plan.result_width, plan.lanes), wp.float64)
         split(
             lists.fill_contacts,
             n,
@@ -209,12 +214,12 @@ class Lists:
              contact_start, self.memory, contact, owner, partner, kind, constants, memory],
             sim.device,
         )  # fmt: skip
-        split(lists.fill_rows, n, [state.id, start, slot, twin, active, contact, row_start, row_result], sim.device)
+        split(
+            lists.fill_rows, n, [state.id, start, slot, twin, active, contact, row_start, slot_i, slot_j], sim.device
+        )
         self.memory = memory
-        self.owner, self.partner, self.result = owner, partner, result
-        self.constants = constants
-        self.kind = kind
-        self.row_start, self.row_result = row_start, row_result
+        self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
+        self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = self._upload(np.stack([position, *self._bodies(position, placement)], axis=1), wp.vec3d)
         if plan.walls:
@@ -252,6 +257,56 @@ class Lists:
                 kernels.carry_places, n, [parity, row, self._row, self._rows, rows], sim.device
             )
         self._row, self._rows = row, rows
+
+    # -- resume ---------------------------------------------------------------------------------
+
+    def restore(self, data: dict) -> None:
+        """Stand in for the lists of a checkpoint: its loads move the grains once, then new lists take over its memory."""
+        sim, plan, n = self.sim, self.sim.plan, len(self.sim.state)
+        ids = data["id"]
+        pair, memory = data["pair"], data["pair_memory"]
+        owner, partner = np.searchsorted(ids, pair[:, 0]), np.searchsorted(ids, pair[:, 1])
+        order = np.argsort(owner, kind="stable")
+        start = self._upload(starts(np.bincount(owner, minlength=n)), wp.int32)
+        slot = self._upload(partner[order].astype(np.int32), wp.int32)
+        self._near = (start, slot, slot, self._upload(order.astype(np.int32), wp.int32))
+        padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
+        packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
+        self.memory = self._upload(packs, wp.float64)
+        self._near_reference = [np.full((n, 3), np.inf)] * (1 + plan.moving)
+        self.contact_count = self.row_count = 0
+        nothing = self._array((0, plan.lanes), wp.int32)
+        self.owner = self.partner = self.kind = self.slot_i = self.slot_j = nothing
+        self.constants = self._array((0, 2, plan.lanes), wp.float64)
+        self.row_start = self._upload(np.arange(n + 1, dtype=np.int32), wp.int32)
+        self.row = self._upload(data["load"][:, : share_width(plan.spins)], wp.float64)
+        position = data["record"][:, grain.POSITION]
+        self.reference = self._upload(np.stack([position] * (1 + plan.moving), axis=1), wp.vec3d)
+        if plan.walls:
+            self._restore_places(data, n)
+        self.stale = True
+
+    def _restore_places(self, data: dict, n: int) -> None:
+        """Rows that hold the places of a checkpoint and no loads."""
+        ids = data.get("place_grain", np.zeros(0, dtype=np.int64))
+        holders, count = np.unique(ids, return_counts=True)
+        slots = np.searchsorted(data["id"], holders)
+        row = np.full(n, -1, dtype=np.int32)
+        row[slots] = np.arange(len(slots))
+        order = np.argsort(ids, kind="stable")
+        rows = self.sim.new_rows(len(slots), len(ids))
+        rows.first = self._upload(starts(count), wp.int32)
+        parity = self.sim.step_number & 1
+        both = np.zeros((2, len(slots)), dtype=np.int32)
+        both[parity] = count
+        rows.place_count = self._upload(both, wp.int32)
+        for name in ("wall", "point", "normal", "overlap", "spring", "angle"):
+            if f"place_{name}" in data:
+                array = getattr(rows, f"place_{name}")
+                values = array.numpy()
+                values[parity] = data[f"place_{name}"][order]
+                array.assign(values)
+        self._row, self._rows = self._upload(row, wp.int32), rows
 
     @property
     def rows(self):

@@ -147,7 +147,7 @@ def read_contacts(sim) -> Contacts:
         spring = flat(lists.memory)[on][:, :3] if plan.memory else np.zeros((len(a), 3))
         parts.append(
             (
-                ids[a], ids[b], overlap, normal, flat(lists.result)[on][:, :3], spring,
+                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[:c]][on][:, :3], spring,
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
                 flat(lists.constants)[on][:, 0],
             )

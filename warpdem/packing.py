@@ -163,8 +163,8 @@ def _draw_places(rng, space: _Space, radius: np.ndarray, key: str) -> np.ndarray
 def _no_place(space: _Space, radius: np.ndarray, key: str) -> SceneError:
     size = " x ".join(f"{v:.6g}" for v in space.high - space.low)
     return SceneError(
-        f"{key}: no place for {len(radius)} grains, the largest {2 * radius.max():.6g} m in diameter, in a region of "
-        f"{size} m; ask for smaller grains or a larger region"
+        f"{key}: no place found for {len(radius)} grains, the largest {2 * radius.max():.6g} m in diameter, "
+        f"in a region of {size} m; ask for smaller grains or a larger region"
     )
 
 

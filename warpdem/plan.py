@@ -70,17 +70,12 @@ class Plan:
         return 3.5 if self.rolling and model("rolling", self.rolling).HISTORY else 1.0
 
     @property
-    def result_width(self) -> int:
-        """Numbers stored per contact."""
-        return pairs.result_width(self.spins)
-
-    @property
     def bytes_per_grain(self) -> int:
         """Device memory per grain [B] at 2.5 listed contacts and 6.5 near partners, the figures of a settled bed."""
         constants = 4 if self.rolling else 2
-        contact = 8 * (self.result_width + 2 * self.memory + constants) + 8 + 4 * self.table
+        contact = 8 * (2 * pairs.share_width(self.spins) + 2 * self.memory + constants) + 16 + 4 * self.table
         fixed = 8 * grain.WIDTH[self.spins] + 16 + 2 * 24 * (1 + self.moving) + 8 + 4 * 4
-        return int(fixed + 2.5 * (contact + 8) + 6.5 * (4 + 4 + 4 + 1))
+        return int(fixed + 2.5 * contact + 6.5 * (4 + 4 + 4 + 1))
 
     def explain(self) -> list[str]:
         """One line per feature: what runs and what is left out, with the reason."""

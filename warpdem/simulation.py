@@ -7,12 +7,13 @@ from contextlib import contextmanager
 import numpy as np
 import warp as wp
 
-from warpdem import observers, timestep
+from warpdem import checkpoint, observers, timestep
 from warpdem.compiled import compile_plan
 from warpdem.errors import SceneError, StabilityError
 from warpdem.grain_source import check_start, load_grains
 from warpdem.kernels import barrier
 from warpdem.kernels.loop import SPAN
+from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
 from warpdem.kernels.schedule import Placement, Row
 from warpdem.kernels.wall.surface import Surface
 from warpdem.neighbours import Lists, chosen_skin
@@ -120,7 +121,7 @@ class Simulation:
         while left > 0:
             self._prepare()
             base = self._rows_for(left)
-            batch = min(left, base[1])
+            batch = min(left, base[1], 1 if self.lists.stale else left)
             done = self._advance(base[0], batch)
             left -= done
             self._guard()
@@ -190,7 +191,7 @@ class Simulation:
                 done, moved = self._advance_on_gpu(base, count, forces_first, parity, grains, packs, rows, surface)
         self.step_number += done
         self.steps_done += done
-        self._forces_ready = not moved
+        self._forces_ready = not moved and not (self.lists.stale and count)
         return done
 
     def _advance_on_gpu(self, base, count, forces_first, parity, grains, packs, rows, surface) -> tuple[int, bool]:
@@ -211,7 +212,7 @@ class Simulation:
         if forces_first:
             forces(0)
         for s in range(1, count + 1):
-            launch(loop.move, n, base + s - 1, grains, packs, rows, control, self.dt, self.lists.reach)
+            launch(loop.move, n, base + s - 1, grains, rows, control, self.dt, self.lists.reach)
             if control.moved.numpy()[::SPAN].any():
                 control.moved.zero_()
                 return s, True
@@ -223,7 +224,7 @@ class Simulation:
         loop, lists = self.kernels.loop, self.lists
         grains, packs = loop.Grains(), loop.Packs()
         grains.record, grains.inverse, grains.kind = self.state.record, self.state.inverse, self.state.kind
-        grains.reference, grains.row_start, grains.row_result = lists.reference, lists.row_start, lists.row_result
+        grains.reference, grains.row_start = lists.reference, lists.row_start
         lane, lane_int = self.kernels.pairs.Lane, self.kernels.pairs.LaneInt
 
         def packed(array, dtype):
@@ -231,8 +232,8 @@ class Simulation:
 
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
-        packs.result = packed(lists.result, lane)
-        packs.flat = lists.result.flatten()
+        packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
+        grains.row = packed(lists.row, self.kernels.pairs.Share)
         if self.plan.table:
             packs.kind = packed(lists.kind, lane_int)
         rows = self.kernels.Rows()
@@ -266,6 +267,7 @@ class Simulation:
         control.share = wp.zeros((slots if device.is_cpu else 0, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
+        control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=self.kernels.pairs.Lane, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         return control
@@ -317,6 +319,23 @@ class Simulation:
             f"time step {self.dt:.3g} s. Take a smaller time.step."
         )
 
+    # -- checkpoint -----------------------------------------------------------------------------
+
+    def save_checkpoint(self, path) -> None:
+        """Write the whole state to ``path`` (HDF5), so that a resumed run equals this one bit for bit."""
+        checkpoint.save(self, path)
+
+    @classmethod
+    def from_checkpoint(cls, path, device: str | None = None, threads: int | None = None) -> "Simulation":
+        """The simulation that a checkpoint was saved from, on any device and number of threads.
+
+        Raises:
+            SceneError: if the file is missing, damaged or of another version.
+        """
+        sim = cls(checkpoint.scene_of(checkpoint.read(path)), device=device, threads=threads)
+        checkpoint.restore(sim, path)
+        return sim
+
     # -- reading --------------------------------------------------------------------------------
 
     @property
@@ -340,8 +359,8 @@ class Simulation:
         if n == 0:
             return np.zeros((0, 3)), np.zeros((0, 3))
         out = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
-        grains, packs, rows = self._arguments()
-        wp.launch(self.kernels.loop.gather, dim=n, inputs=[grains, packs, rows, out], device=self.device)
+        grains, _, rows = self._arguments()
+        wp.launch(self.kernels.loop.gather, dim=n, inputs=[grains, rows, out], device=self.device)
         load = out.numpy()[self.state.rank]
         return load[:, :3].copy(), load[:, 3:].copy()
 
@@ -381,7 +400,6 @@ def pick_device(name: str | None):
     Raises:
         SceneError: if there is no such device, with those there are.
     """
-    wp.config.quiet = True
     wp.init()
     there = [d.alias for d in wp.get_devices()]
     if name is None:

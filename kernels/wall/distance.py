@@ -67,7 +67,7 @@ def signed_distance(
     x = point[i]
     local = wp.vec3((x - centre) / size)
     # unit coordinates are within [-0.5, 0.5] on the mesh; no point of use is 1e6 sizes away
-    query = wp.mesh_query_point_no_sign(mesh, local, 1.0e6)
+    query = wp.mesh_query_point_no_sign(mesh, local, wp.float32(1.0e6))
     if not query.result:
         distance_out[i] = wp.float64(wp.inf)
         gradient_out[i] = wp.vec3d()
@@ -86,7 +86,7 @@ def signed_distance(
             sign = wp.float64(-1.0)
         gradient_out[i] = normal
     else:
-        sign = wp.float64(wp.mesh_query_point_sign_winding_number(mesh, local, 1.0e6).sign)
+        sign = wp.float64(wp.mesh_query_point_sign_winding_number(mesh, local, wp.float32(1.0e6)).sign)
         gradient_out[i] = normal
         # a point on the surface itself has no direction of its own: the face's normal stands in
         if distance > wp.float64(1.0e-12) * size:

@@ -1,0 +1,5 @@
+"""``python -m warpdem`` is the command ``warpdem``."""
+
+from warpdem.cli import main
+
+main()
