@@ -38,7 +38,6 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         reference: wp.array2d(dtype=wp.vec3d)
         row_start: wp.array(dtype=wp.int32)
         row: wp.array(dtype=pairs.Share)
-        wall_row: wp.array(dtype=wp.int32)
 
     @wp.struct
     class Packs:
@@ -119,7 +118,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
         state = control.row[s]
         moved = int(0)
         for i in range(first, last, stride):
-            total = load(i, grains.row_start, grains.row, grains.wall_row, rows.load)
+            total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
             far = advance(
                 i, grains.record, total, grains.inverse, grains.reference, state, control.placement, s + 2, dt, reach
             )
@@ -210,7 +209,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
     def gather(grains: Grains, rows: Rows, load_out: wp.array(dtype=vec6)):
         """Contact force [N] and torque [N m] on each grain at the present instant."""
         i = wp.tid()
-        load_out[i] = load(i, grains.row_start, grains.row, grains.wall_row, rows.load)
+        load_out[i] = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
 
     return Built(
         run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move, gather=gather,

@@ -38,7 +38,7 @@ def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
         i: int,
         row_start: wp.array(dtype=wp.int32),
         rows: wp.array(dtype=Share),
-        wall_row: wp.array(dtype=wp.int32),
+        candidates: wp.array(dtype=wp.int32),
         wall_load: wp.array(dtype=vec6),
     ) -> vec6:
         """Force [N] and torque [N m] on grain ``i``: pairs in order of partner id, then walls in order of place."""
@@ -49,9 +49,8 @@ def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
         for k in range(wp.static(share_width(spins))):
             full[k] = total[k]
         if wp.static(walls):
-            w = wall_row[i]
-            if w >= 0:
-                full += wall_load[w]
+            if candidates[i] > 0:
+                full += wall_load[i]
         return full
 
     @wp.func

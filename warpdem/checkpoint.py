@@ -65,11 +65,11 @@ def _places(sim) -> dict[str, np.ndarray]:
     if rows is None or not sim.lists.row_count:
         return {}
     parity = sim.step_number & 1
-    first, count = rows.first.numpy()[:-1], rows.place_count.numpy()[parity]
-    row = np.repeat(np.arange(len(count)), count)
-    slot = first[row] + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    g = rows.grain.numpy()
+    count = rows.place_count.numpy()[parity, g]
+    slot = np.repeat(rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
     out = {f"place_{n}": getattr(rows, f"place_{n}").numpy()[parity, slot] for n in names}
-    out["place_grain"] = sim.state.id.numpy()[rows.grain.numpy()[row]]
+    out["place_grain"] = sim.state.id.numpy()[np.repeat(g, count)]
     out["place_wall"] = rows.place_wall.numpy()[parity, slot]
     out["place_overlap"] = rows.place_overlap.numpy()[parity, slot]
     return out

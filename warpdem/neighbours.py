@@ -6,7 +6,7 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
 
-REFRESH_STEPS = (12, 60)  # steps between refreshes that the margin is steered to
+REFRESH_STEPS = (40, 160)  # steps between refreshes that the margin is steered to
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 
 
@@ -59,10 +59,10 @@ class Lists:
         self.contact_count = 0
         self.row_count = 0
         self.stale = False  # the lists only stand in for those of a checkpoint
-        self._wall_near = None
-        self._row = None
-        self._rows = None
-        self._empty_packs()
+        self._near_feature = None
+        self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
+        self._kept: dict[str, wp.array] = {}
+        self.memory = self._array((0, max(sim.plan.memory, 1), sim.plan.lanes), wp.float64)
 
     # -- what the loop reads ------------------------------------------------------------------
 
@@ -79,9 +79,13 @@ class Lists:
     def _upload(self, data: np.ndarray, dtype):
         return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self.sim.device)
 
-    def _empty_packs(self) -> None:
-        plan = self.sim.plan
-        self.memory = self._array((0, max(plan.memory, 1), plan.lanes), wp.float64)
+    def _room(self, name: str, shape: tuple[int, ...], dtype) -> wp.array:
+        """An array whose memory is kept from one refresh to the next and grows by half; its content is not set."""
+        size = int(np.prod(shape))
+        kept = self._kept.get(name)
+        if kept is None or kept.shape[0] < size:
+            kept = self._kept[name] = wp.empty(size + size // 2 + 64, dtype=dtype, device=self.sim.device)
+        return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self.sim.device)
 
     def update(self, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions."""
@@ -129,8 +133,7 @@ class Lists:
         order = morton_order(position, cell)
         old_id = wp.clone(state.id)
         state.reorder(order)
-        if self._row is not None:
-            self._row = self._upload(self._row.numpy()[order], wp.int32)
+        old_place = self._upload(order.astype(np.int32), wp.int32)
         position = np.ascontiguousarray(state.record.numpy()[:, grain.POSITION])
         self._near_reference = [position.copy(), *self._bodies(position, placement)]
         points = self._upload(position, wp.vec3d)
@@ -155,16 +158,15 @@ class Lists:
             sim.threads.split(
                 lists.carry_contacts,
                 n,
-                [state.id, start, slot, self._upload(order.astype(np.int32), wp.int32), old_id, old_start, old_slot,
-                 old_contact, contact],
+                [state.id, start, slot, old_place, old_id, old_start, old_slot, old_contact, contact],
                 sim.device,
             )  # fmt: skip
         self._near = (start, slot, twin, contact)
         if sim.plan.walls:
-            self._rebuild_walls(placement)
+            self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
 
-    def _rebuild_walls(self, placement: np.ndarray) -> None:
+    def _rebuild_walls(self, placement: np.ndarray, old_place: wp.array) -> None:
         sim, n = self.sim, len(self.sim.state)
         near = sim.kernels.walls.near_features
         count = self._array(n, wp.int32)
@@ -176,7 +178,12 @@ class Lists:
         start = self._upload(start_host, wp.int32)
         feature = self._array(int(start_host[-1]), wp.int32)
         sim.threads.split(near, n, [1, *shared, start, count, feature], sim.device)
-        self._wall_near = (start, feature)
+        self._near_feature = feature
+        rows = sim.new_rows(n, int(start_host[-1]))
+        rows.first = start
+        parity = (sim.step_number + 1) & 1  # of the last force call, one step back
+        sim.threads.split(sim.kernels.walls.carry_places, n, [parity, old_place, self.rows, rows], sim.device)
+        self.rows = rows
 
     # -- contact list ---------------------------------------------------------------------------
 
@@ -184,8 +191,8 @@ class Lists:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
         start, slot, twin, contact = self._near
-        active = self._array(slot.shape[0], wp.uint8)
-        owned, in_row = self._array(n, wp.int32), self._array(n, wp.int32)
+        active = self._room("active", slot.shape, wp.uint8)
+        owned, in_row = self._room("owned", (n,), wp.int32), self._room("in_row", (n,), wp.int32)
         split = sim.threads.split
         split(
             lists.select_contacts,
@@ -199,14 +206,21 @@ class Lists:
         packs = -(-self.contact_count // plan.lanes)
         contact_start, row_start = self._upload(contact_start_host, wp.int32), self._upload(row_start_host, wp.int32)
         shares = int(row_start_host[-1])
-        row = self._array((shares + 1, share_width(plan.spins)), wp.float64)
-        slot_i, slot_j = (self._array((packs, plan.lanes), wp.int32, fill=shares) for _ in range(2))
-        owner, partner = self._array((packs, plan.lanes), wp.int32), self._array((packs, plan.lanes), wp.int32)
-        if n > 1:  # what fills the last pack are two grains with no stiffness
-            partner.fill_(1)
-        kind = self._array((packs if plan.table else 0, plan.lanes), wp.int32)
-        constants = self._array((packs, lists.constants_width, plan.lanes), wp.float64)
-        memory = self._array((packs, max(plan.memory, 1), plan.lanes), wp.float64)
+        lane_shape, room = (packs, plan.lanes), self._room
+        row = room("row", (shares + 1, share_width(plan.spins)), wp.float64)
+        owner, partner = room("owner", lane_shape, wp.int32), room("partner", lane_shape, wp.int32)
+        slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
+        kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
+        constants = room("constants", (packs, lists.constants_width, plan.lanes), wp.float64)
+        generation = f"memory{self.refreshes & 1}"  # the other one holds what is carried over
+        memory = room(generation, (packs, max(plan.memory, 1), plan.lanes), wp.float64)
+        # what fills the last pack: two grains with no stiffness, whose shares go to a row that nobody reads
+        owner.zero_()
+        partner.fill_(min(1, n - 1))
+        constants.zero_()
+        kind.zero_()
+        slot_i.fill_(shares)
+        slot_j.fill_(shares)
         split(
             lists.fill_contacts,
             n,
@@ -221,42 +235,20 @@ class Lists:
         self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
         position = state.record.numpy()[:, grain.POSITION]
-        self.reference = self._upload(np.stack([position, *self._bodies(position, placement)], axis=1), wp.vec3d)
+        self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
+        self.reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
         if plan.walls:
             self._refresh_walls(placement)
         self.refreshes += 1
 
     def _refresh_walls(self, placement: np.ndarray) -> None:
-        sim, n = self.sim, len(self.sim.state)
-        kernels = sim.kernels.walls
-        start, feature = self._wall_near
+        sim, rows = self.sim, self.rows
         placements = self._upload(placement, wp.types.vector(18, wp.float64))
-        count = self._array(n, wp.int32)
-        nothing = self._array(0, wp.int32)
-        shared = [sim.state.record, self.margin, sim.walls.surface, placements, start, feature]
-        sim.threads.split(
-            kernels.close_features, n, [0, *shared, nothing, nothing, count, nothing, nothing], sim.device
-        )
-        counts = count.numpy()
-        has = counts > 0
-        row_host = np.where(has, np.cumsum(has) - 1, -1).astype(np.int32)
-        first_host = starts(counts[has])
-        row = self._upload(row_host, wp.int32)
-        self.row_count = int(has.sum())
-        rows = sim.new_rows(self.row_count, int(first_host[-1]))
-        rows.first = self._upload(first_host, wp.int32)
-        sim.threads.split(
-            kernels.close_features,
-            n,
-            [1, *shared, row, rows.first, count, rows.grain, rows.candidate],
-            sim.device,
-        )
-        if self._rows is not None:
-            parity = (sim.step_number + 1) & 1  # of the last force call, one step back
-            sim.threads.split(
-                kernels.carry_places, n, [parity, row, self._row, self._rows, rows], sim.device
-            )
-        self._row, self._rows = row, rows
+        inputs = [sim.state.record, self.margin, sim.walls.surface, placements, self._near_feature, rows]
+        sim.threads.split(sim.kernels.walls.close_features, len(sim.state), inputs, sim.device)
+        near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
+        self.row_count = len(near)
+        rows.grain = self._upload(near, wp.int32)
 
     # -- resume ---------------------------------------------------------------------------------
 
@@ -287,33 +279,18 @@ class Lists:
         self.stale = True
 
     def _restore_places(self, data: dict, n: int) -> None:
-        """Rows that hold the places of a checkpoint and no loads."""
-        ids = data.get("place_grain", np.zeros(0, dtype=np.int64))
-        holders, count = np.unique(ids, return_counts=True)
-        slots = np.searchsorted(data["id"], holders)
-        row = np.full(n, -1, dtype=np.int32)
-        row[slots] = np.arange(len(slots))
-        order = np.argsort(ids, kind="stable")
-        rows = self.sim.new_rows(len(slots), len(ids))
+        """Slots that hold the places of a checkpoint."""
+        grains = np.searchsorted(data["id"], data.get("place_grain", np.zeros(0, dtype=np.int64)))
+        order = np.argsort(grains, kind="stable")
+        count = np.bincount(grains, minlength=n).astype(np.int32)
+        rows = self.sim.new_rows(n, len(grains))
         rows.first = self._upload(starts(count), wp.int32)
         parity = self.sim.step_number & 1
-        both = np.zeros((2, len(slots)), dtype=np.int32)
-        both[parity] = count
-        rows.place_count = self._upload(both, wp.int32)
+        rows.place_count = self._upload(np.stack([count, count]), wp.int32)
         for name in ("wall", "point", "normal", "overlap", "spring", "angle"):
             if f"place_{name}" in data:
                 array = getattr(rows, f"place_{name}")
                 values = array.numpy()
                 values[parity] = data[f"place_{name}"][order]
                 array.assign(values)
-        self._row, self._rows = self._upload(row, wp.int32), rows
-
-    @property
-    def rows(self):
-        """Wall rows, or None."""
-        return self._rows
-
-    @property
-    def wall_row(self):
-        """Wall row of each grain, -1 without; None without walls."""
-        return self._row
+        self.rows = rows

@@ -154,10 +154,10 @@ def read_contacts(sim) -> Contacts:
         )  # fmt: skip
     if len(state) and plan.walls and lists.row_count:
         rows, parity = lists.rows, sim.step_number & 1
-        first, count = rows.first.numpy()[:-1], rows.place_count.numpy()[parity]
-        row = np.repeat(np.arange(len(count)), count)
-        slot = first[row] + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-        g = rows.grain.numpy()[row]
+        g = rows.grain.numpy()
+        count = rows.place_count.numpy()[parity, g]
+        slot = np.repeat(rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
+        g = np.repeat(g, count)
         overlap, normal = rows.place_overlap.numpy()[parity, slot], rows.place_normal.numpy()[parity, slot]
         wall = rows.place_wall.numpy()[parity, slot]
         spring = rows.place_spring.numpy()[parity, slot] if plan.memory >= 3 else np.zeros((len(g), 3))

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
@@ -57,14 +58,14 @@ class Plan:
         """Whether there are walls."""
         return self.meshes + self.planes > 0
 
-    @property
+    @cached_property
     def memory(self) -> int:
         """Numbers remembered per contact."""
         if self.rolling and model("rolling", self.rolling).HISTORY:
             return 6
         return 3 if self.tangential else 0
 
-    @property
+    @cached_property
     def lag(self) -> float:
         """Factor from I to the inertia that the rolling model meets: about the contact point for one with a spring."""
         return 3.5 if self.rolling and model("rolling", self.rolling).HISTORY else 1.0

@@ -238,27 +238,28 @@ class Simulation:
             packs.kind = packed(lists.kind, lane_int)
         rows = self.kernels.Rows()
         if self.plan.walls:
-            grains.wall_row, rows = lists.wall_row, lists.rows
+            rows = lists.rows
         return grains, packs, rows
 
-    def new_rows(self, count: int, candidates: int):
-        """Wall rows with room for ``count`` grains and ``candidates`` candidate features."""
+    def new_rows(self, grains: int, slots: int):
+        """Wall rows of ``grains`` grains with ``slots`` slots in all."""
         rows, device = self.kernels.Rows(), self.device
-        rows.grain = wp.zeros(count, dtype=wp.int32, device=device)
+        rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
+        rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
+        rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
         for name, dtype in (
-            ("candidate", wp.int32), ("hit_state", wp.int32), ("hit_mask", wp.int32), ("hit_distance", wp.float64),
+            ("feature", wp.int32), ("hit_state", wp.int32), ("hit_mask", wp.int32), ("hit_distance", wp.float64),
             ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("place_force", wp.vec3d),
         ):  # fmt: skip
-            setattr(rows, name, wp.zeros(candidates, dtype=dtype, device=device))
-        rows.place_count = wp.zeros((2, count), dtype=wp.int32, device=device)
-        rows.place_wall = wp.zeros((2, candidates), dtype=wp.int32, device=device)
-        rows.place_overlap = wp.zeros((2, candidates), dtype=wp.float64, device=device)
+            setattr(rows, name, wp.zeros(slots, dtype=dtype, device=device))
+        rows.place_count = wp.zeros((2, grains), dtype=wp.int32, device=device)
+        rows.place_wall = wp.zeros((2, slots), dtype=wp.int32, device=device)
+        rows.place_overlap = wp.zeros((2, slots), dtype=wp.float64, device=device)
         names = ["place_point", "place_normal"]
         names += ["place_spring"] if self.plan.memory >= 3 else []
         names += ["place_angle"] if self.plan.memory == 6 else []
         for name in names:
-            setattr(rows, name, wp.zeros((2, candidates), dtype=wp.vec3d, device=device))
-        rows.load = wp.zeros(count, dtype=wp.types.vector(6, wp.float64), device=device)
+            setattr(rows, name, wp.zeros((2, slots), dtype=wp.vec3d, device=device))
         return rows
 
     def _new_control(self):

@@ -82,65 +82,52 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, me
     @kernel
     def close_features(
         first: int,
-        fill: int,
         grains: wp.array(dtype=g.Record),
         margin: wp.float64,
         surface: Surface,
         placements: wp.array(dtype=Placement),
-        near_start: wp.array(dtype=wp.int32),
         near_feature: wp.array(dtype=wp.int32),
-        row: wp.array(dtype=wp.int32),
-        row_first: wp.array(dtype=wp.int32),
-        count_out: wp.array(dtype=wp.int32),
-        grain_out: wp.array(dtype=wp.int32),
-        candidate_out: wp.array(dtype=wp.int32),
+        rows: Rows,
     ):
-        """Candidates of each grain within the margin; rows exist only for grains that have some."""
+        """Candidates of each grain within the margin, at the start of its slots; none left means no places either."""
         i = first + wp.tid()
         state = grains[i]
         q = g.position(state)
         radius = state[3]
-        at = int(0)
-        if fill == 1 and row[i] >= 0:
-            grain_out[row[i]] = i
-            at = row_first[row[i]]
+        at = rows.first[i]
         n = int(0)
-        for e in range(near_start[i], near_start[i + 1]):
+        for e in range(at, rows.first[i + 1]):
             f = near_feature[e]
             body = local(placements[surface.motion[surface.wall[f]]], q)
-            n = add(f, fill, at, n, body, radius, radius + margin, surface, candidate_out)
-        if fill == 0:
-            count_out[i] = n
+            n = add(f, 1, at, n, body, radius, radius + margin, surface, rows.feature)
+        rows.candidates[i] = n
+        if n == 0:
+            rows.place_count[0, i] = 0
+            rows.place_count[1, i] = 0
 
     @kernel
     def carry_places(
         first: int,
         parity: int,
-        row: wp.array(dtype=wp.int32),
-        old_row: wp.array(dtype=wp.int32),
+        old_slot: wp.array(dtype=wp.int32),  # memory slot of this grain in the lists that are being replaced
         before: Rows,
         now: Rows,
     ):
-        """Hand the places of the last force call over to the grain's new row."""
+        """Hand the places of the last force call over to the grain's new slots."""
         i = first + wp.tid()
-        r = row[i]
-        if r >= 0:
-            now.place_count[parity, r] = 0
-            o = old_row[i]
-            if o >= 0:
-                room = now.first[r + 1] - now.first[r]
-                n = wp.min(before.place_count[parity, o], room)
-                now.place_count[parity, r] = n
-                for k in range(n):
-                    s = before.first[o] + k
-                    d = now.first[r] + k
-                    now.place_wall[parity, d] = before.place_wall[parity, s]
-                    now.place_point[parity, d] = before.place_point[parity, s]
-                    now.place_normal[parity, d] = before.place_normal[parity, s]
-                    now.place_overlap[parity, d] = before.place_overlap[parity, s]
-                    if wp.static(memory >= 3):
-                        now.place_spring[parity, d] = before.place_spring[parity, s]
-                    if wp.static(memory == 6):
-                        now.place_angle[parity, d] = before.place_angle[parity, s]
+        o = old_slot[i]
+        n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])
+        now.place_count[parity, i] = n
+        for k in range(n):
+            s = before.first[o] + k
+            d = now.first[i] + k
+            now.place_wall[parity, d] = before.place_wall[parity, s]
+            now.place_point[parity, d] = before.place_point[parity, s]
+            now.place_normal[parity, d] = before.place_normal[parity, s]
+            now.place_overlap[parity, d] = before.place_overlap[parity, s]
+            if wp.static(memory >= 3):
+                now.place_spring[parity, d] = before.place_spring[parity, s]
+            if wp.static(memory == 6):
+                now.place_angle[parity, d] = before.place_angle[parity, s]
 
     return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)

@@ -1,6 +1,7 @@
 """Grain-wall contacts: one contact per touching place, whatever the triangles.
 
-A row is a grain near a wall with its candidate features. Each step:
+A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the margin)
+and its places stand at the start of that range. Each step, for the grains that have candidates:
 
 1. closest point and corner mask of every candidate, in float64 and body axes; a closest point within 1e-6 radii of the
    foot on the triangle's plane takes the plane of its whole flat piece, so 2 or 20 000 triangles give one force;
@@ -68,7 +69,7 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 
 @functools.cache
 def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float):
-    """Return the row function; arguments as in ``pairs.build``, ``lag`` the inertia factor of the rolling model [-]."""
+    """Return the struct of rows and the function that evaluates one; arguments as in ``pairs.build``, ``lag`` the inertia factor of the rolling model [-]."""
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Coefficients = wp.types.vector(7, wp.float64)
@@ -76,17 +77,21 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
 
     @wp.struct
     class Rows:
-        """Grains near walls; per-candidate arrays hold hits while a row is worked on, and its places from its first on."""
+        """Slots of the grains near walls; hits are only used while a grain is worked on."""
 
-        grain: wp.array(dtype=wp.int32)
-        first: wp.array(dtype=wp.int32)
-        candidate: wp.array(dtype=wp.int32)
+        grain: wp.array(dtype=wp.int32)  # grains that have candidates
+        first: wp.array(dtype=wp.int32)  # per grain: its first slot
+        candidates: wp.array(dtype=wp.int32)  # per grain: how many it has
+        load: wp.array(dtype=vec6)  # per grain: force [N] and torque [N m] of all its places
+        # per slot
+        feature: wp.array(dtype=wp.int32)
         hit_state: wp.array(dtype=wp.int32)
         hit_mask: wp.array(dtype=wp.int32)
         hit_distance: wp.array(dtype=wp.float64)
         hit_point: wp.array(dtype=wp.vec3d)
         hit_direction: wp.array(dtype=wp.vec3d)
-        # places: two generations, [parity, slot]
+        place_force: wp.array(dtype=wp.vec3d)
+        # places of the last two force calls, [parity of the step, grain or slot]
         place_count: wp.array2d(dtype=wp.int32)
         place_wall: wp.array2d(dtype=wp.int32)
         place_point: wp.array2d(dtype=wp.vec3d)
@@ -94,19 +99,17 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
         place_overlap: wp.array2d(dtype=wp.float64)
         place_spring: wp.array2d(dtype=wp.vec3d)
         place_angle: wp.array2d(dtype=wp.vec3d)
-        place_force: wp.array(dtype=wp.vec3d)
-        load: wp.array(dtype=vec6)
 
     @wp.func
     def find_places(
-        r: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
+        i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
         placements: wp.array2d(dtype=Placement), row: int,
     ):  # fmt: skip
-        """Steps 1 to 3: mark the candidates of row ``r`` that are places as TAKEN."""
-        first = rows.first[r]
-        last = rows.first[r + 1]
+        """Steps 1 to 3: mark the candidates of grain ``i`` that are places as TAKEN."""
+        first = rows.first[i]
+        last = first + rows.candidates[i]
         for c in range(first, last):
-            f = rows.candidate[c]
+            f = rows.feature[c]
             body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
             point, direction, distance, mask = closest_on_feature(surface, f, body, radius)
             rows.hit_state[c] = wp.where(distance < radius, wp.static(HIT), wp.static(IDLE))
@@ -116,11 +119,11 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
             rows.hit_direction[c] = direction
         same = wp.float64(1.0e-12) * radius
         for c in range(first, last):
-            f = rows.candidate[c]
+            f = rows.feature[c]
             mask = rows.hit_mask[c]
             if rows.hit_state[c] == wp.static(HIT) and mask != wp.static(FACE):
                 for o in range(first, last):
-                    of = rows.candidate[o]
+                    of = rows.feature[o]
                     if o != c and of < surface.triangles and surface.wall[of] == surface.wall[f]:
                         if is_corner_set_within(surface.vertex[f], mask, surface.vertex[of]):
                             closer = rows.hit_distance[c] - rows.hit_distance[o]
@@ -139,21 +142,21 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
                 left = 0
             else:
                 rows.hit_state[best] = wp.static(TAKEN)
-                f = rows.candidate[best]
+                f = rows.feature[best]
                 for c in range(first, last):
                     if rows.hit_state[c] == wp.static(HIT):
-                        if surface.piece[rows.candidate[c]] == surface.piece[f]:
+                        if surface.piece[rows.feature[c]] == surface.piece[f]:
                             cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[best])
                             if cosine > wp.float64(wp.static(MERGE_COSINE)):
                                 rows.hit_state[c] = wp.static(MERGED)
 
     @wp.func
-    def remembered(r: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, rows: Rows) -> int:
+    def remembered(i: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, rows: Rows) -> int:
         """Slot of the nearest unused place of the step before on ``wall``, -1 if none lies within a radius."""
-        first = rows.first[r]
+        first = rows.first[i]
         found = int(-1)
         nearest = radius * radius
-        for s in range(first, first + rows.place_count[old, r]):
+        for s in range(first, first + rows.place_count[old, i]):
             if rows.place_wall[old, s] == wall:
                 way = rows.place_point[old, s] - point
                 square = wp.dot(way, way)
@@ -166,7 +169,7 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
 
     @wp.func
     def touch(
-        r: int,
+        r: int,  # number in the list of grains that have candidates
         grains: wp.array(dtype=g.Record),
         inverse: wp.array(dtype=Inverse),
         kind: wp.array(dtype=wp.int32),
@@ -180,13 +183,13 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
         parity: int,
         dt: wp.float64,
     ):
-        """Evaluate row ``r``; returns the largest overlap share [-] and approach speed [m/s] in it."""
+        """Evaluate one grain; returns the largest overlap share [-] and approach speed [m/s] of its places."""
         i = rows.grain[r]
         grain_i = grains[i]
         q = g.position(grain_i)
         radius = grain_i[3]
-        find_places(r, q, radius, surface, rows, placements, row)
-        first = rows.first[r]
+        find_places(i, q, radius, surface, rows, placements, row)
+        first = rows.first[i]
         old = 1 - parity
         count = int(0)
         share = wp.float64(0.0)
@@ -200,9 +203,9 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
         half = wp.float64(0.5) * dt
         v_predicted = v + g.acceleration(grain_i) * half
         w_predicted = w + g.angular_acceleration(grain_i) * half
-        for c in range(first, rows.first[r + 1]):
+        for c in range(first, first + rows.candidates[i]):
             if rows.hit_state[c] == wp.static(TAKEN):
-                f = rows.candidate[c]
+                f = rows.feature[c]
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
                 now = placements[row + 1, motion]
@@ -215,7 +218,7 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
                 overlap_before = wp.float64(0.0)
                 spring = wp.vec3d()
                 angle = wp.vec3d()
-                s = remembered(r, wall, body_point, radius, old, rows)
+                s = remembered(i, wall, body_point, radius, old, rows)
                 if s >= 0:
                     n_before = rows.place_normal[old, s]
                     overlap_before = rows.place_overlap[old, s]
@@ -264,8 +267,8 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
                 rows.place_force[slot] = force
                 share = wp.max(share, overlap / radius)
                 approach = wp.max(approach, -wp.dot(velocity, n))
-        rows.place_count[parity, r] = count
-        rows.load[r] = total
+        rows.place_count[parity, i] = count
+        rows.load[i] = total
         return share, approach
 
     return Rows, touch
