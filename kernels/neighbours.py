@@ -1,6 +1,6 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
-Near list: per grain a row of partner slots in ascending order of partner id; ``twin`` names the same pair in the partner's
+Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id; ``twin`` names the same pair in the partner's
 row. Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and
 then by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the
 force loop and the rows of the summation short; rebuilding it costs a tenth of a near list. Neither changes a bit of the
@@ -33,47 +33,50 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     @kernel
     def near_rows(
         first: int,
-        fill: int,  # 0 counts, 1 fills
         grid: wp.uint64,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
         largest: wp.float64,
         skin: wp.float64,
-        start: wp.array(dtype=wp.int32),
+        width: int,  # room per row
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
     ):
+        """Partners of each grain; a count above ``width`` says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + skin)
+        q = g.position(me)
+        reach = me[3] + skin
+        query = wp.hash_grid_query(grid, q, reach + largest)
         j = int(0)
         n = int(0)
-        at = int(0)
-        if fill == 1:
-            at = start[i]
+        at = i * width
         while wp.hash_grid_query_next(query, j):
-            if j != i:
-                if gap(me, grains[j]) < skin:
-                    if fill == 1:
-                        s = at + n  # insertion by partner id: rows are short
-                        while s > at and id[slot_out[s - 1]] > id[j]:
-                            slot_out[s] = slot_out[s - 1]
-                            s -= 1
-                        slot_out[s] = j
-                    n += 1
+            other = grains[j]
+            way = q - g.position(other)
+            far = reach + other[3]
+            if wp.dot(way, way) < far * far and j != i:
+                if n < width:
+                    s = at + n  # insertion by partner id: rows are short
+                    while s > at and id[slot_out[s - 1]] > id[j]:
+                        slot_out[s] = slot_out[s - 1]
+                        s -= 1
+                    slot_out[s] = j
+                n += 1
         count_out[i] = n
 
     @kernel
     def pair_twins(
         first: int,
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         twin_out: wp.array(dtype=wp.int32),
     ):
         i = first + wp.tid()
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             j = slot[e]
-            for o in range(start[j], start[j + 1]):
+            for o in range(j * width, j * width + count[j]):
                 if slot[o] == i:
                     twin_out[e] = o
 
@@ -81,11 +84,13 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     def carry_contacts(
         first: int,
         id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list
         old_id: wp.array(dtype=wp.int64),
-        old_start: wp.array(dtype=wp.int32),
+        old_width: int,
+        old_count: wp.array(dtype=wp.int32),
         old_partner: wp.array(dtype=wp.int32),
         old_contact: wp.array(dtype=wp.int32),
         contact_out: wp.array(dtype=wp.int32),
@@ -93,11 +98,11 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         """Contact number of each owned pair in the list that is being replaced, -1 if it had none."""
         i = first + wp.tid()
         o = old_slot[i]
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             j = slot[e]
             found = int(-1)
             if id[j] > id[i]:
-                for f in range(old_start[o], old_start[o + 1]):
+                for f in range(o * old_width, o * old_width + old_count[o]):
                     if old_id[old_partner[f]] == id[j]:
                         found = old_contact[f]
             contact_out[e] = found
@@ -107,7 +112,8 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         first: int,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         twin: wp.array(dtype=wp.int32),
         margin: wp.float64,
@@ -118,7 +124,7 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         i = first + wp.tid()
         me = grains[i]
         n = int(0)
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             j = slot[e]
             if id[j] > id[i]:
                 close = wp.uint8(0)
@@ -132,13 +138,14 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     @kernel
     def count_rows(
         first: int,
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         active: wp.array(dtype=wp.uint8),
         count_out: wp.array(dtype=wp.int32),
     ):
         i = first + wp.tid()
         n = int(0)
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             n += int(active[e])
         count_out[i] = n
 
@@ -151,7 +158,8 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         materials: int,
         coefficients: wp.array(dtype=Coefficients),
         id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         active: wp.array(dtype=wp.uint8),
         contact_start: wp.array(dtype=wp.int32),
@@ -166,7 +174,7 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         """Write the contacts that grain ``i`` owns into their packs, with their constants and their memory."""
         i = first + wp.tid()
         at = contact_start[i]
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             j = slot[e]
             if id[j] > id[i]:
                 old = contact_out[e]
@@ -204,7 +212,8 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     def fill_rows(
         first: int,
         id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
+        width: int,
+        count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         twin: wp.array(dtype=wp.int32),
         active: wp.array(dtype=wp.uint8),
@@ -216,7 +225,7 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         """Where each contact puts its shares: the rows of its grains hold them in order of partner id."""
         i = first + wp.tid()
         at = row_start[i]
-        for e in range(start[i], start[i + 1]):
+        for e in range(i * width, i * width + count[i]):
             if active[e] == wp.uint8(1):
                 if id[slot[e]] > id[i]:
                     c = contact[e]

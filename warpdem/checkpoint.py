@@ -32,7 +32,7 @@ def save(sim, path: Path) -> None:
         with replaced(path) as part, h5py.File(part, "w") as file:
             file.attrs["format"] = FORMAT
             file.attrs["scene"] = sim.scene.model_dump_json()
-            file.attrs["base"], file.attrs["source"] = str(sim.scene.base), sim.scene.source
+            file.attrs["base"], file.attrs["source"] = str(sim.scene.base.resolve()), sim.scene.source
             file.attrs["scene_hash"] = scene_hash(sim.scene)
             file.attrs["step"], file.attrs["dt"] = sim.step_number, sim.dt
             rank = sim.state.rank

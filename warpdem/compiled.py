@@ -28,7 +28,7 @@ def compile_plan(plan: Plan) -> Built:
     shared = {"spins": plan.spins, "rolling": plan.rolling is not None, "memory": plan.memory, "table": plan.table}
     turning = {"turning_frame": plan.turning_frame}
     pair_pack = pairs.build(real, contact_law, plan.lanes, **shared, **turning)
-    Rows, touch = contact.build(contact_law, constants, **shared, **turning, lag=plan.lag)
+    Rows, touch = contact.build(contact_law, constants, **shared, **turning, lag=plan.lag, moving=plan.moving)
     load, advance = motion.build(spins=plan.spins, walls=plan.walls, moving=plan.moving, **turning)
     step = loop.build(pair_pack, touch, Rows, load, advance, spins=plan.spins, has_pairs=True, walls=plan.walls)
     lists = neighbours.build(constants, plan.lanes, **shared, lag=plan.lag)

@@ -6,7 +6,8 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
 
-REFRESH_STEPS = (40, 160)  # steps between refreshes that the margin is steered to
+REFRESH_STEPS = (15, 50)  # steps between refreshes that the margin is steered to
+REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 
 
@@ -28,32 +29,31 @@ def starts(count: np.ndarray) -> np.ndarray:
     return out
 
 
-def chosen_skin(scene, radius: np.ndarray) -> float:
-    """Distance beyond touching that the near list covers [m]: as given, or 0.4 mean radii."""
-    if scene.engine.skin != "auto":
-        return float(scene.engine.skin)
-    return 0.4 * float(np.mean(radius)) if len(radius) else 1.0
-
-
 class Lists:
     """Near list, contact list and wall rows of a simulation.
 
     Attributes:
+        skin: gap below which a pair is in the near list [m].
         rebuilds: how often the near list was made.
         refreshes: how often the contact list was made.
         margin: gap below which a near pair is in the contact list [m].
     """
 
-    def __init__(self, sim, skin: float) -> None:
+    def __init__(self, sim) -> None:
         self.sim = sim
-        self.skin = skin
-        self.margin = 0.2 * skin
+        radius = sim.state.record.numpy()[:, grain.RADIUS]
+        mean = float(radius.mean()) if len(radius) else 1.0
+        skin = sim.scene.engine.skin
+        self._skin_bounds = (0.4 * mean, 2.0 * mean) if skin == "auto" else (skin, skin)
+        self.skin = self._skin_bounds[0]
+        self.margin = 0.2 * self.skin
         self.rebuilds = 0
         self.refreshes = 0
-        self._last_refresh = 0
+        self._last_refresh = self._last_rebuild = 0
         n = len(sim.state)
-        self.largest = float(sim.state.record.numpy()[:, grain.RADIUS].max()) if n else 0.0
-        self._near = None  # start, slot, twin, contact
+        self.largest = float(radius.max(initial=0.0))
+        self._near = None  # width, count, slot, twin, contact
+        self._width = 12  # room per row of the near list
         self._near_reference = None
         self._grid = None
         self.contact_count = 0
@@ -104,6 +104,9 @@ class Lists:
         fresh = force_rebuild or self.stale or self._near is None
         self.stale = False
         if fresh or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+            if self.rebuilds and sim.step_number - self._last_rebuild < REBUILD_STEPS:
+                self.skin = min(1.25 * self.skin, self._skin_bounds[1])
+            self._last_rebuild = sim.step_number
             with sim.clock("lists"):
                 self._rebuild(placement)
         with sim.clock("refresh"):
@@ -143,25 +146,23 @@ class Lists:
             self._grid = wp.HashGrid(*self._grid_cells, device=sim.device, dtype=wp.float64)
         self._grid.build(points, cell)
         count = self._array(n, wp.int32)
-        nothing = self._array(0, wp.int32)
-        shared = [self._grid.id, state.record, state.id, self.largest, self.skin]
-        sim.threads.split(lists.near_rows, n, [0, *shared, nothing, count, nothing], sim.device)
-        row_start = starts(count.numpy())
-        start = self._upload(row_start, wp.int32)
-        slot, twin, contact = (self._array(int(row_start[-1]), wp.int32) for _ in range(3))
-        sim.threads.split(lists.near_rows, n, [1, *shared, start, count, slot], sim.device)
-        sim.threads.split(lists.pair_twins, n, [start, slot, twin], sim.device)
+        while True:
+            slot = self._array(n * self._width, wp.int32)
+            inputs = [self._grid.id, state.record, state.id, self.largest, self.skin, self._width, count, slot]
+            sim.threads.split(lists.near_rows, n, inputs, sim.device)
+            longest = int(count.numpy().max(initial=0))
+            if longest <= self._width:
+                break
+            self._width = longest + 4
+        twin, contact = self._array(slot.shape, wp.int32), self._array(slot.shape, wp.int32)
+        sim.threads.split(lists.pair_twins, n, [self._width, count, slot, twin], sim.device)
         if self._near is None:
             contact.fill_(-1)
         else:
-            old_start, old_slot, _, old_contact = self._near
-            sim.threads.split(
-                lists.carry_contacts,
-                n,
-                [state.id, start, slot, old_place, old_id, old_start, old_slot, old_contact, contact],
-                sim.device,
-            )  # fmt: skip
-        self._near = (start, slot, twin, contact)
+            old_width, old_count, old_slot, _, old_contact = self._near
+            inputs = [state.id, self._width, count, slot, old_place, old_id, old_width, old_count, old_slot, old_contact]
+            sim.threads.split(lists.carry_contacts, n, [*inputs, contact], sim.device)
+        self._near = (self._width, count, slot, twin, contact)
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
@@ -190,17 +191,17 @@ class Lists:
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
-        start, slot, twin, contact = self._near
+        width, count, slot, twin, contact = self._near
         active = self._room("active", slot.shape, wp.uint8)
         owned, in_row = self._room("owned", (n,), wp.int32), self._room("in_row", (n,), wp.int32)
         split = sim.threads.split
         split(
             lists.select_contacts,
             n,
-            [state.record, state.id, start, slot, twin, self.margin, active, owned],
+            [state.record, state.id, width, count, slot, twin, self.margin, active, owned],
             sim.device,
         )
-        split(lists.count_rows, n, [start, active, in_row], sim.device)
+        split(lists.count_rows, n, [width, count, active, in_row], sim.device)
         contact_start_host, row_start_host = starts(owned.numpy()), starts(in_row.numpy())
         self.contact_count = int(contact_start_host[-1])
         packs = -(-self.contact_count // plan.lanes)
@@ -224,13 +225,12 @@ class Lists:
         split(
             lists.fill_contacts,
             n,
-            [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, start, slot, active,
-             contact_start, self.memory, contact, owner, partner, kind, constants, memory],
+            [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, width, count, slot,
+             active, contact_start, self.memory, contact, owner, partner, kind, constants, memory],
             sim.device,
         )  # fmt: skip
-        split(
-            lists.fill_rows, n, [state.id, start, slot, twin, active, contact, row_start, slot_i, slot_j], sim.device
-        )
+        inputs = [state.id, width, count, slot, twin, active, contact, row_start, slot_i, slot_j]
+        split(lists.fill_rows, n, inputs, sim.device)
         self.memory = memory
         self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
@@ -259,9 +259,13 @@ class Lists:
         pair, memory = data["pair"], data["pair_memory"]
         owner, partner = np.searchsorted(ids, pair[:, 0]), np.searchsorted(ids, pair[:, 1])
         order = np.argsort(owner, kind="stable")
-        start = self._upload(starts(np.bincount(owner, minlength=n)), wp.int32)
-        slot = self._upload(partner[order].astype(np.int32), wp.int32)
-        self._near = (start, slot, slot, self._upload(order.astype(np.int32), wp.int32))
+        count = np.bincount(owner, minlength=n)
+        width = int(count.max(initial=0))
+        place = owner[order] * width + np.arange(len(order)) - starts(count)[owner[order]]
+        slot, contact = np.zeros(n * width, dtype=np.int32), np.zeros(n * width, dtype=np.int32)
+        slot[place], contact[place] = partner[order], order
+        slot, contact = self._upload(slot, wp.int32), self._upload(contact, wp.int32)
+        self._near = (width, self._upload(count, wp.int32), slot, slot, contact)
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, wp.float64)

@@ -16,14 +16,14 @@ from warpdem.kernels.loop import SPAN
 from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
 from warpdem.kernels.schedule import Placement, Row
 from warpdem.kernels.wall.surface import Surface
-from warpdem.neighbours import Lists, chosen_skin
+from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
 from warpdem.scene import Scene
 from warpdem.schedule import Schedule
 from warpdem.snapshot import Snapshot, WallMesh
 from warpdem.state import State
 from warpdem.threads import Threads, available_threads, ranges
-from warpdem.walls import Walls, load_meshes
+from warpdem.walls import Walls, check_sizes, load_meshes, named_diameters
 
 BLOCK = 256  # steps whose schedule is made at once
 CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
@@ -51,7 +51,9 @@ class Simulation:
         self._block: tuple[int, int] | None = None
         with self.clock("set-up"):
             self.meshes = load_meshes(scene)
+            check_sizes(scene, self.meshes, named_diameters(scene))
             start = load_grains(scene, self.meshes)
+            check_sizes(scene, self.meshes, 2.0 * start.radius)
             check_start(start, self.meshes, scene)
             self.schedule = Schedule(scene)
             start_spin, start_velocity = self._to_absolute(start)
@@ -74,7 +76,7 @@ class Simulation:
             )
             table = coefficient_table(scene) if self.plan.table else self._only_coefficients(start)
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
-            self.lists = Lists(self, chosen_skin(scene, start.radius))
+            self.lists = Lists(self)
             self._control = self._new_control()
         self.step_number = 0
         self._forces_ready = False

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from warpdem.geometry import TriangleMesh, load_mesh, require_closed
+from warpdem.geometry import TriangleMesh, check_size, load_mesh, require_closed
 from warpdem.kernels.wall.surface import Surface
 
 
@@ -22,6 +22,29 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
                 require_closed(mesh, key)
             meshes[wall.name] = mesh
     return meshes
+
+
+def check_sizes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> None:
+    """Compare every mesh with the grains' ``diameters`` [m]: a mesh in millimetres is a thousand times too large.
+
+    Raises:
+        SceneError: if a mesh and the grains cannot belong together.
+    """
+    for number, wall in enumerate(scene.walls):
+        if wall.mesh is not None and len(diameters):
+            check_size(meshes[wall.name], diameters, f"{scene.source}: walls[{number}].mesh")
+
+
+def named_diameters(scene) -> np.ndarray:
+    """Diameters that the scene itself names [m]: known before anything is filled."""
+    found = []
+    for group in scene.grains:
+        if group.fill is not None:
+            d = group.fill.diameter
+            found.append(np.atleast_1d(np.array(getattr(d, "uniform", d), dtype=float)))
+        elif group.positions is not None:
+            found.append(2.0 * group.explicit_radii)
+    return np.concatenate(found) if found else np.zeros(0)
 
 
 class Walls:

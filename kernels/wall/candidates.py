@@ -26,7 +26,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, me
         feature_out: wp.array(dtype=wp.int32),
     ) -> int:  # fmt: skip
         """Number of features after feature ``f`` has been looked at; inserted in ascending order when filling."""
-        nearest, direction, distance, mask = closest_on_feature(surface, f, point, radius)
+        nearest, direction, distance, mask = closest_on_feature(surface, f, point, radius, reach)
         if distance >= reach:
             return n
         if fill == 1:

@@ -41,8 +41,11 @@ IDLE, HIT, TAKEN, MERGED = 0, 1, 2, 3
 
 
 @wp.func
-def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64):
-    """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m] and corner mask."""
+def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64, reach: wp.float64):
+    """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m] and corner mask.
+
+    A distance of ``reach`` or more is only known to be so.
+    """
     plane = surface.plane[f]
     normal = wp.vec3d(plane[0], plane[1], plane[2])
     height = wp.dot(normal, q) - plane[3]
@@ -54,7 +57,7 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
     if f >= surface.triangles:  # an analytic plane is one-sided: behind it a grain is pushed back all the way
         distance = height
         direction = normal
-    else:
+    elif distance < reach:  # its plane beyond reach, a triangle is too
         nearest, corners = closest_point(q, surface.corner[f])
         away = q - nearest
         square = wp.dot(away, away)
@@ -68,8 +71,9 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 
 
 @functools.cache
-def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float):
-    """Return the struct of rows and the function that evaluates one; arguments as in ``pairs.build``, ``lag`` the inertia factor of the rolling model [-]."""
+def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float, moving: int):  # fmt: skip
+    """Return the struct of rows and the function that evaluates one; arguments as in ``pairs.build``, ``lag`` the inertia factor of the
+    rolling model [-], ``moving`` the number of wall motions relative to the frame."""
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Coefficients = wp.types.vector(7, wp.float64)
@@ -110,8 +114,10 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
         last = first + rows.candidates[i]
         for c in range(first, last):
             f = rows.feature[c]
-            body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
-            point, direction, distance, mask = closest_on_feature(surface, f, body, radius)
+            body = q
+            if wp.static(moving > 0):
+                body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
+            point, direction, distance, mask = closest_on_feature(surface, f, body, radius, radius)
             rows.hit_state[c] = wp.where(distance < radius, wp.static(HIT), wp.static(IDLE))
             rows.hit_mask[c] = mask
             rows.hit_distance[c] = distance
@@ -211,8 +217,13 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
                 now = placements[row + 1, motion]
                 body_point = rows.hit_point[c]
                 distance = rows.hit_distance[c]
-                n = turned(now, rows.hit_direction[c])
-                point = placed(now, body_point)
+                n = rows.hit_direction[c]
+                point = body_point
+                before = body_point
+                if wp.static(moving > 0):
+                    n = turned(now, n)
+                    point = placed(now, body_point)
+                    before = placed(placements[row, motion], body_point)
                 overlap = radius - distance
                 n_before = n
                 overlap_before = wp.float64(0.0)
@@ -232,7 +243,6 @@ def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_fr
                         angle = rows.place_angle[old, s]
                         if wp.static(turning_frame):
                             angle = angle + turn * angle
-                before = placed(placements[row, motion], body_point)
                 way = point - before
                 if wp.static(turning_frame):
                     way = way - turn * (before - pivot(state))

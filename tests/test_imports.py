@@ -1,0 +1,107 @@
+"""Data flows one way: a file imports only from files before it, and the kernels stand alone."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+ORDER = (
+    "errors", "snapshot", "units", "scene", "scene_file",
+    "geometry", "packing", "grain_source",
+    "plan", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours",
+    "observers", "summary", "write_tables", "checkpoint", "simulation",
+    "write_vtk", "write_usd", "render", "runner", "cli",
+    "__init__", "__main__",
+)  # fmt: skip
+KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
+RENDER_IMPORTS = {"errors", "snapshot", "write_tables", "write_vtk"}
+"""Files and the formats they are written in; no simulation."""
+HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
+HEAVY_OWNERS = {"write_usd": {"pxr"}, "write_vtk": {"vtk", "pyvista"}, "render": {"pyvista", "vtk", "imageio", "matplotlib"}}
+"""Files that own a heavy library and are themselves imported only when they are needed."""
+
+
+def imports(path: Path) -> list[tuple[str, bool]]:
+    """Modules that a file names in its import statements, and whether that happens when the file itself is imported."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    lazy = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+        for inner in ast.walk(node)
+    }
+    found = []
+    for node in ast.walk(tree):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}:{node.lineno}: relative import"
+            # "from warpdem import plan" names a file of the package, "from warpdem.plan import Plan" one of its things
+            is_package = node.module in ("warpdem", "warpdem.kernels")
+            names = [f"{node.module}.{alias.name}" for alias in node.names] if is_package else [node.module]
+        found += [(name, node not in lazy) for name in names]
+    return found
+
+
+def own_files(path: Path) -> set[str]:
+    """Files of the package that a file imports, by stem."""
+    stems = {name.split(".")[1] for name, _ in imports(path) if name.startswith("warpdem.")}
+    return {stem for stem in stems if stem in ORDER}
+
+
+FILES = sorted((ROOT / "warpdem").glob("*.py"), key=lambda path: path.stem)
+KERNEL_FILES = sorted((ROOT / "kernels").rglob("*.py"))
+
+
+def test_order_names_every_file_once():
+    assert sorted(ORDER) == sorted(path.stem for path in FILES)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_file_imports_only_from_files_before_it(path):
+    later = ORDER[ORDER.index(path.stem) :]
+    assert not own_files(path) & set(later)
+
+
+def test_render_reads_files_only():
+    assert own_files(ROOT / "warpdem" / "render.py") <= RENDER_IMPORTS
+    for stem in RENDER_IMPORTS:
+        assert own_files(ROOT / "warpdem" / f"{stem}.py") <= RENDER_IMPORTS
+    assert "warp" not in {name for name, _ in imports(ROOT / "warpdem" / "render.py")}
+
+
+@pytest.mark.parametrize("path", KERNEL_FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_kernels_stand_alone(path):
+    for name, _ in imports(path):
+        assert name.split(".")[0] in KERNEL_IMPORTS or name.startswith("warpdem.kernels."), name
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_heavy_libraries_are_imported_where_they_are_used(path):
+    at_once = {name.split(".")[0] for name, first in imports(path) if first}
+    assert at_once & HEAVY <= HEAVY_OWNERS.get(path.stem, set())
+
+
+def test_importing_warpdem_loads_nothing_heavy():
+    code = "import sys, warpdem, warpdem.cli, warpdem.runner; print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert "numpy" in loaded.split()
+    assert not set(loaded.split()) & HEAVY
+
+
+def test_kernels_can_be_used_without_the_rest():
+    code = (
+        "import sys, warp as wp\n"
+        "wp.config.log_level = wp.LOG_WARNING\n"
+        "from warpdem.kernels.normal import hertz\n"
+        "_, force = hertz.build(wp.float64)\n"
+        "print(force(wp.float64(1e-4), wp.float64(0.0), wp.float64(1e6), wp.float64(0.0))[0])\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[-1]) == pytest.approx(1.0, rel=1e-14)

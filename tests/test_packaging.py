@@ -1,0 +1,67 @@
+"""What is installed is what lies in the checkout."""
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def folders_with_code() -> set[str]:
+    """Import names of all folders of the packages that hold an __init__.py."""
+    found = {p.parent.relative_to(ROOT).as_posix().replace("/", ".") for p in (ROOT / "warpdem").rglob("__init__.py")}
+    found = {name for name in found if not name.startswith("warpdem.kernels")}  # an editor's link to ../kernels
+    kernels = {p.parent.relative_to(ROOT).as_posix().replace("/", ".") for p in (ROOT / "kernels").rglob("__init__.py")}
+    return found | {f"warpdem.{name}" for name in kernels}
+
+
+def test_package_list_is_what_lies_on_disk(project):
+    """A folder missing from the list passes every other test in an editable install and is absent from the wheel."""
+    assert set(project["tool"]["setuptools"]["packages"]) == folders_with_code()
+    assert len(project["tool"]["setuptools"]["packages"]) == len(folders_with_code())
+
+
+def test_every_folder_of_kernels_is_a_package():
+    for path in (ROOT / "kernels").rglob("*.py"):
+        assert (path.parent / "__init__.py").exists(), path
+
+
+def test_folder_kernels_refuses_its_bare_name():
+    done = subprocess.run([sys.executable, "-c", "import kernels"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "imported as warpdem.kernels" in done.stderr
+
+
+def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
+    """The wheel itself, built from a copy so that nothing is left in the checkout."""
+    pytest.importorskip("setuptools", minversion="77", reason="the build backend is not installed")
+    code = (
+        "import os, pathlib, shutil, setuptools.build_meta as backend\n"
+        f"root, work = pathlib.Path({str(ROOT)!r}), pathlib.Path({str(tmp_path)!r}) / 'copy'\n"
+        "work.mkdir()\n"
+        "shutil.copytree(root / 'warpdem', work / 'warpdem', ignore=shutil.ignore_patterns('__pycache__', 'kernels'))\n"
+        "shutil.copytree(root / 'kernels', work / 'kernels', ignore=shutil.ignore_patterns('__pycache__'))\n"
+        "for name in ('pyproject.toml', 'README.md'): shutil.copy(root / name, work / name)\n"
+        "os.chdir(work)\n"
+        "backend.build_wheel(str(work.parent))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    [wheel] = tmp_path.glob("warpdem-*.whl")
+    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".py")}
+    wanted = {f"warpdem/{p.name}" for p in (ROOT / "warpdem").glob("*.py")}
+    wanted |= {f"warpdem/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "kernels").rglob("*.py")}
+    assert held == wanted
+
+
+def test_command_is_installed(project):
+    assert project["project"]["scripts"] == {"warpdem": "warpdem.cli:main"}
