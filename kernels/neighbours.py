@@ -1,7 +1,7 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
-Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id; ``twin`` names the same pair in the partner's
-row. Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and
+Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in
+ascending order of partner id. Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and
 then by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the
 force loop and the rows of the summation short; rebuilding it costs a tenth of a near list. Neither changes a bit of the
 result: pairs are evaluated lower id first and summed in order of partner id.
@@ -23,12 +23,6 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     Inverse = wp.types.vector(2, wp.float64)
     width = 4 if rolling else 2
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
-
-    @wp.func
-    def gap(a: g.Record, b: g.Record) -> wp.float64:
-        """Distance between two surfaces [m], negative when they overlap."""
-        way = g.position(a) - g.position(b)
-        return wp.sqrt(wp.dot(way, way)) - a[3] - b[3]
 
     @kernel
     def near_rows(
@@ -66,21 +60,6 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         count_out[i] = n
 
     @kernel
-    def pair_twins(
-        first: int,
-        width: int,
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        twin_out: wp.array(dtype=wp.int32),
-    ):
-        i = first + wp.tid()
-        for e in range(i * width, i * width + count[i]):
-            j = slot[e]
-            for o in range(j * width, j * width + count[j]):
-                if slot[o] == i:
-                    twin_out[e] = o
-
-    @kernel
     def carry_contacts(
         first: int,
         id: wp.array(dtype=wp.int64),
@@ -115,39 +94,30 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         width: int,
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        twin: wp.array(dtype=wp.int32),
         margin: wp.float64,
         active_out: wp.array(dtype=wp.uint8),
         owned_out: wp.array(dtype=wp.int32),
+        listed_out: wp.array(dtype=wp.int32),
     ):
-        """Mark the pairs closer than the margin, decided once per pair by its owner."""
+        """Mark the pairs closer than the margin; both grains of a pair decide alike, bit for bit."""
         i = first + wp.tid()
         me = grains[i]
-        n = int(0)
+        owned = int(0)
+        listed = int(0)
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
-            if id[j] > id[i]:
-                close = wp.uint8(0)
-                if gap(me, grains[j]) < margin:
-                    close = wp.uint8(1)
-                    n += 1
-                active_out[e] = close
-                active_out[twin[e]] = close
-        owned_out[i] = n
-
-    @kernel
-    def count_rows(
-        first: int,
-        width: int,
-        count: wp.array(dtype=wp.int32),
-        active: wp.array(dtype=wp.uint8),
-        count_out: wp.array(dtype=wp.int32),
-    ):
-        i = first + wp.tid()
-        n = int(0)
-        for e in range(i * width, i * width + count[i]):
-            n += int(active[e])
-        count_out[i] = n
+            other = grains[j]
+            way = g.position(me) - g.position(other)
+            far = me[3] + other[3] + margin
+            close = wp.uint8(0)
+            if wp.dot(way, way) < far * far:
+                close = wp.uint8(1)
+                listed += 1
+                if id[j] > id[i]:
+                    owned += 1
+            active_out[e] = close
+        owned_out[i] = owned
+        listed_out[i] = listed
 
     @kernel
     def fill_contacts(
@@ -163,17 +133,21 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         slot: wp.array(dtype=wp.int32),
         active: wp.array(dtype=wp.uint8),
         contact_start: wp.array(dtype=wp.int32),
+        row_start: wp.array(dtype=wp.int32),
         old_memory: wp.array3d(dtype=wp.float64),
         contact_out: wp.array(dtype=wp.int32),
         owner_out: wp.array2d(dtype=wp.int32),
         partner_out: wp.array2d(dtype=wp.int32),
         kind_out: wp.array2d(dtype=wp.int32),
         constants_out: wp.array3d(dtype=wp.float64),
+        slot_i_out: wp.array2d(dtype=wp.int32),
+        slot_j_out: wp.array2d(dtype=wp.int32),
         memory_out: wp.array3d(dtype=wp.float64),
     ):
-        """Write the contacts that grain ``i`` owns into their packs, with their constants and their memory."""
+        """Write the contacts that grain ``i`` owns into their packs, and tell all its contacts where its shares go."""
         i = first + wp.tid()
         at = contact_start[i]
+        row = row_start[i]
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             if id[j] > id[i]:
@@ -185,6 +159,8 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
                     k = at % wp.static(lanes)
                     owner_out[p, k] = i
                     partner_out[p, k] = j
+                    slot_i_out[p, k] = row
+                    row += 1
                     c = coefficients[0]
                     if wp.static(table):
                         which = kind[i] * materials + kind[j]
@@ -207,41 +183,19 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
                                 value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
                             memory_out[p, f, k] = value
                     at += 1
-
-    @kernel
-    def fill_rows(
-        first: int,
-        id: wp.array(dtype=wp.int64),
-        width: int,
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        twin: wp.array(dtype=wp.int32),
-        active: wp.array(dtype=wp.uint8),
-        contact: wp.array(dtype=wp.int32),
-        row_start: wp.array(dtype=wp.int32),
-        slot_i_out: wp.array2d(dtype=wp.int32),
-        slot_j_out: wp.array2d(dtype=wp.int32),
-    ):
-        """Where each contact puts its shares: the rows of its grains hold them in order of partner id."""
-        i = first + wp.tid()
-        at = row_start[i]
-        for e in range(i * width, i * width + count[i]):
-            if active[e] == wp.uint8(1):
-                if id[slot[e]] > id[i]:
-                    c = contact[e]
-                    slot_i_out[c // wp.static(lanes), c % wp.static(lanes)] = at
-                else:
-                    c = contact[twin[e]]
-                    slot_j_out[c // wp.static(lanes), c % wp.static(lanes)] = at
-                at += 1
+            elif active[e] == wp.uint8(1):  # owned by j: its number there
+                theirs = contact_start[j]
+                for o in range(j * width, j * width + count[j]):
+                    if slot[o] == i:
+                        slot_j_out[theirs // wp.static(lanes), theirs % wp.static(lanes)] = row
+                    elif active[o] == wp.uint8(1) and id[slot[o]] > id[j]:
+                        theirs += 1
+                row += 1
 
     return Built(
         near_rows=near_rows,
-        pair_twins=pair_twins,
         carry_contacts=carry_contacts,
         select_contacts=select_contacts,
-        count_rows=count_rows,
         fill_contacts=fill_contacts,
-        fill_rows=fill_rows,
         constants_width=width,
     )

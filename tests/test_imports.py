@@ -96,12 +96,12 @@ def test_importing_warpdem_loads_nothing_heavy():
 
 def test_kernels_can_be_used_without_the_rest():
     code = (
-        "import sys, warp as wp\n"
-        "wp.config.log_level = wp.LOG_WARNING\n"
+        "import warp as wp\n"
+        "wp.init()\n"
         "from warpdem.kernels.normal import hertz\n"
         "_, force = hertz.build(wp.float64)\n"
         "print(force(wp.float64(1e-4), wp.float64(0.0), wp.float64(1e6), wp.float64(0.0))[0])\n"
     )
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout.split()[-1]) == pytest.approx(1.0, rel=1e-14)

@@ -3,8 +3,8 @@
     no ``from __future__ import annotations``     the types that a factory captures would be lost
     ``enable_backward`` off for every kernel      the adjoint would be compiled for nothing
     ``module="unique"`` for nested kernels        two variants of one factory would meet in one module
-    no bare float in a nested function or kernel  ``2.0 * x`` is float32 or float64 whatever the factory's ``real`` says;
-                                                  allowed: ``real(2.0)``, ``wp.float64(2.0)``, ``wp.static(2.0)``
+    no bare float where a factory has ``real``    ``2.0 * x`` compiles for one precision only; allowed: ``real(2.0)``,
+                                                  ``wp.float64(2.0)``, ``wp.static(2.0)``
 """
 
 import ast
@@ -69,7 +69,7 @@ def check_source(source: str, name: str) -> list[str]:
     problems: list[tuple[int, str]] = []
     known: dict[str, dict[str, ast.expr]] = {}
 
-    def visit(node: ast.AST, nested: bool) -> None:
+    def visit(node: ast.AST, nested: bool, has_real: bool) -> None:
         if isinstance(node, ast.ImportFrom) and node.module == "__future__":
             if any(alias.name == "annotations" for alias in node.names):
                 problems.append((node.lineno, "from __future__ import annotations"))
@@ -82,14 +82,16 @@ def check_source(source: str, name: str) -> list[str]:
                     problems.append((node.lineno, f"kernel {node.name} without enable_backward=False"))
                 if nested and not _is(options.get("module"), "unique"):
                     problems.append((node.lineno, f'nested kernel {node.name} without module="unique"'))
-            if nested and (kernels or any(_is_func(d) for d in node.decorator_list)):
+            if has_real and (kernels or any(_is_func(d) for d in node.decorator_list)):
                 for literal in _bare_floats(node):
                     problems.append((literal.lineno, f"bare float {literal.value} in {node.name}"))
             nested = True
+            arguments = node.args
+            has_real |= any(a.arg == "real" for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs))
         for child in ast.iter_child_nodes(node):
-            visit(child, nested)
+            visit(child, nested, has_real)
 
-    visit(tree, nested=False)
+    visit(tree, nested=False, has_real=False)
     return [f"{name}:{line}: {what}" for line, what in sorted(problems)]
 
 

@@ -52,7 +52,7 @@ class Lists:
         self._last_refresh = self._last_rebuild = 0
         n = len(sim.state)
         self.largest = float(radius.max(initial=0.0))
-        self._near = None  # width, count, slot, twin, contact
+        self._near = None  # width, count, slot, contact
         self._width = 12  # room per row of the near list
         self._near_reference = None
         self._grid = None
@@ -154,15 +154,14 @@ class Lists:
             if longest <= self._width:
                 break
             self._width = longest + 4
-        twin, contact = self._array(slot.shape, wp.int32), self._array(slot.shape, wp.int32)
-        sim.threads.split(lists.pair_twins, n, [self._width, count, slot, twin], sim.device)
+        contact = self._array(slot.shape, wp.int32)
         if self._near is None:
             contact.fill_(-1)
         else:
-            old_width, old_count, old_slot, _, old_contact = self._near
+            old_width, old_count, old_slot, old_contact = self._near
             inputs = [state.id, self._width, count, slot, old_place, old_id, old_width, old_count, old_slot, old_contact]
             sim.threads.split(lists.carry_contacts, n, [*inputs, contact], sim.device)
-        self._near = (self._width, count, slot, twin, contact)
+        self._near = (self._width, count, slot, contact)
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
@@ -191,18 +190,13 @@ class Lists:
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
-        width, count, slot, twin, contact = self._near
+        width, count, slot, contact = self._near
         active = self._room("active", slot.shape, wp.uint8)
-        owned, in_row = self._room("owned", (n,), wp.int32), self._room("in_row", (n,), wp.int32)
+        owned, listed = self._room("owned", (n,), wp.int32), self._room("listed", (n,), wp.int32)
         split = sim.threads.split
-        split(
-            lists.select_contacts,
-            n,
-            [state.record, state.id, width, count, slot, twin, self.margin, active, owned],
-            sim.device,
-        )
-        split(lists.count_rows, n, [width, count, active, in_row], sim.device)
-        contact_start_host, row_start_host = starts(owned.numpy()), starts(in_row.numpy())
+        inputs = [state.record, state.id, width, count, slot, self.margin, active, owned, listed]
+        split(lists.select_contacts, n, inputs, sim.device)
+        contact_start_host, row_start_host = starts(owned.numpy()), starts(listed.numpy())
         self.contact_count = int(contact_start_host[-1])
         packs = -(-self.contact_count // plan.lanes)
         contact_start, row_start = self._upload(contact_start_host, wp.int32), self._upload(row_start_host, wp.int32)
@@ -226,11 +220,10 @@ class Lists:
             lists.fill_contacts,
             n,
             [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, width, count, slot,
-             active, contact_start, self.memory, contact, owner, partner, kind, constants, memory],
+             active, contact_start, row_start, self.memory, contact, owner, partner, kind, constants, slot_i, slot_j,
+             memory],
             sim.device,
         )  # fmt: skip
-        inputs = [state.id, width, count, slot, twin, active, contact, row_start, slot_i, slot_j]
-        split(lists.fill_rows, n, inputs, sim.device)
         self.memory = memory
         self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
@@ -265,7 +258,7 @@ class Lists:
         slot, contact = np.zeros(n * width, dtype=np.int32), np.zeros(n * width, dtype=np.int32)
         slot[place], contact[place] = partner[order], order
         slot, contact = self._upload(slot, wp.int32), self._upload(contact, wp.int32)
-        self._near = (width, self._upload(count, wp.int32), slot, slot, contact)
+        self._near = (width, self._upload(count, wp.int32), slot, contact)
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, wp.float64)

@@ -1,0 +1,138 @@
+"""Characteristic times against closed forms and against trajectories integrated on their own."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from warpdem import Scene, SceneError, timestep
+from warpdem.grain_source import load_grains
+
+RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
+MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
+
+
+def scene(**changes) -> Scene:
+    data = {
+        "materials": {"glass": {"density": DENSITY, "young_modulus": YOUNG, "poisson_ratio": POISSON}},
+        "contact": {"tangential": "none"},
+        "pairs": [{"materials": ["glass", "glass"], "restitution": 1.0}],
+        "grains": [{"material": "glass", "positions": [[0, 0, 0], [0, 0, 0.1]], "radius": RADIUS}],
+        "time": {"end": 1, "max_speed": 0.5},
+    }
+    return Scene.model_validate(data | changes)
+
+
+def found(of: Scene) -> timestep.Limits:
+    return timestep.limits(of, load_grains(of, {}), {})
+
+
+def test_rayleigh_time():
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    expected = math.pi * RADIUS * math.sqrt(DENSITY / shear) / (0.1631 * POISSON + 0.8766)
+    assert found(scene()).rayleigh == pytest.approx(expected, rel=1e-14)
+
+
+def test_smallest_grain_counts():
+    grains = [{"material": "glass", "positions": [[0, 0, 0], [0, 0, 0.1]], "radii": [RADIUS, 4.0 * RADIUS]}]
+    limits, small = found(scene(grains=grains)), found(scene())
+    for name in ("rayleigh", "contact_time", "packed", "stable"):
+        assert getattr(limits, name) == pytest.approx(getattr(small, name), rel=1e-14)
+
+
+@pytest.mark.parametrize("speed", [0.01, 0.5, 3.0])
+def test_hertz_contact_time_is_that_of_the_trajectory(speed):
+    """Of an undamped impact of two equal grains, integrated from touch to separation."""
+    stiffness = 4.0 / 3.0 * (YOUNG / (2.0 * (1.0 - POISSON**2))) * math.sqrt(0.5 * RADIUS)
+
+    def motion(_, y):
+        return [y[1], -stiffness * max(y[0], 0.0) ** 1.5 / (0.5 * MASS)]
+
+    def apart(_, y):
+        return y[0]
+
+    apart.terminal, apart.direction = True, -1
+    start = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed) / speed
+    path = solve_ivp(motion, (0.0, 10.0 * start), [0.0, speed], events=apart, rtol=1e-10, atol=1e-16, max_step=start / 50)
+    limits = found(scene(time={"end": 1, "max_speed": speed}))
+    assert limits.contact_time == pytest.approx(path.t_events[0][-1], rel=1e-6)
+    deepest = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed)
+    assert path.y[0].max() == pytest.approx(deepest, rel=1e-3)
+
+
+def test_hooke_contact_time():
+    pairs = [{"materials": ["glass", "glass"], "restitution": 1.0, "stiffness": 200.0}]
+    limits = found(scene(contact={"normal": "hooke", "tangential": "none"}, pairs=pairs))
+    assert limits.contact_time == pytest.approx(math.pi * math.sqrt(0.5 * MASS / 200.0), rel=1e-14)
+
+
+def test_stable_limit_of_two_undamped_frictionless_hooke_grains():
+    """Two grains on a spring k: w^2 = 2 k/m; an explicit leapfrog is stable up to 2/w, and this limit stays below it."""
+    pairs = [{"materials": ["glass", "glass"], "restitution": 1.0, "stiffness": 200.0}]
+    limits = found(scene(contact={"normal": "hooke", "tangential": "none"}, pairs=pairs))
+    leapfrog = 2.0 / math.sqrt(2.0 * 200.0 / MASS)
+    assert 0.5 * leapfrog < limits.stable <= 1.3 * leapfrog
+    assert limits.packed < limits.stable
+
+
+def test_damping_and_friction_lower_the_limit():
+    pair = {"materials": ["glass", "glass"], "restitution": 1.0}
+    plain = found(scene()).stable
+    damped = found(scene(pairs=[pair | {"restitution": 0.1}])).stable
+    rough = found(scene(contact={"tangential": "mindlin"}, pairs=[pair | {"friction": 0.5}])).stable
+    assert damped < 0.7 * plain
+    assert rough < 0.95 * plain
+
+
+def test_auto_takes_the_least_and_names_it():
+    limits = found(scene())
+    assert timestep.choose(scene(), limits) == min(limits.candidates.values())
+    assert limits.candidates[limits.binding] == min(limits.candidates.values())
+    fast = scene(frame={"axis": [0, 0, 1], "rate": 1e6})
+    assert timestep.choose(fast, found(fast)) == pytest.approx(0.02 / 1e6)
+    assert "rad of the frame" in found(fast).binding
+
+
+def test_step_over_the_limit_is_refused_with_both_numbers():
+    limit = found(scene()).stable
+    fine = scene(time={"end": 1, "step": 0.99 * limit, "max_speed": 0.5})
+    assert timestep.choose(fine, found(fine)) == 0.99 * limit
+    bad = scene(time={"end": 1, "step": 1.01 * limit, "max_speed": 0.5})
+    with pytest.raises(SceneError, match=rf"time\.step = {1.01 * limit:g} s is over the stability limit {limit:.3g} s"):
+        timestep.choose(bad, found(bad))
+
+
+def test_fall_speed_is_that_of_the_highest_fall():
+    """sqrt(2 g H) over the extent along gravity, plus start speed and wall speed."""
+    grains = [{"material": "glass", "positions": [[0, 0, 0], [0.7, 0, 0.2]], "radius": RADIUS}]
+    of = scene(grains=grains, time={"end": 1})
+    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(math.sqrt(2 * 9.81 * 0.2), rel=1e-12)
+    moving = scene(grains=[grains[0] | {"velocities": [[0, 3, 4], [0, 0, 0]]}], time={"end": 1})
+    expected = math.sqrt(2 * 9.81 * 0.2) + 5.0
+    assert timestep.fall_speed(moving, load_grains(moving, {}), {}) == pytest.approx(expected, rel=1e-12)
+    turning = scene(grains=grains, time={"end": 1}, frame={"axis": [0, 0, 1], "rate": 10.0})
+    # gravity turns against the axes: any direction of the extent may become the height
+    expected = math.sqrt(2 * 9.81 * math.hypot(0.7, 0.2)) + 10.0 * 0.7
+    assert timestep.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-12)
+
+
+def test_damped_contact_factor_against_trajectories():
+    """Hertz with Tsuji's damping, K = m = 1: K x^(3/2) + C x^(1/4) x', C = sqrt(5) |beta| sqrt(m K), from touch to touch."""
+    for e in (0.1, 0.3, 0.5, 0.9):
+        damping = math.sqrt(5.0) * -math.log(e) / math.hypot(math.log(e), math.pi)
+
+        def motion(_, y, damping=damping):
+            x = max(y[0], 0.0)
+            return [y[1], -(x**1.5) - damping * x**0.25 * y[1]]
+
+        def apart(_, y):
+            return y[0]
+
+        apart.terminal, apart.direction = True, -1
+        path = solve_ivp(motion, (0.0, 50.0), [0.0, 1.0], events=apart, rtol=1e-9, atol=1e-12, max_step=0.05)
+        undamped = 2.943275184 * 1.25**0.4
+        assert -path.y_events[0][-1][1] == pytest.approx(e, abs=1e-3)
+        factor = timestep.damped_contact_factor(e)
+        assert factor == pytest.approx(path.t_events[0][-1] / undamped, rel=5e-3)
+    assert np.all(np.diff([timestep.damped_contact_factor(e) for e in np.linspace(0.05, 1.0, 50)]) < 0)
