@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 import warp
 
-warp.config.log_level = warp.LOG_WARNING  # Warp's report of each kernel module would drown the progress of a run
+warp.config.log_level = warp.LOG_ERROR  # Warp's report of each kernel module would drown the progress of a run
 
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.scene import Scene

@@ -1,0 +1,57 @@
+"""Do all the set-up, then run the main job or the tests. Needs Python >= 3.11 and nothing else.
+
+    python3 tools/start.py run      install into .venv, run scenes/hourglass.toml, draw picture and film
+    python3 tools/start.py test     install into .venv, pass the tests (more arguments go to pytest)
+
+The environment is made once; delete .venv to start afresh. Warp keeps compiled kernels in its cache between runs.
+"""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
+STAMP = VENV / "installed-from"
+
+
+def call(*command: str | Path) -> None:
+    """Run a command in the project's folder; end with its exit code if it fails."""
+    done = subprocess.run([str(c) for c in command], cwd=ROOT, check=False)
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+def install() -> None:
+    """Make .venv with warpdem and what its tests need, unless it is there and up to date."""
+    wanted = (ROOT / "pyproject.toml").read_text()
+    if STAMP.exists() and STAMP.read_text() == wanted:
+        return
+    if not (BIN / "python").exists():
+        venv.create(VENV, with_pip=True)
+    pip = [BIN / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    call(*pip, "--upgrade", "pip")
+    call(*pip, "--editable", ".[test]")
+    STAMP.write_text(wanted)
+
+
+def main() -> None:
+    """Entry point."""
+    if sys.version_info < (3, 11):
+        sys.exit(f"warpdem needs Python >= 3.11, this is {sys.version.split()[0]}")
+    if len(sys.argv) < 2 or sys.argv[1] not in ("run", "test"):
+        sys.exit(__doc__)
+    install()
+    more = sys.argv[2:]
+    if sys.argv[1] == "run":
+        call(BIN / "warpdem", "run", "scenes/hourglass.toml", "--out", "out/hourglass", "--overwrite", *more)
+        call(BIN / "warpdem", "render", "out/hourglass", "--out", "out/hourglass/film.mp4")
+    else:
+        call(BIN / "ruff", "check", ".")
+        call(BIN / "python", "-m", "pytest", *more)
+
+
+main()
