@@ -5,7 +5,7 @@ source and limits; ``coefficients`` (host, float64) where the model derives numb
 cached, which returns the Warp functions for one precision.
 
 Everything that a contact law calls is straight-line code: no early return, no vector assigned inside an ``if``; choices are
-made with ``wp.where`` on scalars. The pair loop lays ``lanes`` contacts side by side, and the compiler then turns the same
+made with conditional expressions between scalars that are already computed. The pair loop lays ``lanes`` contacts side by side, and the compiler then turns the same
 scalar functions into SIMD code (see ``pairs.py``).
 """
 

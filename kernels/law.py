@@ -50,10 +50,10 @@ def build(real, normal, tangential, rolling, torsion: bool):
         """Tangential force [N] within the Coulomb limit, and the spring [m] cut to it."""
         tiny = real(1.0e-300)
         share = limit / (stiffness * wp.sqrt(wp.dot(spring, spring) + tiny) + tiny)
-        held = spring * wp.where(share < real(1.0), share, real(1.0))
+        held = spring * (share if share < real(1.0) else real(1.0))
         trial = held * (-stiffness) - velocity * damping
         cap = limit / wp.sqrt(wp.dot(trial, trial) + tiny)
-        return trial * wp.where(cap < real(1.0), cap, real(1.0)), held
+        return trial * (cap if cap < real(1.0) else real(1.0)), held
 
     @wp.func
     def across(vector: vec3, normal: vec3) -> vec3:
@@ -86,7 +86,7 @@ def build(real, normal, tangential, rolling, torsion: bool):
         """Force on i [N], rolling torque on i [N m], tangential spring [m], rolling spring [rad]."""
         speed = wp.dot(velocity, n)
         f_n, k_n, gamma_n = normal_force(overlap, speed, stiffness, damping)
-        push = wp.where(f_n > real(0.0), f_n, real(0.0))
+        push = f_n if f_n > real(0.0) else real(0.0)
         force = n * f_n
         held = vec3()
         moment = vec3()

@@ -96,9 +96,9 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
             n, n_before, overlap, reach - distance_before, velocity, slip, turning, spin, spin_predicted, dt,
             stiffness, damping, radius, inertia, c, spring, angle,
         )  # fmt: skip
-        smaller = wp.where(gi[3] < gj[3], gi[3], gj[3])
+        smaller = gi[3] if gi[3] < gj[3] else gj[3]
         share = overlap / smaller
-        approach = wp.where(overlap > real(0.0), -wp.dot(velocity, n), real(0.0))
+        approach = -wp.dot(velocity, n) if overlap > real(0.0) else real(0.0)
         lever = wp.cross(n, force)
         ti = moment - lever * arm_i
         tj = -moment - lever * arm_j

@@ -92,16 +92,3 @@ def test_importing_warpdem_loads_nothing_heavy():
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
     assert "numpy" in loaded.split()
     assert not set(loaded.split()) & HEAVY
-
-
-def test_kernels_can_be_used_without_the_rest():
-    code = (
-        "import warp as wp\n"
-        "wp.init()\n"
-        "from warpdem.kernels.normal import hertz\n"
-        "_, force = hertz.build(wp.float64)\n"
-        "print(force(wp.float64(1e-4), wp.float64(0.0), wp.float64(1e6), wp.float64(0.0))[0])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    assert float(done.stdout.split()[-1]) == pytest.approx(1.0, rel=1e-14)

@@ -1,10 +1,10 @@
 """Check the rules of ``kernels/`` that neither Warp nor ruff knows: ``python tools/check_kernels.py``.
 
-    no ``from __future__ import annotations``     the types that a factory captures would be lost
-    ``enable_backward`` off for every kernel      the adjoint would be compiled for nothing
-    ``module="unique"`` for nested kernels        two variants of one factory would meet in one module
-    no bare float where a factory has ``real``    ``2.0 * x`` compiles for one precision only; allowed: ``real(2.0)``,
-                                                  ``wp.float64(2.0)``, ``wp.static(2.0)``
+no ``from __future__ import annotations``     the types that a factory captures would be lost
+``enable_backward`` off for every kernel      the adjoint would be compiled for nothing
+``module="unique"`` for nested kernels        two variants of one factory would meet in one module
+no bare float where a factory has ``real``    ``2.0 * x`` compiles for one precision only; allowed: ``real(2.0)``,
+                                              ``wp.float64(2.0)``, ``wp.static(2.0)``
 """
 
 import ast

@@ -49,8 +49,9 @@ def version() -> str | None:
     """Version string, or None if LIGGGHTS is not installed."""
     if shutil.which("liggghts") is None:
         return None
-    text = subprocess.run(["liggghts", "-log", "none"], input="units si\n", capture_output=True, text=True).stdout
-    found = re.search(r"\(Version ([^,)]+)", text)
+    command = ["liggghts", "-log", "none"]
+    done = subprocess.run(command, check=False, input="units si\n", capture_output=True, text=True)
+    found = re.search(r"\(Version ([^,)]+)", done.stdout)
     return found[1] if found else "unknown version"
 
 
@@ -109,7 +110,13 @@ def deck(
             f"fix contact all wall/gran {law} mesh n_meshes 1 meshes shell",
         ]
     else:
-        places = {"floor": ("z", 0.0), "west": ("x", 0.0), "east": ("x", width), "south": ("y", 0.0), "north": ("y", width)}
+        places = {
+            "floor": ("z", 0.0),
+            "west": ("x", 0.0),
+            "east": ("x", width),
+            "south": ("y", 0.0),
+            "north": ("y", width),
+        }
         walls = [
             f"fix {name} all wall/gran {law} primitive type 1 {axis}plane {place:.17g}"
             for name, (axis, place) in places.items()
@@ -137,7 +144,7 @@ def deck(
         "fix motion all nve/sphere",
         f"timestep {step:.17g}",
         "thermo_style custom step atoms ke",
-        f"thermo {max(warm, steps)}",
+        f"thermo {warm + steps}",
         "thermo_modify lost ignore norm no",
         f"run {warm}",
         f"run {steps}",
@@ -157,7 +164,9 @@ def parse(text: str, steps: int) -> Window:
     Raises:
         PeerError: Something is missing, or the energy is not finite.
     """
-    loop = re.search(rf"Loop time of (\S+) on \d+ procs for {steps} steps with (\d+) atoms(.*?)Loop time of", text, re.S)
+    loop = re.search(
+        rf"Loop time of (\S+) on \d+ procs for {steps} steps with (\d+) atoms(.*?)Loop time of", text, re.S
+    )
     if loop is None:
         raise PeerError(f"no loop time of {steps} steps in the output of LIGGGHTS:\n{text[-1500:]}")
     seconds, grains, after = float(loop[1]), int(loop[2]), loop[3]
@@ -208,7 +217,15 @@ def run(deck_text: str, folder: Path, ranks: int, steps: int) -> Window:
         command = ["mpirun", "--oversubscribe", "--bind-to", "core", "-np", str(ranks), *command]
         if os.geteuid() == 0:
             environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    done = subprocess.run(
+        command,
+        check=False,  # the message below says more
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+    )
     if done.returncode != 0:
         raise PeerError(f"{' '.join(command)} ended with {done.returncode}:\n{(done.stdout + done.stderr)[-1500:]}")
     return parse(done.stdout, steps)

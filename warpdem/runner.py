@@ -164,7 +164,7 @@ def run_scene(
     if resume:
         checkpoint.restore(sim, folder / CHECKPOINT)
     end = scene.time.end if until is None else until
-    last = int(np.ceil(end / sim.dt - 1.0e-9))
+    last = sim.steps_until(end)
     interval = scene.output.interval or end / 50.0
     frame_every = max(1, round(interval / sim.dt))
     row_every = max(1, round((scene.output.history_interval or interval / 10.0) / sim.dt))

@@ -1,6 +1,7 @@
 """A run: owns state, lists and kernels; ``step`` and ``run`` advance it, everything else only reads."""
 
 import hashlib
+import math
 import time
 from contextlib import contextmanager
 
@@ -130,9 +131,11 @@ class Simulation:
 
     def run(self, until: float) -> None:
         """Advance to the first step at or after ``until`` [s]."""
-        target = int(np.ceil(until / self.dt - 1.0e-9))
-        if target > self.step_number:
-            self.step(target - self.step_number)
+        self.step(max(0, self.steps_until(until) - self.step_number))
+
+    def steps_until(self, time: float) -> int:
+        """Number of the first step at or after ``time`` [s]; round-off of the division does not add one."""
+        return math.ceil(time / self.dt - 1.0e-9)
 
     def _prepare(self) -> None:
         """Evaluate the forces of the present instant if they are not."""

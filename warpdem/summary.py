@@ -64,7 +64,7 @@ def print_summary(sim, console: Console, wall_seconds: float, folder) -> None:
 
 def describe(sim, probe: bool = True) -> dict:
     """What ``check`` says: plan, time step with its limits, memory, and a run time estimated from a short probe."""
-    steps = int(-(-sim.scene.time.end // sim.dt))
+    steps = sim.steps_until(sim.scene.time.end)
     out = {
         "scene": sim.scene.source,
         "grains": len(sim.state),

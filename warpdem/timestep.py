@@ -83,10 +83,14 @@ def impact_overlap(stiffness: float, mass: float, radius: float, speed: float) -
 
 def fall_speed(scene, start, meshes: dict) -> float:
     """sqrt(2 g H) plus the largest wall speed and start speed [m/s]; H is the extent of walls and grains along gravity."""
-    points = [start.position] if len(start.id) else []
-    points += [m.vertices for m in meshes.values()]
-    if not points:
+    if not len(start.id):
         return 0.0
+    points = [start.position, *(m.vertices for m in meshes.values())]
+    for wall in scene.walls:
+        if wall.plane is not None:  # the feet of the grains: a plane has no extent of its own
+            normal = np.array(wall.plane.normal)
+            height = (start.position - np.array(wall.plane.point)) @ normal
+            points.append(start.position - height[:, None] * normal)
     cloud = np.concatenate(points)
     extent = cloud.max(axis=0) - cloud.min(axis=0)
     gravity = np.array(scene.gravity)
@@ -98,7 +102,7 @@ def fall_speed(scene, start, meshes: dict) -> float:
         if rotation is not None:
             arm = np.linalg.norm(np.cross(cloud - np.array(rotation.origin), np.array(rotation.axis)), axis=1).max()
             speed += rotation.max_rate() * float(arm)
-    start_speed = float(np.linalg.norm(start.velocity, axis=1).max()) if len(start.id) else 0.0
+    start_speed = float(np.linalg.norm(start.velocity, axis=1).max())
     return max(speed, 0.0) + start_speed
 
 
@@ -135,7 +139,8 @@ def limits(scene, start, meshes: dict) -> Limits:
             gamma = math.sqrt(3.5) * math.sqrt(5.0 / 6.0) * beta if k_t > 0 else beta
             omega = math.sqrt(PACKED / mass * max(2.0 / 3.0 * (k_n + 2.0 * k_t), 10.0 / 3.0 * k_t))
             packed = min(packed, 2.0 / omega * (math.sqrt(1.0 + 4.0 * gamma**2) - 2.0 * gamma))
-    return Limits(rayleigh, contact, packed, packed * math.sqrt(PACKED / BINARY), frame, float(speed))
+    found = (rayleigh, contact, packed, packed * math.sqrt(PACKED / BINARY), frame, speed)
+    return Limits(*(float(value) for value in found))
 
 
 def choose(scene, found: Limits) -> float:

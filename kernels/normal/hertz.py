@@ -48,7 +48,7 @@ def build(real):
     @wp.func
     def force(overlap: real, speed: real, stiffness: real, damping: real):
         """Normal force [N], its secant stiffness k_n [N/m] and damping coefficient gamma_n [N s/m]."""
-        depth = wp.where(overlap > real(0.0), overlap, real(0.0))
+        depth = overlap if overlap > real(0.0) else real(0.0)
         root = wp.sqrt(depth)
         dashpot = damping * wp.sqrt(root)
         spring = stiffness * root

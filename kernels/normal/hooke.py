@@ -41,7 +41,7 @@ def build(real):
     @wp.func
     def force(overlap: real, speed: real, stiffness: real, damping: real):
         """Normal force [N], its secant stiffness k_n [N/m] and damping coefficient gamma_n [N s/m]."""
-        touching = wp.where(overlap > real(0.0), real(1.0), real(0.0))
+        touching = real(1.0) if overlap > real(0.0) else real(0.0)
         spring = touching * stiffness
         dashpot = touching * damping
         return spring * overlap - dashpot * speed, spring, dashpot

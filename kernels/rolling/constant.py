@@ -39,6 +39,6 @@ def build(real):
         speed = wp.sqrt(wp.dot(spin, spin) + real(1.0e-300))
         sliding = limit / speed
         stopping = inertia / dt
-        return spin * (-wp.where(sliding < stopping, sliding, stopping)), angle
+        return spin * (-(sliding if sliding < stopping else stopping)), angle
 
     return torque

@@ -38,8 +38,8 @@ def build(real):
         stiffness = real(2.25) * spring
         size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(1.0e-300))
         share = limit / (size + real(1.0e-300))
-        kept = wp.where(share < real(1.0), share, real(1.0))
-        viscous = wp.where(share < real(1.0), real(0.0), real(2.0) * damping * wp.sqrt(inertia * stiffness))
+        kept = share if share < real(1.0) else real(1.0)
+        viscous = real(0.0) if share < real(1.0) else real(2.0) * damping * wp.sqrt(inertia * stiffness)
         held = angle * kept
         return held * (-stiffness) - spin_predicted * viscous, held
 

@@ -24,9 +24,9 @@ def build(real):
     @wp.func
     def kept(overlap: real, overlap_before: real) -> real:
         """Factor in [0, 1] on the spring [-]."""
-        before = wp.where(overlap_before > real(0.0), overlap_before, real(0.0))
-        now = wp.where(overlap > real(1.0e-30), overlap, real(1.0e-30))
+        before = overlap_before if overlap_before > real(0.0) else real(0.0)
+        now = overlap if overlap > real(1.0e-30) else real(1.0e-30)
         ratio = wp.sqrt(before / now)
-        return wp.where(ratio < real(1.0), ratio, real(1.0))
+        return ratio if ratio < real(1.0) else real(1.0)
 
     return kept
