@@ -176,8 +176,9 @@ def test_grain_in_a_tessellated_tube_has_one_contact(tmp_path, turn):
     sections, large = 48, 5e-3
     angle = 2.0 * np.pi / sections * turn
     wall = write(tmp_path, tube(large, sections)) | {"rotate": {"axis": [0, 1, 0], "angle": angle}}
-    nearest = large * (np.cos(np.pi / sections) if turn == 0.5 else 1.0)
-    sim = simulate([wall], [0.0, 0.1e-3, -(nearest - RADIUS + DEPTH)])
+    cosine = np.cos(np.pi / sections)
+    depth = large * cosine - RADIUS + DEPTH if turn == 0.5 else large - (RADIUS - DEPTH) / cosine
+    sim = simulate([wall], [0.0, 0.1e-3, -depth])
     walls, contacts = at_walls(sim)
     assert len(walls) == 1
     np.testing.assert_allclose(contacts.normal[0], [0, 0, 1], atol=0.08)

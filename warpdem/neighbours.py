@@ -22,6 +22,18 @@ def morton_order(position: np.ndarray, cell: float) -> np.ndarray:
     return np.argsort(code, kind="stable")
 
 
+def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
+    """Cells of the hash grid in each direction: as many as the grains span, but not many more than there are grains.
+
+    The grid wraps around, so fewer cells only cost time; fewer than four would show a neighbour twice.
+    """
+    span = (position.max(axis=0) - position.min(axis=0)) / cell
+    cells = np.clip(np.ceil(np.minimum(span, 1000.0)).astype(int) + 1, 4, None)
+    while cells.prod() > max(4096, 8 * len(position)) and cells.max() > 4:
+        cells[cells.argmax()] = max(4, cells.max() // 2)
+    return tuple(int(c) for c in cells)
+
+
 def starts(count: np.ndarray) -> np.ndarray:
     """Exclusive prefix sums with the total at the end, int32."""
     out = np.zeros(len(count) + 1, dtype=np.int32)
@@ -140,10 +152,10 @@ class Lists:
         position = np.ascontiguousarray(state.record.numpy()[:, grain.POSITION])
         self._near_reference = [position.copy(), *self._bodies(position, placement)]
         points = self._upload(position, wp.vec3d)
-        cells = np.clip(np.ceil((position.max(0) - position.min(0)) / cell).astype(int) + 1, 4, 256)
-        if self._grid is None or self._grid_cells != tuple(cells):
-            self._grid_cells = tuple(int(c) for c in cells)
-            self._grid = wp.HashGrid(*self._grid_cells, device=sim.device, dtype=wp.float64)
+        cells = grid_cells(position, cell)
+        if self._grid is None or self._grid_cells != cells:
+            self._grid_cells = cells
+            self._grid = wp.HashGrid(*cells, device=sim.device, dtype=wp.float64)
         self._grid.build(points, cell)
         count = self._array(n, wp.int32)
         while True:

@@ -202,9 +202,8 @@ class _Stage:
 
     def draw(self, snapshot: Snapshot, walls: list[WallMesh]) -> np.ndarray:
         """Pixels of one frame, shape (height, width, 3), uint8."""
-        grains = pv.PolyData()
         # vtkOpenGLSphereMapper reads single precision only, it crashes on double
-        grains.points = _seen(snapshot.position, snapshot.frame, self._view).astype(np.float32)
+        grains = pv.PolyData(_seen(snapshot.position, snapshot.frame, self._view).astype(np.float32))
         grains.point_data["radius"] = snapshot.radius.astype(np.float32)
         grains.point_data["colour"] = self._colour.values(snapshot).astype(np.float64)
         self._balls.SetInputData(grains)

@@ -96,7 +96,7 @@ def force_scale():
 
 
 @pytest.mark.parametrize("friction", [0.1, FRICTION, 1e3], ids=["slips", "both", "sticks"])
-@pytest.mark.parametrize("damping", [0.0, 2.0], ids=["elastic", "damped"])
+@pytest.mark.parametrize("damping", [0.0, 1e4], ids=["elastic", "damped"])
 def test_mindlin_takes_energy_over_every_closed_cycle(friction, damping):
     """Work of a closed cycle <= 0 (performance.md 4.5: force history rescaled on unloading is the one law that grants it)."""
     for seed in range(3):
@@ -113,7 +113,7 @@ def test_mindlin_takes_energy_over_every_closed_cycle(friction, damping):
 
 
 @pytest.mark.parametrize("tangential", [mindlin, mindlin_displacement])
-@pytest.mark.parametrize("damping", [0.0, 2.0], ids=["elastic", "damped"])
+@pytest.mark.parametrize("damping", [0.0, 1e4], ids=["elastic", "damped"])
 def test_friction_never_exceeds_its_limit_and_never_pulls_without_load(real, tangential, damping):
     path = random_cycles(7)
     force, _ = follow(path, tangential, real=real, damping=damping)
@@ -133,7 +133,7 @@ def shear_press_release(tangential):
     force, _ = follow(path, tangential, friction=1e3)
     done = work(path, force)[1][0]
     stored = -done[399]
-    return stored, (done.max() - done[799]) / stored
+    return stored, (done[800:].max() - done[799]) / stored
 
 
 def test_mindlin_displacement_creates_energy_when_a_sheared_contact_is_pressed():
@@ -164,8 +164,8 @@ def test_a_sheared_contact_turned_about_its_normal_keeps_its_force_in_turning_ax
     force, spring = follow(path, mindlin, spin=0.01)
     angle = 0.01 * np.arange(1001)
     turned = (force[0, 1:, 0] + 1j * force[0, 1:, 1]) * np.exp(-1j * angle)
-    # per step: the series of the turn errs by phi^5/120 = 8e-13, and round-off
-    np.testing.assert_allclose(turned, turned[0], rtol=1000 * (0.01**5 / 120 + 4 * EPS[wp.float64]))
+    # per step the series of the turn errs by phi^5/120 in angle and phi^6/144 in length; the rest is round-off
+    np.testing.assert_allclose(turned, turned[0], rtol=1000 * (0.01**5 / 120 + 0.01**6 / 144 + 20 * EPS[wp.float64]))
     assert np.linalg.norm(spring[0, -1]) == pytest.approx(5e-6, rel=1e-12)
 
 

@@ -1,0 +1,49 @@
+"""Two unequal grains collide off centre, spinning, with friction: nothing is lost (exact_solutions 3 and 9)."""
+
+import numpy as np
+
+
+def test_linear_and_angular_momentum_are_conserved_to_round_off_at_every_instant(make_simulation):
+    # torque arms add up to the distance of the centres, so the angular momentum about any fixed point is constant
+    velocity = np.array([[0.3, 0.1, -0.05], [-0.4, 0.0, 0.02]])
+    sim = make_simulation(
+        [[-1.01e-3, 0.2e-3, 0.0], [1.3e-3, -0.3e-3, 0.4e-3]],
+        radius=[1.0e-3, 1.25e-3],
+        velocities=velocity,
+        spins=[[300.0, -200.0, 500.0], [-100.0, 400.0, 250.0]],
+        young_modulus=5e7,
+        restitution=0.7,
+        tangential="mindlin",
+        friction=0.4,
+        step=2e-7,
+    )
+    p = sim.particles
+    mass, inertia, radius = p.mass, p.inertia, p.radius
+    point = np.array([0.01, -0.02, 0.005])
+
+    def momenta():
+        p = sim.particles
+        linear = mass @ p.velocity
+        moment = np.cross(p.position - point, p.velocity)
+        return linear, mass @ moment + inertia @ p.spin
+
+    speed = np.linalg.norm(velocity, axis=1)
+    linear_scale = mass @ speed
+    arm = np.linalg.norm(p.position - point, axis=1)
+    angular_scale = (mass * arm) @ speed + inertia @ np.linalg.norm(p.spin, axis=1)
+    linear, angular = momenta()
+    spin_before, touched, slid = p.spin, False, 0.0
+    for _ in range(60):
+        sim.step(25)
+        now = momenta()
+        np.testing.assert_allclose(now[0], linear, atol=1e-12 * linear_scale)
+        np.testing.assert_allclose(now[1], angular, atol=1e-12 * angular_scale)
+        contacts = sim.contacts()
+        if len(contacts.i):
+            touched = True
+            slid = max(slid, float(np.linalg.norm(np.cross(contacts.force[0], contacts.normal[0]))))
+    assert touched
+    assert len(sim.contacts().i) == 0, "the collision has not ended"
+    assert slid > 0
+    assert np.all(np.linalg.norm(sim.particles.spin - spin_before, axis=1) > 10.0), "friction turned nothing"
+    assert radius[0] != radius[1]
