@@ -24,7 +24,7 @@ import liggghts
 import numpy as np
 import psutil
 import warp as wp
-from cyclopts import App
+from cyclopts import App, Parameter
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
@@ -487,7 +487,7 @@ def print_report(report: dict, console: Console) -> None:
         console.print(f"{r['state']} on {r['threads']}: {r['model']} takes {over:.2f} times the time of frictionless")
 
 
-app = App(help=__doc__)
+app = App(help=__doc__, version_flags=(), default_parameter=Parameter(consume_multiple=True, negative=()))
 
 
 @app.default

@@ -12,7 +12,6 @@ import numpy as np
 import warp as wp
 
 from warpdem.errors import SceneError
-from warpdem.kernels.loop import SPAN
 from warpdem.summary import scene_hash
 from warpdem.write_tables import replaced
 
@@ -39,7 +38,7 @@ def save(sim, path: Path) -> None:
             for name in ("record", "inverse", "id", "kind"):
                 file[name] = getattr(sim.state, name).numpy()[rank]
             file["load"] = np.concatenate([force, torque], axis=1)
-            file["extreme"] = sim._control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+            file["extreme"] = sim.stepper.extreme
             for name, values in {**_pairs(sim), **_places(sim)}.items():
                 file[name] = values
     except OSError as error:
@@ -116,10 +115,7 @@ def restore(sim, path: Path) -> None:
         setattr(state, name, wp.array(data[name], dtype=array.dtype, device=sim.device))
     state.rank = np.arange(len(state))
     sim.step_number = int(data["step"])
-    sim._block = None
-    extreme = sim._control.extreme.numpy()
-    extreme[:4] = data["extreme"]
-    sim._control.extreme.assign(extreme)
+    sim.stepper.restore(data["extreme"])
     sim.lists.restore(data)
     sim._forces_ready = True
 

@@ -1,7 +1,6 @@
 """The command ``warpdem``: run, check, render. Arguments to calls; no physics."""
 
 import json
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -110,7 +109,6 @@ def render(
 
 def main() -> None:
     """Entry point: exit codes 0 done, 2 wrong scene, 3 run stopped itself, 130 interrupted."""
-    signal.signal(signal.SIGTERM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt()))
     try:
         app()
     except WarpdemError as error:

@@ -112,7 +112,7 @@ class Lists:
             elif steps > REFRESH_STEPS[1]:
                 self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
         self._last_refresh = sim.step_number
-        placement = sim.placements_now()
+        placement = sim.stepper.placements()
         fresh = force_rebuild or self.stale or self._near is None
         self.stale = False
         if fresh or self._travelled(position, placement) + self.reach > 0.5 * self.skin:

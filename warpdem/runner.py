@@ -2,8 +2,10 @@
 
 import json
 import platform
+import signal
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,6 +24,7 @@ HISTORY_COLUMNS = (
     "centre_x [m]", "centre_y [m]", "centre_z [m]", "largest_overlap [-]", "largest_approach_speed [m/s]",
 )  # fmt: skip
 CHECKPOINT = "checkpoint.h5"
+SECONDS_PER_CHUNK = 0.3  # of wall time between two looks at progress and interrupts
 CHECKPOINT_SECONDS = 60.0  # of wall time between two checkpoints
 
 
@@ -131,6 +134,27 @@ def record(sim: Simulation, status: str, wall_seconds: float) -> dict:
 
 
 @contextmanager
+def _interrupts() -> Iterator[Callable[[], None]]:
+    """Hold Ctrl-C and SIGTERM back; the function given raises KeyboardInterrupt where the state is whole."""
+    came: list[int] = []
+
+    def ask() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield ask
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
+    try:
+        yield ask
+    finally:
+        for s, handler in zip(signals, before, strict=True):
+            signal.signal(s, handler)
+
+
+@contextmanager
 def _progress(console: Console, quiet: bool, total: float) -> Iterator[Progress]:
     columns = (
         SpinnerColumn(), TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"),
@@ -176,14 +200,14 @@ def run_scene(
     saved = time.perf_counter()
     status = "done"
     try:
-        with _progress(console, quiet, max(last, 1)) as progress:
+        with _progress(console, quiet, max(last, 1)) as progress, _interrupts() as ask:
             if not resume:
                 outputs.frame()
                 outputs.row()
-            rate_from = (time.perf_counter(), sim.step_number)
+            first, began, chunk = sim.step_number, time.perf_counter(), 16
             while sim.step_number < last:
                 stops = (_next(sim.step_number, frame_every), _next(sim.step_number, row_every), last)
-                sim.step(min(*stops, sim.step_number + 512) - sim.step_number)
+                sim.step(min(*stops, sim.step_number + chunk) - sim.step_number)
                 if sim.step_number % row_every == 0 or sim.step_number == last:
                     outputs.row()
                 if sim.step_number % frame_every == 0 or sim.step_number == last:
@@ -192,11 +216,13 @@ def run_scene(
                 if now - saved > CHECKPOINT_SECONDS:
                     checkpoint.save(sim, folder / CHECKPOINT)
                     saved = now
-                rate = (sim.step_number - rate_from[1]) / max(now - rate_from[0], 1e-9)
+                rate = (sim.step_number - first) / max(now - began, 1e-9)
+                chunk = max(1, int(SECONDS_PER_CHUNK * rate))
                 progress.update(
                     progress.task_ids[0], completed=sim.step_number,
                     state=f"t = {sim.time:.4g} of {end:g} s  {rate:.0f} steps/s  {len(sim.state)} grains",
                 )  # fmt: skip
+                ask()
     except StabilityError:
         status = "stopped itself"
         raise

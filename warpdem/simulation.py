@@ -12,23 +12,15 @@ from warpdem import checkpoint, observers, timestep
 from warpdem.compiled import compile_plan
 from warpdem.errors import SceneError, StabilityError
 from warpdem.grain_source import check_start, load_grains
-from warpdem.kernels import barrier
-from warpdem.kernels.loop import SPAN
-from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
-from warpdem.kernels.schedule import Placement, Row
-from warpdem.kernels.wall.surface import Surface
 from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
 from warpdem.scene import Scene
 from warpdem.schedule import Schedule
 from warpdem.snapshot import Snapshot, WallMesh
 from warpdem.state import State
-from warpdem.threads import Threads, available_threads, ranges
+from warpdem.stepper import Stepper
+from warpdem.threads import Threads, available_threads
 from warpdem.walls import Walls, check_sizes, load_meshes, named_diameters
-
-BLOCK = 256  # steps whose schedule is made at once
-CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
-
 
 class Simulation:
     """A scene on a device, at rest between steps with the forces of its instant evaluated.
@@ -49,7 +41,6 @@ class Simulation:
         if threads is not None and threads < 1:
             raise SceneError(f"threads = {threads}: at least 1 is needed")
         self.threads = Threads((threads or available_threads()) if self.device.is_cpu else 1)
-        self._block: tuple[int, int] | None = None
         with self.clock("set-up"):
             self.meshes = load_meshes(scene)
             check_sizes(scene, self.meshes, named_diameters(scene))
@@ -78,7 +69,7 @@ class Simulation:
             table = coefficient_table(scene) if self.plan.table else self._only_coefficients(start)
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
             self.lists = Lists(self)
-            self._control = self._new_control()
+            self.stepper = Stepper(self)
         self.step_number = 0
         self._forces_ready = False
         self.steps_done = 0
@@ -122,11 +113,7 @@ class Simulation:
         """
         left = count
         while left > 0:
-            self._prepare()
-            base = self._rows_for(left)
-            batch = min(left, base[1], 1 if self.lists.stale else left)
-            done = self._advance(base[0], batch)
-            left -= done
+            left -= self._advance(left)
             self._guard()
 
     def run(self, until: float) -> None:
@@ -138,113 +125,26 @@ class Simulation:
         return math.ceil(time / self.dt - 1.0e-9)
 
     def _prepare(self) -> None:
-        """Evaluate the forces of the present instant if they are not."""
-        if self._forces_ready or len(self.state) == 0:
-            return
-        self.lists.update()
-        base, _ = self._rows_for(1)
-        self._advance(base, 0)
+        """Evaluate the forces of the present instant if they are not: what every reader asks for first."""
+        if not self._forces_ready:
+            self._advance(0)
 
-    def _rows_for(self, count: int) -> tuple[int, int]:
-        """Row of the present step in the uploaded schedule, and how many steps may follow."""
-        if self._block is None or not self._block[0] <= self.step_number < self._block[0] + self._block[1]:
-            with self.clock("schedule"):
-                first = self.step_number
-                self._control.row = wp.array(self.schedule.rows(first, BLOCK), dtype=Row, device=self.device)
-                placements = self.schedule.placements(first, BLOCK)
-                self._control.placement = wp.array(placements, dtype=Placement, device=self.device)
-                self._placements_host = placements
-                self._block = (first, BLOCK)
-        base = self.step_number - self._block[0]
-        return base, min(count, self._block[1] - base)
-
-    def placements_now(self) -> np.ndarray:
-        """Placements of the wall motions at the present step, shape (motions, 18)."""
-        base, _ = self._rows_for(1)
-        return self._placements_host[base + 1]
-
-    def _advance(self, base: int, count: int) -> int:
-        """Run ``count`` steps (0: only the forces) and return how many were done before the lists ran out."""
+    def _advance(self, count: int) -> int:
+        """Make valid lists, evaluate the forces if they are not, and run up to ``count`` steps; returns how many."""
         if len(self.state) == 0:
             self.step_number += count
             return count
-        grains, packs, rows = self._arguments()
-        control = self._control
-        forces_first = 0 if self._forces_ready else 1
-        parity = self.step_number & 1
-        surface = self.walls.surface if self.walls else Surface()
-        shared = [grains, packs, rows, surface, control, self.coefficients, self.plan.materials]
-        n = self.threads.count
-        with self.clock("steps" if count else "first forces"):
-            if self.device.is_cpu:
-                parts = [ranges(m, n) for m in (packs.owner.shape[0], len(self.state), self.lists.row_count)]
-                control.share.numpy()[:, :6] = np.array([[*p, *g, *w] for p, g, w in zip(*parts, strict=True)])
-                control.meeting.zero_()
-                control.moved.zero_()
-                kernel = self.kernels.loop.run
-                wp.load_module(kernel.module, device=self.device)
-                yield_to = wp.uint64(barrier.yield_address())
-
-                def job(thread: int):
-                    inputs = [thread, n, base, count, forces_first, parity, *shared, self.dt, self.lists.reach, yield_to]
-                    return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=self.device)
-
-                self.threads.together([job(t) for t in range(n)])
-                done = int(control.done.numpy()[0]) if count else 0
-                moved = bool(control.moved.numpy()[::SPAN].any()) and count > 0
-            else:
-                done, moved = self._advance_on_gpu(base, count, forces_first, parity, grains, packs, rows, surface)
+        if not self._forces_ready:
+            self.lists.update()
+        batch = min(count, self.stepper.row()[1])
+        if self.lists.stale:  # of a checkpoint: its loads move the grains once
+            batch = min(batch, 1)
+        with self.clock("steps"):
+            done, moved = self.stepper.advance(batch, forces_first=not self._forces_ready)
         self.step_number += done
         self.steps_done += done
-        self._forces_ready = not moved and not (self.lists.stale and count)
+        self._forces_ready = not moved and not (self.lists.stale and batch)
         return done
-
-    def _advance_on_gpu(self, base, count, forces_first, parity, grains, packs, rows, surface) -> tuple[int, bool]:
-        """As ``_advance`` with one launch per phase."""
-        loop, control, n = self.kernels.loop, self._control, len(self.state)
-        contacts, walls = packs.owner.shape[0], self.lists.row_count
-
-        def launch(kernel, last, *inputs):
-            dim = min(last, CUDA_THREADS)
-            if dim:
-                wp.launch(kernel, dim=dim, inputs=[dim, last, *inputs], device=self.device)
-
-        def forces(s: int) -> None:
-            launch(loop.pair_forces, contacts, base + s, grains, packs, control, self.coefficients, self.dt)
-            launch(loop.wall_forces, walls, base + s, grains, rows, surface, control, self.coefficients,
-                   self.plan.materials, (parity + s) & 1, self.dt)  # fmt: skip
-
-        if forces_first:
-            forces(0)
-        for s in range(1, count + 1):
-            launch(loop.move, n, base + s - 1, grains, rows, control, self.dt, self.lists.reach)
-            if control.moved.numpy()[::SPAN].any():
-                control.moved.zero_()
-                return s, True
-            forces(s)
-        return count, False
-
-    def _arguments(self):
-        """The array structs of the present lists."""
-        loop, lists = self.kernels.loop, self.lists
-        grains, packs = loop.Grains(), loop.Packs()
-        grains.record, grains.inverse, grains.kind = self.state.record, self.state.inverse, self.state.kind
-        grains.reference, grains.row_start = lists.reference, lists.row_start
-        lane, lane_int = self.kernels.pairs.Lane, self.kernels.pairs.LaneInt
-
-        def packed(array, dtype):
-            return wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=self.device)
-
-        packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
-        packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
-        packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
-        grains.row = packed(lists.row, self.kernels.pairs.Share)
-        if self.plan.table:
-            packs.kind = packed(lists.kind, lane_int)
-        rows = self.kernels.Rows()
-        if self.plan.walls:
-            rows = lists.rows
-        return grains, packs, rows
 
     def new_rows(self, grains: int, slots: int):
         """Wall rows of ``grains`` grains with ``slots`` slots in all."""
@@ -267,23 +167,12 @@ class Simulation:
             setattr(rows, name, wp.zeros((2, slots), dtype=wp.vec3d, device=device))
         return rows
 
-    def _new_control(self):
-        control, device = self.kernels.loop.Control(), self.device
-        slots = self.threads.count if device.is_cpu else CUDA_THREADS
-        control.share = wp.zeros((slots if device.is_cpu else 0, 6), dtype=wp.int32, device=device)
-        control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
-        control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
-        control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=self.kernels.pairs.Lane, device=device)
-        control.done = wp.zeros(1, dtype=wp.int32, device=device)
-        control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
-        return control
-
     # -- guards ---------------------------------------------------------------------------------
 
     @property
     def extremes(self) -> dict[str, float]:
         """Largest values met so far: overlap over radius [-] and approach speed [m/s], of pairs and of walls."""
-        e = self._control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+        e = self.stepper.extreme
         return {
             "pair_overlap_share": float(e[0]),
             "pair_approach_speed": float(e[1]),
@@ -365,7 +254,7 @@ class Simulation:
         if n == 0:
             return np.zeros((0, 3)), np.zeros((0, 3))
         out = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
-        grains, _, rows = self._arguments()
+        grains, _, rows = self.stepper.arguments()
         wp.launch(self.kernels.loop.gather, dim=n, inputs=[grains, rows, out], device=self.device)
         load = out.numpy()[self.state.rank]
         return load[:, :3].copy(), load[:, 3:].copy()

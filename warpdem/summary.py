@@ -42,7 +42,7 @@ def print_summary(sim, console: Console, wall_seconds: float, folder) -> None:
     """Time per stage, speed, lists, extremes, and what was left out."""
     table = Table(title="summary", show_header=False, title_justify="left")
     n, steps = len(sim.state), sim.steps_done
-    stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "first forces", "lists", "refresh", "schedule"))
+    stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
     table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
     if n and steps:
         table.add_row("speed", f"{stepping / steps / n * 1e9:.1f} ns per grain and step on {sim.threads.count} threads")

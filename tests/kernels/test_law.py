@@ -75,7 +75,10 @@ def work(path, force):
 def lines(points, steps):
     """Path of straight lines between ``points`` (paths, k, 3), each of ``steps`` steps."""
     share = np.arange(steps) / steps
-    legs = [points[:, [k]] + share[None, :, None] * (points[:, [k + 1]] - points[:, [k]]) for k in range(points.shape[1] - 1)]
+    legs = [
+        points[:, [k]] + share[None, :, None] * (points[:, [k + 1]] - points[:, [k]])
+        for k in range(points.shape[1] - 1)
+    ]
     return np.concatenate([*legs, points[:, [-1]]], axis=1)
 
 

@@ -34,7 +34,7 @@ def test_linear_and_angular_momentum_are_conserved_to_round_off_at_every_instant
     linear, angular = momenta()
     spin_before, touched, slid = p.spin, False, 0.0
     for _ in range(60):
-        sim.step(25)
+        sim.step(60)
         now = momenta()
         np.testing.assert_allclose(now[0], linear, atol=1e-12 * linear_scale)
         np.testing.assert_allclose(now[1], angular, atol=1e-12 * angular_scale)

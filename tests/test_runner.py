@@ -1,0 +1,202 @@
+"""A run with its outputs, from Python: files, run.json, history, summary, resume."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from warpdem import Scene, SceneError, StabilityError, Simulation
+from warpdem.runner import check_folder, default_folder, run_scene
+from warpdem.summary import scene_hash, steps_per_contact
+
+GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
+
+
+def scene(**changes) -> Scene:
+    """Twelve grains that fall on a floor and roll."""
+    rng = np.random.default_rng(12)
+    cell = np.stack(np.meshgrid(np.arange(2), np.arange(2), np.arange(3), indexing="ij"), axis=-1).reshape(-1, 3)
+    data = {
+        "title": "twelve grains",
+        "gravity": [0, 0, -60],
+        "materials": {"glass": GLASS},
+        "contact": {"rolling": "constant"},
+        "pairs": [{"materials": ["glass", "glass"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1}],
+        "grains": [
+            {
+                "material": "glass",
+                "positions": cell * 2.05e-3 + [0, 0, 1.1e-3],
+                "radius": 1e-3,
+                "velocities": rng.normal(0, 0.05, (12, 3)),
+            }
+        ],
+        "walls": [{"name": "floor", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
+        "time": {"end": 6e-3, "step": 1e-5, "max_speed": 1},
+        "output": {"interval": 2e-3, "formats": [], "picture": False},
+        "engine": {"max_overlap": 0.3},
+    }
+    return Scene.model_validate(data | changes)
+
+
+def run(of: Scene, folder, **keys):
+    text = io.StringIO()
+    sim = run_scene(of, folder, device="cpu", threads=1, console=Console(file=text, width=200), **keys)
+    return sim, text.getvalue()
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runner") / "out"
+    folder.mkdir()
+    return folder, *run(scene(), folder)
+
+
+def history(folder) -> tuple[list[str], np.ndarray]:
+    with (folder / "history.csv").open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    return header, np.array(rows, dtype=float)
+
+
+def test_run_json_tells_what_was_run_and_what_came_out(done):
+    folder, sim, _ = done
+    record = json.loads((folder / "run.json").read_text())
+    assert record["status"] == "done"
+    assert record["state_hash"] == sim.state_hash()
+    assert record["scene_hash"] == scene_hash(scene())
+    assert (record["grains"], record["steps"], record["device"], record["threads"]) == (12, 600, "cpu", 1)
+    assert record["time"] == sim.time
+    assert set(record["versions"]) == {"warpdem", "warp", "numpy", "python"}
+    assert record["plan"] == sim.plan.explain()
+    assert record["time_step"]["used"] == 1e-5
+    assert record["time_step"]["binding"] in record["time_step"]["candidates"]
+    assert record["extremes"]["pair_overlap_share"] == sim.extremes["pair_overlap_share"] > 0
+    assert record["extremes"]["steps_per_contact"] == steps_per_contact(sim)
+    assert record["lists"]["rebuilds"] >= 1
+    assert record["seconds"]["total"] > record["seconds"]["steps"] > 0
+    assert Scene.model_validate(record["scene_data"]) == scene()
+
+
+def test_result_equals_the_bare_simulation(done):
+    _, sim, _ = done
+    bare = Simulation(scene(), device="cpu", threads=1)
+    bare.run(until=6e-3)
+    assert sim.state_hash() == bare.state_hash()
+
+
+def test_history_has_a_row_at_every_interval(done):
+    folder, sim, _ = done
+    header, rows = history(folder)
+    assert header[0] == "time [s]"
+    assert "kinetic [J]" in header
+    np.testing.assert_allclose(rows[:, 0], np.arange(31) * 2e-4, atol=1e-12)
+    energy = sim.energy()
+    for name in ("kinetic", "rotational", "elastic", "potential"):
+        assert rows[-1, header.index(f"{name} [J]")] == energy[name]
+    p = sim.particles
+    for axis, name in enumerate("xyz"):
+        centre = (p.mass @ p.position[:, axis]) / p.mass.sum()
+        assert rows[-1, header.index(f"centre_{name} [m]")] == pytest.approx(centre, rel=1e-14)
+
+
+def test_summary_tells_speed_lists_extremes_and_what_was_left_out(done):
+    _, sim, text = done
+    for what in ("twelve grains", "12 grains", "ns per grain and step", "rebuilds", "largest overlap", "steps per contact",
+                 "left out", "turning of the axes", sim.state_hash(), "wall time"):  # fmt: skip
+        assert what in text, what
+
+
+def test_steps_per_contact_is_the_least_over_pairs_and_walls():
+    sim = Simulation(scene(), device="cpu", threads=1)
+    assert steps_per_contact(sim) == math.inf
+    sim.run(until=6e-3)
+    from warpdem.timestep import contact_time, damped_contact_factor
+
+    met = sim.extremes
+    mass = 2500 * 4 / 3 * math.pi * 1e-9
+    base = 4 / 3 * 1e7 / (2 * (1 - 0.3**2))
+    pair = contact_time(sim.scene, base, mass / 2, 0.5e-3, met["pair_approach_speed"])
+    wall = contact_time(sim.scene, base, mass, 1e-3, met["wall_approach_speed"])
+    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * damped_contact_factor(0.6) / 1e-5, rel=1e-9)
+
+
+def test_quiet_prints_nothing(tmp_path, capfd):
+    _, text = run(scene(time={"end": 1e-3, "step": 1e-5, "max_speed": 1}), tmp_path, quiet=True)
+    assert text == ""
+    assert capfd.readouterr().out == ""
+
+
+def test_until_ends_sooner(tmp_path):
+    sim, _ = run(scene(), tmp_path, until=1.5e-3)
+    assert sim.step_number == 150
+    assert history(tmp_path)[1][-1, 0] == pytest.approx(1.5e-3)
+
+
+@pytest.mark.parametrize("cut", [1.5e-3, 2e-3])
+def test_resume_goes_on_as_if_nothing_had_been(done, tmp_path, cut):
+    """Same hash, and history.csv without a gap or a row twice."""
+    folder, sim, _ = done
+    run(scene(), tmp_path, until=cut)
+    again, _ = run(scene(), tmp_path, resume=True)
+    assert again.state_hash() == sim.state_hash()
+    header, rows = history(tmp_path)
+    np.testing.assert_array_equal(np.unique(rows[:, 0]), rows[:, 0])
+    whole = history(folder)[1]
+    shared = np.isin(np.round(rows[:, 0] / 1e-5), np.round(whole[:, 0] / 1e-5))
+    np.testing.assert_array_equal(rows[shared], whole)
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "done"
+
+
+def test_resume_without_a_checkpoint_is_refused(tmp_path):
+    with pytest.raises(SceneError, match="no checkpoint there"):
+        run(scene(), tmp_path, resume=True)
+
+
+def test_blow_up_keeps_the_last_good_checkpoint_and_says_so(tmp_path):
+    run(scene(), tmp_path, until=1e-3)
+    good = (tmp_path / "checkpoint.h5").read_bytes()
+    bad = scene(engine={"max_overlap": 1e-4})
+    with pytest.raises(StabilityError, match="allowed is engine.max_overlap"):
+        run(bad, tmp_path)
+    assert (tmp_path / "checkpoint.h5").read_bytes() == good
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "stopped itself"
+
+
+def test_output_does_not_change_a_bit(done, tmp_path):
+    often = scene(output={"interval": 3e-5, "formats": [], "picture": False})
+    assert run(often, tmp_path)[0].state_hash() == done[1].state_hash()
+
+
+def test_frames_are_written_in_both_formats(tmp_path):
+    run(scene(output={"interval": 3e-3, "formats": ["vtk", "usd"], "picture": False}), tmp_path)
+    import pyvista
+    from pxr import Usd
+
+    [index] = tmp_path.rglob("*.pvd")
+    reader = pyvista.get_reader(index)
+    np.testing.assert_allclose(sorted(set(reader.time_values)), [0.0, 3e-3, 6e-3], atol=1e-9)
+    stages = [p for p in tmp_path.glob("*.usd*")]
+    assert stages
+    assert Usd.Stage.Open(str(stages[0]))
+
+
+def test_default_folder_never_holds_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert default_folder(tmp_path / "some" / "bed.toml").as_posix() == "out/bed"
+    (tmp_path / "out" / "bed").mkdir(parents=True)
+    (tmp_path / "out" / "bed" / "run.json").touch()
+    assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
+
+
+def test_folder_with_results_is_refused(tmp_path):
+    check_folder(tmp_path / "new", overwrite=False)
+    (tmp_path / "new" / "run.json").touch()
+    with pytest.raises(SceneError, match="holds the results of a run"):
+        check_folder(tmp_path / "new", overwrite=False)
+    check_folder(tmp_path / "new", overwrite=True)
+    (tmp_path / "file").touch()
+    with pytest.raises(SceneError, match="cannot be written"):
+        check_folder(tmp_path / "file" / "below", overwrite=False)
