@@ -11,9 +11,7 @@ friction the record ends after the acceleration.
 
 import functools
 
-
 import warp as wp
-
 from warpdem.kernels import Built
 
 WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin

@@ -14,7 +14,6 @@ are projections on a ball that contains the spring force, so friction never crea
 import functools
 
 import warp as wp
-
 from warpdem.kernels import turn
 
 # columns of the table of coefficients per pair of materials

@@ -8,9 +8,7 @@ new lists and calls again with ``forces_first``.
 
 import functools
 
-
 import warp as wp
-
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.barrier import meet
 from warpdem.kernels.pairs import BLOCK

@@ -11,7 +11,6 @@ R - I is given with 1 - cos a written as 2 sin^2(a/2); applied as an increment i
 import functools
 
 import warp as wp
-
 from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.schedule import Placement, Row, drift_turn, gravity, local, pivot

@@ -9,9 +9,7 @@ result: pairs are evaluated lower id first and summed in order of partner id.
 
 import functools
 
-
 import warp as wp
-
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 
 

@@ -14,9 +14,7 @@ lower id. Torque arms R - overlap/2 add up to the distance of the centres, so an
 
 import functools
 
-
 import warp as wp
-
 from warpdem.kernels import Built, grain
 
 BLOCK = 16  # packs computed before their shares are copied

@@ -76,8 +76,11 @@ def readings(sim) -> dict[str, np.ndarray]:
 
 
 def assert_equal_readings(first, second):
+    found = readings(second)
     for name, values in readings(first).items():
-        np.testing.assert_array_equal(readings(second)[name], values, err_msg=name)
+        # an energy is a sum in the order of the lists, which are made anew: its last bit may change
+        tolerance = 1e-14 if name == "energy" else 0.0
+        np.testing.assert_allclose(found[name], values, rtol=tolerance, atol=0, err_msg=name)
 
 
 def test_round_trip_gives_every_reading_back(run, saved):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from warpdem.kernels import grain
 
 from warpdem import Scene, SceneError, Simulation, plan
-from warpdem.kernels import grain
 
 ROOT = Path(__file__).resolve().parent.parent
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}

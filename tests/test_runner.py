@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from warpdem import Scene, SceneError, StabilityError, Simulation
+from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.runner import check_folder, default_folder, run_scene
 from warpdem.summary import scene_hash, steps_per_contact
 
@@ -146,7 +146,8 @@ def test_resume_goes_on_as_if_nothing_had_been(done, tmp_path, cut):
     np.testing.assert_array_equal(np.unique(rows[:, 0]), rows[:, 0])
     whole = history(folder)[1]
     shared = np.isin(np.round(rows[:, 0] / 1e-5), np.round(whole[:, 0] / 1e-5))
-    np.testing.assert_array_equal(rows[shared], whole)
+    # sums over contacts are taken in the order of the lists, which new lists may change: the last bit of the elastic energy
+    np.testing.assert_allclose(rows[shared], whole, rtol=1e-14, atol=0)
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "done"
 
 

@@ -279,18 +279,27 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
     )
 
 
-def peer_window(start: Start, model: Model, ranks: int, settings: Settings, folder: Path) -> liggghts.Window:
-    """One window of the peer."""
-    data, shell = folder / f"{start.name}.data", None
+def peer_data(start: Start, folder: Path) -> Path:
+    """Where the peer finds the grains of ``start``."""
+    return folder / f"{start.name}.data"
+
+
+def write_peer_data(start: Start, folder: Path) -> None:
+    """Write the peer's data file."""
+    shell = None
     if start.mesh is not None:
         import trimesh
 
         shell = np.array(trimesh.load(start.mesh, force="mesh").bounds)
-    if not data.exists():
-        liggghts.write_data(data, start.state, MATERIAL.density, liggghts.domain_of(start.state, start.width, shell))
+    domain = liggghts.domain_of(start.state, start.width, shell)
+    liggghts.write_data(peer_data(start, folder), start.state, MATERIAL.density, domain)
+
+
+def peer_window(start: Start, model: Model, ranks: int, settings: Settings, folder: Path) -> liggghts.Window:
+    """One window of the peer."""
     text = liggghts.deck(
-        data, MATERIAL, model, step=settings.step, skin=settings.skin, warm=settings.warm, steps=settings.steps,
-        width=start.width, mesh=start.mesh,
+        peer_data(start, folder), MATERIAL, model, step=settings.step, skin=settings.skin, warm=settings.warm,
+        steps=settings.steps, width=start.width, mesh=start.mesh,
     )  # fmt: skip
     return liggghts.run(text, folder, ranks, settings.steps)
 
@@ -431,6 +440,8 @@ def bench(
                     start = mid_discharge(count, states, mesh, folder, settings, flow)
                 else:
                     start = given_bed(count, states) if states else own_bed(count, folder, settings, settle)
+                if peer_version is not None:
+                    write_peer_data(start, folder)
                 for model in models:
                     for n in counts:
                         results.append(run_case(start, model, n, settings, folder, peer_version is not None))
@@ -464,7 +475,7 @@ def print_report(report: dict, console: Console) -> None:
         title=f"ns per grain and step, median of {s['repeats']} windows of {s['steps']} steps",
         title_justify="left",
     )
-    columns = ["state", "model", "threads", "warpdem", "rebuilds", "contacts", "others"]
+    columns = ["state", "model", "threads", "warpdem", "lists", "contacts", "load"]
     columns[4:4] = ["peer", "ratio"] if with_peer else []
     for name in columns:
         table.add_column(name, justify="left" if name in ("state", "model") else "right", no_wrap=True)
@@ -533,6 +544,8 @@ def main(
         out: JSON file to write.
     """
     console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=110)  # into a file or a pipe: room for all columns
     settings = Settings(law, step, skin, warm, steps, repeats)
     report = bench(
         states=states, mesh=mesh, cases=cases, grains=grains, models=models, threads=threads, settings=settings,

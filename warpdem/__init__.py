@@ -1,9 +1,9 @@
 """warpdem: discrete element method for granular flow in rotating and moving equipment, on NVIDIA Warp.
 
-    scene = warpdem.load_scene("scenes/hourglass.toml")
-    sim = warpdem.Simulation(scene, device="cpu", threads=2)
-    sim.run(until=0.5)
-    sim.particles.position
+scene = warpdem.load_scene("scenes/hourglass.toml")
+sim = warpdem.Simulation(scene, device="cpu", threads=2)
+sim.run(until=0.5)
+sim.particles.position
 """
 
 from importlib.metadata import version

@@ -2,7 +2,6 @@
 
 import functools
 
-
 import warp as wp
 
 from warpdem.kernels import Built, law, loop, motion, neighbours, pairs

@@ -70,7 +70,7 @@ class Lists:
         self._grid = None
         self.contact_count = 0
         self.row_count = 0
-        self.stale = False  # the lists only stand in for those of a checkpoint
+        self._force_parity = 0  # parity of the step of the last force call
         self._near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self._kept: dict[str, wp.array] = {}
@@ -113,9 +113,8 @@ class Lists:
                 self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
         self._last_refresh = sim.step_number
         placement = sim.stepper.placements()
-        fresh = force_rebuild or self.stale or self._near is None
-        self.stale = False
-        if fresh or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+        self._force_parity = (sim.step_number - 1) & 1
+        if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             if self.rebuilds and sim.step_number - self._last_rebuild < REBUILD_STEPS:
                 self.skin = min(1.25 * self.skin, self._skin_bounds[1])
             self._last_rebuild = sim.step_number
@@ -193,8 +192,8 @@ class Lists:
         self._near_feature = feature
         rows = sim.new_rows(n, int(start_host[-1]))
         rows.first = start
-        parity = (sim.step_number + 1) & 1  # of the last force call, one step back
-        sim.threads.split(sim.kernels.walls.carry_places, n, [parity, old_place, self.rows, rows], sim.device)
+        inputs = [self._force_parity, old_place, self.rows, rows]
+        sim.threads.split(sim.kernels.walls.carry_places, n, inputs, sim.device)
         self.rows = rows
 
     # -- contact list ---------------------------------------------------------------------------
@@ -255,51 +254,113 @@ class Lists:
         self.row_count = len(near)
         rows.grain = self._upload(near, wp.int32)
 
-    # -- resume ---------------------------------------------------------------------------------
+    # -- checkpoint -----------------------------------------------------------------------------
+
+    def _listed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ids (lower, higher) of the listed contacts, and the rows of their two shares."""
+        c = self.contact_count
+        if not c:
+            return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+        ids = self.sim.state.id.numpy()
+        pair = np.stack([ids[a.numpy().ravel()[:c]] for a in (self.owner, self.partner)], axis=1)
+        return pair, self.slot_i.numpy().ravel()[:c], self.slot_j.numpy().ravel()[:c]
+
+    def pair_contacts(self) -> dict[str, np.ndarray]:
+        """Memory and shares of the listed grain-grain contacts."""
+        pair, i, j = self._listed()
+        width, shares = max(self.sim.plan.memory, 1), share_width(self.sim.plan.spins)
+        memory, row = np.zeros((0, width)), np.zeros((0, shares))
+        if len(pair):
+            memory = self.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[: len(pair)]
+            memory = memory if self.sim.plan.memory else np.zeros((len(pair), 1))
+            row = self.row.numpy()
+        return {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
+
+    def _place_names(self) -> list[str]:
+        memory = self.sim.plan.memory
+        return ["wall", "point", "normal", "overlap"] + ["spring"] * (memory >= 3) + ["angle"] * (memory == 6)
+
+    def wall_contacts(self) -> dict[str, np.ndarray]:
+        """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
+        sim, rows = self.sim, self.rows
+        if rows is None:
+            return {}
+        parity, g = sim.step_number & 1, rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
+        slot, holder = self.place_slots(parity, g)
+        out = {f"place_{name}": getattr(rows, f"place_{name}").numpy()[parity, slot] for name in self._place_names()}
+        out["place_force"] = rows.place_force.numpy()[slot]
+        out["place_grain"] = sim.state.id.numpy()[holder]
+        load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
+        out["wall_load"] = load[sim.state.rank]
+        return out
+
+    def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slots of the places of the grains in memory slots ``g``, and the grain of each."""
+        count = self.rows.place_count.numpy()[parity, g]
+        slot = np.repeat(self.rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
+        return slot, np.repeat(g, count)
 
     def restore(self, data: dict) -> None:
-        """Stand in for the lists of a checkpoint: its loads move the grains once, then new lists take over its memory."""
+        """Lists for the present positions with the memory and the forces of a checkpoint."""
         sim, plan, n = self.sim, self.sim.plan, len(self.sim.state)
-        ids = data["id"]
+        if n == 0:
+            return
         pair, memory = data["pair"], data["pair_memory"]
-        owner, partner = np.searchsorted(ids, pair[:, 0]), np.searchsorted(ids, pair[:, 1])
+        owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
         order = np.argsort(owner, kind="stable")
         count = np.bincount(owner, minlength=n)
         width = int(count.max(initial=0))
         place = owner[order] * width + np.arange(len(order)) - starts(count)[owner[order]]
         slot, contact = np.zeros(n * width, dtype=np.int32), np.zeros(n * width, dtype=np.int32)
         slot[place], contact[place] = partner[order], order
-        slot, contact = self._upload(slot, wp.int32), self._upload(contact, wp.int32)
-        self._near = (width, self._upload(count, wp.int32), slot, contact)
+        self._near = (width, *(self._upload(a.astype(np.int32), wp.int32) for a in (count, slot, contact)))
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, wp.float64)
-        self._near_reference = [np.full((n, 3), np.inf)] * (1 + plan.moving)
-        self.contact_count = self.row_count = 0
-        nothing = self._array((0, plan.lanes), wp.int32)
-        self.owner = self.partner = self.kind = self.slot_i = self.slot_j = nothing
-        self.constants = self._array((0, 2, plan.lanes), wp.float64)
-        self.row_start = self._upload(np.arange(n + 1, dtype=np.int32), wp.int32)
-        self.row = self._upload(data["load"][:, : share_width(plan.spins)], wp.float64)
-        position = data["record"][:, grain.POSITION]
-        self.reference = self._upload(np.stack([position] * (1 + plan.moving), axis=1), wp.vec3d)
+        self._force_parity = sim.step_number & 1
         if plan.walls:
             self._restore_places(data, n)
-        self.stale = True
+        placement = sim.stepper.placements()
+        self._last_refresh = self._last_rebuild = sim.step_number
+        self._rebuild(placement)
+        self._refresh(placement)
+        self._restore_forces(data)
 
     def _restore_places(self, data: dict, n: int) -> None:
-        """Slots that hold the places of a checkpoint."""
-        grains = np.searchsorted(data["id"], data.get("place_grain", np.zeros(0, dtype=np.int64)))
+        """Slots that hold the places of a checkpoint, for the rebuild to carry over."""
+        grains = np.searchsorted(data["id"], data["place_grain"])
         order = np.argsort(grains, kind="stable")
         count = np.bincount(grains, minlength=n).astype(np.int32)
         rows = self.sim.new_rows(n, len(grains))
         rows.first = self._upload(starts(count), wp.int32)
-        parity = self.sim.step_number & 1
         rows.place_count = self._upload(np.stack([count, count]), wp.int32)
-        for name in ("wall", "point", "normal", "overlap", "spring", "angle"):
-            if f"place_{name}" in data:
-                array = getattr(rows, f"place_{name}")
-                values = array.numpy()
-                values[parity] = data[f"place_{name}"][order]
-                array.assign(values)
+        for name in self._place_names():
+            array = getattr(rows, f"place_{name}")
+            values = array.numpy()
+            values[self._force_parity] = data[f"place_{name}"][order]
+            array.assign(values)
         self.rows = rows
+
+    def _restore_forces(self, data: dict) -> None:
+        """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
+        state = self.sim.state
+        pair, i, j = self._listed()
+        row = np.zeros(self.row.shape)
+        saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
+        known = [(c, saved[tuple(p)]) for c, p in enumerate(pair.tolist()) if tuple(p) in saved]
+        if known:
+            here, there = np.array(known).T
+            row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
+        self.row.assign(row)
+        if self.rows is None:
+            return
+        load = np.zeros((len(state), 6))
+        load[state.rank] = data["wall_load"]
+        self.rows.load.assign(load)
+        g = self.rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
+        slot, holder = self.place_slots(self._force_parity, g)
+        order = np.argsort(data["place_grain"], kind="stable")
+        mine = np.argsort(state.id.numpy()[holder], kind="stable")
+        force = self.rows.place_force.numpy()
+        force[slot[mine]] = data["place_force"][order]
+        self.rows.place_force.assign(force)

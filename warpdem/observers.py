@@ -154,10 +154,7 @@ def read_contacts(sim) -> Contacts:
         )  # fmt: skip
     if len(state) and plan.walls and lists.row_count:
         rows, parity = lists.rows, sim.step_number & 1
-        g = rows.grain.numpy()
-        count = rows.place_count.numpy()[parity, g]
-        slot = np.repeat(rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        g = np.repeat(g, count)
+        slot, g = lists.place_slots(parity, rows.grain.numpy())
         overlap, normal = rows.place_overlap.numpy()[parity, slot], rows.place_normal.numpy()[parity, slot]
         wall = rows.place_wall.numpy()[parity, slot]
         spring = rows.place_spring.numpy()[parity, slot] if plan.memory >= 3 else np.zeros((len(g), 3))

@@ -24,6 +24,7 @@ _MARGIN = 1.12
 _SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _INK = "#2b2f33"
 _WALL = "#9db4c8"
+_CATEGORIES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,9 @@ class _Colour:
 
 
 _COLOURS = {
-    "speed": _Colour("speed in the frame [m/s]", lambda s: np.linalg.norm(s.velocity, axis=1), from_zero=True),
-    "spin": _Colour("spin in the frame [rad/s]", lambda s: np.linalg.norm(s.spin, axis=1), from_zero=True),
-    "force": _Colour("contact force [N]", lambda s: np.linalg.norm(s.force, axis=1), from_zero=True),
+    "speed": _Colour("speed in the frame\n[m/s]", lambda s: np.linalg.norm(s.velocity, axis=1), from_zero=True),
+    "spin": _Colour("spin in the frame\n[rad/s]", lambda s: np.linalg.norm(s.spin, axis=1), from_zero=True),
+    "force": _Colour("contact force\n[N]", lambda s: np.linalg.norm(s.force, axis=1), from_zero=True),
     "radius": _Colour("radius [m]", lambda s: s.radius),
     "mass": _Colour("mass [kg]", lambda s: s.mass),
     "id": _Colour("grain id", lambda s: s.id),
@@ -181,7 +182,7 @@ class _Stage:
         light.SetSpecularPower(20.0)
         self._plotter.add_actor(actor, reset_camera=False, render=False)
         self._plotter.add_scalar_bar(
-            title=self._colour.title,
+            title=f"{self._colour.title}\n",  # the empty line keeps it off the top label
             mapper=self._balls,
             n_labels=0 if self._colour.is_category else 5,
             fmt="%.3g",
@@ -198,7 +199,7 @@ class _Stage:
         )
         _place_camera(self._plotter, camera or _fitting_camera(survey, size))
         self._wall_vertices: dict[str, np.ndarray] = {}
-        self._font = max(10, size[1] // 50)
+        self._font = max(6, size[1] // 80)
 
     def draw(self, snapshot: Snapshot, walls: list[WallMesh]) -> np.ndarray:
         """Pixels of one frame, shape (height, width, 3), uint8."""
@@ -213,7 +214,6 @@ class _Stage:
         axes = "laboratory axes" if self._view == "laboratory" else "frame axes"
         label = f"t = {snapshot.time:.4g} s\n{axes}, frame turned by {turned:.1f}°"
         self._plotter.add_text(label, position="upper_left", font_size=self._font, color=_INK, name="label", render=False)
-        self._plotter.render()
         return self._plotter.screenshot(return_img=True)
 
     def close(self) -> None:
@@ -241,7 +241,7 @@ class _Stage:
         lines = pv.wrap(outline.GetOutput())
         self._plotter.remove_actor(f"outline {wall.name}", **style)
         if lines.n_points:
-            self._plotter.add_mesh(lines, color=_INK, opacity=0.75, line_width=1.5, name=f"outline {wall.name}", **style)
+            self._plotter.add_mesh(lines, color=_INK, opacity=0.75, line_width=2.0, name=f"outline {wall.name}", **style)
 
 
 def _check_choices(view: str, colour: str) -> None:
@@ -285,8 +285,10 @@ def _colour_range(colour: str, least: float, greatest: float) -> tuple[float, fl
         return (0.0, 1.0)
     if _COLOURS[colour].is_category:
         return (-0.5, greatest + 0.5)
-    if _COLOURS[colour].from_zero:
-        least = 0.0
+    if _COLOURS[colour].from_zero and greatest > 0.0:
+        # two digits, rounded up, so that the labels are short
+        unit = 10.0 ** (np.floor(np.log10(greatest)) - 1.0)
+        return (0.0, float(np.ceil(greatest / unit) * unit))
     return (least, greatest) if greatest > least else (least, least + (abs(least) or 1.0))
 
 
@@ -324,7 +326,9 @@ def _place_camera(plotter: pv.Plotter, camera: Camera) -> None:
 def _ball_mapper(colour: _Colour, colour_range: tuple[float, float]) -> vtkOpenGLSphereMapper:
     """Mapper that draws true balls (ray cast per pixel, right depth and light) at the cost of points."""
     if colour.is_category:
-        table = pv.LookupTable("tab10", n_values=round(colour_range[1] - colour_range[0]))
+        count = round(colour_range[1] - colour_range[0])
+        table = pv.LookupTable([_CATEGORIES[k % len(_CATEGORIES)] for k in range(count)], n_values=count)
+        table.annotations = {float(k): str(k) for k in range(count)}
     else:
         table = pv.LookupTable("viridis", n_values=256)
     table.scalar_range = colour_range

@@ -22,6 +22,7 @@ from warpdem.stepper import Stepper
 from warpdem.threads import Threads, available_threads
 from warpdem.walls import Walls, check_sizes, load_meshes, named_diameters
 
+
 class Simulation:
     """A scene on a device, at rest between steps with the forces of its instant evaluated.
 
@@ -137,13 +138,11 @@ class Simulation:
         if not self._forces_ready:
             self.lists.update()
         batch = min(count, self.stepper.row()[1])
-        if self.lists.stale:  # of a checkpoint: its loads move the grains once
-            batch = min(batch, 1)
         with self.clock("steps"):
             done, moved = self.stepper.advance(batch, forces_first=not self._forces_ready)
         self.step_number += done
         self.steps_done += done
-        self._forces_ready = not moved and not (self.lists.stale and batch)
+        self._forces_ready = not moved
         return done
 
     def new_rows(self, grains: int, slots: int):
@@ -189,10 +188,10 @@ class Simulation:
             return
         contacts = self.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
-        where = contacts.worst() if len(contacts.i) else "the contact is over"
+        where = contacts.worst() if len(contacts.i) else "The contact is over by now."
         raise StabilityError(
             f"stopped at t = {self.time:.6g} s (step {self.step_number}): {kind} overlap by {share:.3g} of the radius, "
-            f"allowed is engine.max_overlap = {limit:g}. {where}. Time step {self.dt:.3g} s, stability limit "
+            f"allowed is engine.max_overlap = {limit:g}. {where} Time step {self.dt:.3g} s, stability limit "
             f"{self.limits.stable:.3g} s at {self.limits.max_speed:.3g} m/s; largest approach speed met "
             f"{max(met['pair_approach_speed'], met['wall_approach_speed']):.3g} m/s. "
             "Take a smaller time.step, or a stiffer material."

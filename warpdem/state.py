@@ -50,3 +50,10 @@ class State:
     def by_id(self, columns: slice | int) -> np.ndarray:
         """Columns of the record in ascending order of id."""
         return self.record.numpy()[self.rank][:, columns]
+
+    def restore(self, data: dict) -> None:
+        """Take over the arrays of a checkpoint, which are in order of id."""
+        for name in ("record", "inverse", "id", "kind"):
+            array = getattr(self, name)
+            setattr(self, name, wp.array(data[name], dtype=array.dtype, device=self.device))
+        self.rank = np.arange(len(self))

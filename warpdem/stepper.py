@@ -65,7 +65,7 @@ class Stepper:
     def arguments(self):
         """Structs of grains, packs and wall rows for the present lists."""
         lists = self.sim.lists
-        if self._arguments_of == lists.refreshes and not lists.stale:
+        if self._arguments_of == lists.refreshes:
             return self._arguments
         sim, loop = self.sim, self.sim.kernels.loop
         lane, lane_int = sim.kernels.pairs.Lane, sim.kernels.pairs.LaneInt

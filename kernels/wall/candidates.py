@@ -6,9 +6,7 @@ wall, so the tree of a moving mesh is never rebuilt. The distance that decides i
 
 import functools
 
-
 import warp as wp
-
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface

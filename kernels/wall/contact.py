@@ -18,7 +18,6 @@ body slips by nothing at all. The grain's torque arm is its distance to the cont
 import functools
 
 import warp as wp
-
 from warpdem.kernels import grain
 from warpdem.kernels.schedule import (
     Placement,
@@ -73,7 +72,8 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 @functools.cache
 def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float, moving: int):  # fmt: skip
     """Return the struct of rows and the function that evaluates one; arguments as in ``pairs.build``, ``lag`` the inertia factor of the
-    rolling model [-], ``moving`` the number of wall motions relative to the frame."""
+    rolling model [-], ``moving`` the number of wall motions relative to the frame.
+    """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Coefficients = wp.types.vector(7, wp.float64)

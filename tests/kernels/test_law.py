@@ -5,7 +5,6 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels import law
 from warpdem.kernels.normal import hertz
 from warpdem.kernels.rolling import constant

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 import warp as wp
 from scipy.spatial.transform import Rotation
-
 from warpdem.kernels import turn
 
 EPS = {wp.float32: 1.2e-7, wp.float64: 2.3e-16}

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels.normal import hertz
 
 # a few roundings of one product chain

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels.normal import hooke
 
 RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}

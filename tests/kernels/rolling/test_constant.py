@@ -3,7 +3,6 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels.rolling import constant
 
 RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}

@@ -4,7 +4,6 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels.rolling import spring
 
 RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}

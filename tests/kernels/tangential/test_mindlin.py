@@ -2,7 +2,6 @@ import functools
 
 import numpy as np
 import warp as wp
-
 from warpdem.kernels.tangential import mindlin
 
 RTOL = {wp.float32: 1e-6, wp.float64: 1e-15}

@@ -1,5 +1,4 @@
 import pytest
-
 from warpdem.kernels.tangential import mindlin_displacement
 
 

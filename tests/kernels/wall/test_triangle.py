@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels.wall.triangle import closest_point
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
