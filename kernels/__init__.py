@@ -5,14 +5,18 @@ source and limits; ``coefficients`` (host, float64) where the model derives numb
 cached, which returns the Warp functions for one precision.
 
 Everything that a contact law calls is straight-line code: no early return, no vector assigned inside an ``if``; choices are
-made with conditional expressions between scalars that are already computed. The pair loop lays ``lanes`` contacts side by side, and the compiler then turns the same
-scalar functions into SIMD code (see ``pairs.py``).
+conditional expressions between scalars that are already computed. The pair loop lays ``lanes`` contacts side by side, and
+the compiler then turns the same scalar functions into SIMD code (see ``pairs.py``).
 """
 
 from types import SimpleNamespace
 
+import warp as wp
+
 if __name__ != "warpdem.kernels":
     raise ImportError("the folder kernels/ is imported as warpdem.kernels")
+
+wp.config.log_level = wp.LOG_ERROR  # a line per compiled module would drown the progress of a run
 
 # Straight-line kernels profit from the SLP vectoriser at its own depth (Warp limits it to 4 to save compile time);
 # floating-point contraction stays off (clang's default here), so a contact's bits do not depend on its lane.

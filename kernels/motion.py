@@ -67,7 +67,7 @@ def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """Kick and drift; returns 1 when the grain has moved by more than ``reach`` [m] since the last list, or is not finite."""
+        """Kick and drift; returns 1 when the grain is further than ``reach`` [m] from its reference, or not finite."""
         state = grains_out[i]
         inv = inverse[i]
         kick = kick_time_of(row)

@@ -1,10 +1,10 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
-Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in
-ascending order of partner id. Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and
-then by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the
-force loop and the rows of the summation short; rebuilding it costs a tenth of a near list. Neither changes a bit of the
-result: pairs are evaluated lower id first and summed in order of partner id.
+Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id.
+Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
+by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the force
+loop and the rows of the summation short; making it costs a tenth of a near list. Neither changes a bit of the result: pairs
+are evaluated lower id first and summed in order of partner id.
 """
 
 import functools

@@ -125,7 +125,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         scratch_out: wp.array2d(dtype=Lane),
         at: int,
     ):
-        """Evaluate pack ``p`` into row ``at`` of the scratch; returns the largest overlap share [-] and approach speed [m/s] in it."""
+        """Evaluate pack ``p`` into row ``at`` of the scratch; returns its largest overlap share [-] and approach speed."""
         i = owner[p]
         j = partner[p]
         stiffness = constants[p, 0]

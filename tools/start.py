@@ -40,7 +40,7 @@ def install() -> None:
 
 def main() -> None:
     """Entry point."""
-    if sys.version_info < (3, 11):
+    if sys.version_info < (3, 11):  # noqa: UP036  (run by whatever python3 there is, before anything is installed)
         sys.exit(f"warpdem needs Python >= 3.11, this is {sys.version.split()[0]}")
     if len(sys.argv) < 2 or sys.argv[1] not in ("run", "test"):
         sys.exit(__doc__)

@@ -8,10 +8,6 @@ sim.particles.position
 
 from importlib.metadata import version
 
-import warp
-
-warp.config.log_level = warp.LOG_ERROR  # Warp's report of each kernel module would drown the progress of a run
-
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.scene import Scene
 from warpdem.scene_file import load_scene

@@ -92,7 +92,7 @@ class UsdWriter:
             self._start(snapshot, code)
         elif not _same_axis(snapshot.frame, self._first_frame):
             raise WarpdemError(
-                f"{self._folder / ROOT}: the frame's axis or origin changed at t = {snapshot.time} s; USD output needs fixed ones"
+                f"{self._folder / ROOT}: the frame's axis or origin changed at t = {snapshot.time} s, must be fixed"
             )
         self._write_grains(snapshot, code)
         self._root.SetTimeSample(_ANGLE, code, float(np.degrees(snapshot.frame.angle)))

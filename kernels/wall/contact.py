@@ -70,9 +70,13 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 
 
 @functools.cache
-def build(law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float, moving: int):  # fmt: skip
-    """Return the struct of rows and the function that evaluates one; arguments as in ``pairs.build``, ``lag`` the inertia factor of the
-    rolling model [-], ``moving`` the number of wall motions relative to the frame.
+def build(
+    law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float, moving: int
+):
+    """Return the struct of rows and the function that evaluates one.
+
+    Arguments as in ``pairs.build``; ``lag`` is the inertia factor of the rolling model [-], ``moving`` the number of wall
+    motions relative to the frame.
     """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)

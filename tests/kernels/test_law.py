@@ -1,4 +1,4 @@
-"""The joined law along given paths: Coulomb limit, energy over closed cycles, the spring's turn, rolling torque's direction."""
+"""The joined law along given paths: Coulomb limit, energy over closed cycles, the spring's turn, the rolling torque."""
 
 import functools
 
@@ -18,7 +18,7 @@ EPS = {wp.float32: 1.2e-7, wp.float64: 2.3e-16}
 
 @functools.cache
 def path_kernel(real, tangential):
-    """Kernel that takes one contact per thread along a path of its relative position (x, y tangential, z the overlap)."""
+    """Kernel that takes one contact per thread along a path of relative positions (x, y tangential, z overlap)."""
     vec3 = wp.types.vector(3, real)
     Coefficients = wp.types.vector(7, real)
     _, contact_law = law.build(real, hertz, tangential, None, False)
@@ -42,7 +42,7 @@ def path_kernel(real, tangential):
             # i sinks towards j as the overlap grows
             step = vec3(now[0] - before[0], now[1] - before[1], before[2] - now[2])
             velocity = step / real(wp.static(DT))
-            force, moment, held, bent = contact_law(
+            force, _moment, held, _bent = contact_law(
                 n, n, now[2], before[2], velocity, step, turning, vec3(), vec3(), real(wp.static(DT)),
                 real(wp.static(STIFFNESS)), damping, real(1.0), real(1.0), c, spring, vec3(),
             )  # fmt: skip
@@ -100,7 +100,7 @@ def force_scale():
 @pytest.mark.parametrize("friction", [0.1, FRICTION, 1e3], ids=["slips", "both", "sticks"])
 @pytest.mark.parametrize("damping", [0.0, 1e4], ids=["elastic", "damped"])
 def test_mindlin_takes_energy_over_every_closed_cycle(friction, damping):
-    """Work of a closed cycle <= 0 (performance.md 4.5: force history rescaled on unloading is the one law that grants it)."""
+    """Work of a closed cycle <= 0 (performance.md 4.5: only force history rescaled on unloading grants it)."""
     for seed in range(3):
         path = random_cycles(seed)
         force, _ = follow(path, mindlin, friction=friction, damping=damping)
@@ -178,7 +178,7 @@ def rolling_kernel(torsion):
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(n: wp.vec3d, spin: wp.vec3d, c: wp.types.vector(7, wp.float64), out: wp.array(dtype=wp.vec3d)):
         zero = wp.vec3d()
-        force, moment, held, bent = contact_law(
+        force, moment, _held, _bent = contact_law(
             n, n, wp.float64(1.0e-4), wp.float64(1.0e-4), zero, zero, zero, spin, spin, wp.float64(1.0e-9),
             wp.float64(1.0e6), wp.float64(0.0), wp.float64(5.0e-4), wp.float64(1.0), c, zero, zero,
         )  # fmt: skip

@@ -49,7 +49,7 @@ def test_a_swung_normal_takes_the_spring_along_the_shortest_way(real):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_rigid_rotation_of_the_pair_rotates_the_spring(seed):
-    """Whole pair turned by a small rotation vector u: swing of the normal and turn about it together are that rotation."""
+    """Whole pair turned by a small rotation vector u: swing of the normal and turn about it make that rotation."""
     rng = np.random.default_rng(seed)
     before = unit(rng.normal(size=3))
     spring = unit(np.cross(before, rng.normal(size=3)))

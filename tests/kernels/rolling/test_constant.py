@@ -17,8 +17,8 @@ def probe(real):
 
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(
-        spin: vec3, spin_predicted: vec3, angle: vec3, limit: real, spring: real, damping: real, inertia: real, dt: real,
-        moment_out: wp.array(dtype=vec3), angle_out: wp.array(dtype=vec3),
+        spin: vec3, spin_predicted: vec3, angle: vec3, limit: real, spring: real, damping: real, inertia: real,
+        dt: real, moment_out: wp.array(dtype=vec3), angle_out: wp.array(dtype=vec3),
     ):  # fmt: skip
         moment, held = model(spin, spin_predicted, angle, limit, spring, damping, inertia, dt)
         moment_out[0] = moment
