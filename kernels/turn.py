@@ -26,8 +26,8 @@ def build(real):
         swung = vector - both * (wp.dot(normal, vector) / (real(1.0) + wp.dot(normal, normal_before)))
         angle = real(0.5) * wp.dot(turn, both)
         square = angle * angle
-        sine = angle * (real(1.0) - square * real(1.0 / 6.0))
-        cosine = real(1.0) - square * (real(0.5) - square * real(1.0 / 24.0))
+        sine = angle * (real(1.0) - square * real(0.16666666666666666))
+        cosine = real(1.0) - square * (real(0.5) - square * real(0.041666666666666664))
         return swung * cosine + wp.cross(normal, swung) * sine
 
     return carried

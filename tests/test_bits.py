@@ -6,8 +6,8 @@ import trimesh
 
 from warpdem import Scene, Simulation
 
-STEPS = 1000
-HALF = 437
+STEPS = 700
+HALF = 337
 RADIUS = 1.0e-3
 
 
@@ -47,7 +47,7 @@ def bed(box, rolling: str, skin: float = 0.4 * RADIUS, order=slice(None)) -> Sce
             "frame": {
                 "axis": [0, 1, 0.2],
                 "origin": [0, 0, 5e-3],
-                "schedule": [{"until": 8e-3, "rate": [0, 40]}, {"until": 14e-3, "rate": 40}, {"rate": 0}],
+                "schedule": [{"until": 6e-3, "rate": [0, 40]}, {"until": 10e-3, "rate": 40}, {"rate": 0}],
             },
             "time": {"end": 1, "step": 2e-5, "max_speed": 1},
             "engine": {"skin": skin, "max_overlap": 0.3},
@@ -73,9 +73,9 @@ def test_the_bed_flows_and_remembers(reference, box, rolling):
     start = Simulation(bed(box, rolling), device="cpu", threads=1).particles.position
     assert np.linalg.norm(reference.particles.position - start, axis=1).min() > 0.5 * RADIUS
     contacts = reference.contacts()
-    assert (contacts.j >= 0).sum() > 100
+    assert (contacts.j >= 0).sum() > 80
     assert (contacts.j < 0).sum() > 20
-    assert np.count_nonzero(np.linalg.norm(contacts.spring, axis=1)) > 100
+    assert np.count_nonzero(np.linalg.norm(contacts.spring, axis=1)) > 80
     assert reference.lists.rebuilds > 10
 
 
@@ -88,7 +88,7 @@ def test_threads_and_repetition_change_no_bit(reference, box, rolling, threads):
 
 def test_skin_changes_no_bit(reference, box, rolling):
     rebuilds = {reference.lists.rebuilds}
-    for share in (0.05, 0.2, 0.5):
+    for share in (0.1, 0.2, 0.5):
         sim = Simulation(bed(box, rolling, skin=share * RADIUS), device="cpu", threads=1)
         sim.step(STEPS)
         assert sim.state_hash() == reference.state_hash(), f"skin of {share} radii"
@@ -106,7 +106,7 @@ def test_order_of_grains_changes_no_bit(reference, box, rolling):
 
 def test_reading_between_odd_batches_changes_no_bit(reference, box, rolling):
     sim = Simulation(bed(box, rolling), device="cpu", threads=1)
-    for k, batch in enumerate((1, 1, 2, 3, 7, 61, 128, 255, 256, 257, 1000)):
+    for k, batch in enumerate((1, 1, 2, 3, 7, 61, 128, 255, 256, 257)):
         sim.step(min(batch, STEPS - sim.step_number))
         reads = (lambda: sim.particles.velocity, sim.contacts, sim.energy, sim.snapshot, sim.loads, sim.state_hash)
         reads[k % 6]()
@@ -148,9 +148,8 @@ def test_margin_changes_no_bit(reference, box, rolling):
     assert sim.state_hash() == reference.state_hash()
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("half", [0, 1, HALF])
-def test_resume_changes_no_bit(reference, box, rolling, tmp_path, threads, half):
+@pytest.mark.parametrize(("half", "threads"), [(0, 1), (1, 3), (HALF, 1), (HALF, 3)])
+def test_resume_changes_no_bit(reference, box, rolling, tmp_path, half, threads):
     first = Simulation(bed(box, rolling), device="cpu", threads=1)
     first.step(half)
     first.save_checkpoint(tmp_path / "half.h5")

@@ -155,9 +155,9 @@ def damaged(kind: str, path) -> None:
                 del file["record"]
         case "array short":
             with h5py.File(path, "r+") as file:
-                short = file["load"][:-1]
-                del file["load"]
-                file["load"] = short
+                short = file["record"][:-1]
+                del file["record"]
+                file["record"] = short
         case "not finite":
             with h5py.File(path, "r+") as file:
                 file["record"][3, 0] = np.nan

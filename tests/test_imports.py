@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ORDER = (
     "errors", "snapshot", "units", "scene", "scene_file",
     "geometry", "packing", "grain_source",
-    "plan", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours",
+    "plan", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours", "stepper",
     "observers", "summary", "write_tables", "checkpoint", "simulation",
     "write_vtk", "write_usd", "render", "runner", "cli",
     "__init__", "__main__",
@@ -21,7 +21,11 @@ KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
 RENDER_IMPORTS = {"errors", "snapshot", "write_tables", "write_vtk"}
 """Files and the formats they are written in; no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
-HEAVY_OWNERS = {"write_usd": {"pxr"}, "write_vtk": {"vtk", "pyvista"}, "render": {"pyvista", "vtk", "imageio", "matplotlib"}}
+HEAVY_OWNERS = {
+    "write_usd": {"pxr"},
+    "write_vtk": {"vtk", "pyvista"},
+    "render": {"pyvista", "vtk", "imageio", "matplotlib"},
+}
 """Files that own a heavy library and are themselves imported only when they are needed."""
 
 

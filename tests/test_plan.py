@@ -204,7 +204,14 @@ def test_explain_names_what_is_left_out_and_why(keys, what, why):
 def test_explain_names_what_runs():
     turning = scene(rolling="spring", frame={"axis": [0, 0, 1], "rate": 3.0})
     lines = "\n".join(Simulation(turning, device="cpu", threads=1).plan.explain())
-    for what in ("normal: hertz", "tangential: mindlin", "rolling: spring", "rotating frame", "0 meshes, 1 planes", "48 B"):
+    for what in (
+        "normal: hertz",
+        "tangential: mindlin",
+        "rolling: spring",
+        "rotating frame",
+        "0 meshes, 1 planes",
+        "48 B",
+    ):
         assert what in lines
     assert "left out  rolling" not in lines
 

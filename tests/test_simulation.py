@@ -128,7 +128,9 @@ def test_momentum_is_kept_and_action_is_reaction():
     before = angular(sim.particles)
     sim.step(500)
     p = sim.particles
-    np.testing.assert_allclose((p.mass[:, None] * p.velocity).sum(axis=0), MASS * np.array([-0.2, 0.2, 0.1]), rtol=1e-11)
+    np.testing.assert_allclose(
+        (p.mass[:, None] * p.velocity).sum(axis=0), MASS * np.array([-0.2, 0.2, 0.1]), rtol=1e-11
+    )
     np.testing.assert_allclose(angular(p), before, rtol=0, atol=1e-12 * np.abs(before).max())
     assert torque.any()
 
@@ -203,7 +205,9 @@ def test_snapshot_is_what_is_read():
 
 def test_speed_far_over_the_stated_one_stops_the_run_by_name():
     """max_speed lied about: an impact at 30 m/s with a step made for 0.5 m/s."""
-    sim = simulate([[0, 0, 0], [0.01, 0, 0], [1, 0, 0]], velocities=[[30, 0, 0], [0, 0, 0], [0, 0, 0]], ids=[11, 12, 13])
+    sim = simulate(
+        [[0, 0, 0], [0.01, 0, 0], [1, 0, 0]], velocities=[[30, 0, 0], [0, 0, 0], [0, 0, 0]], ids=[11, 12, 13]
+    )
     with pytest.raises(StabilityError) as error:
         sim.step(5000)
     text = str(error.value)

@@ -54,7 +54,9 @@ def test_hertz_contact_time_is_that_of_the_trajectory(speed):
 
     apart.terminal, apart.direction = True, -1
     start = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed) / speed
-    path = solve_ivp(motion, (0.0, 10.0 * start), [0.0, speed], events=apart, rtol=1e-10, atol=1e-16, max_step=start / 50)
+    path = solve_ivp(
+        motion, (0.0, 10.0 * start), [0.0, speed], events=apart, rtol=1e-10, atol=1e-16, max_step=start / 50
+    )
     limits = found(scene(time={"end": 1, "max_speed": speed}))
     assert limits.contact_time == pytest.approx(path.t_events[0][-1], rel=1e-6)
     deepest = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed)

@@ -253,3 +253,22 @@ def test_wall_material_decides_its_coefficients():
     contacts = sim.contacts()
     across = np.linalg.norm(contacts.force[:, :2], axis=1)
     assert across[0] == pytest.approx(0.1 * contacts.force[0, 2], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["plane", "mesh"])
+def test_spring_stays_with_a_grain_that_rolls_over_triangles(tmp_path, kind):
+    """Steady rolling: the friction that slows it, 5/7 mu_r m g, is held by the spring alone, step after step."""
+    floor = plane() if kind == "plane" else write(tmp_path, square(10))
+    sim = simulate([floor], [-6e-3, 0.1e-3, RADIUS - DEPTH], [0.5, 0.0, 0.0], [0, 500.0, 0])
+    sim.step(1500)
+    shares = []
+    for _ in range(20):
+        sim.step(25)
+        contacts = sim.contacts()
+        across = contacts.force[0] - contacts.normal[0] * (contacts.force[0] @ contacts.normal[0])
+        stiffness = sim.coefficients.numpy()[0, 2] * contacts.stiffness[0] * np.sqrt(contacts.overlap[0])
+        assert np.linalg.norm(across) < 0.1 * WEIGHT, "sticks, far below the Coulomb limit"
+        shares.append([np.linalg.norm(across) / WEIGHT, stiffness * np.linalg.norm(contacts.spring[0]) / WEIGHT])
+    friction, held = np.mean(shares, axis=0)
+    assert friction == pytest.approx(5.0 / 7.0 * 0.02, rel=0.05)
+    assert held == pytest.approx(friction, rel=0.05)

@@ -10,7 +10,11 @@ from rich.console import Console
 
 from warpdem.errors import WarpdemError
 
-app = App(name="warpdem", help="Discrete element method for granular flow in rotating and moving equipment.")
+app = App(
+    name="warpdem",
+    help="Discrete element method for granular flow in rotating and moving equipment.",
+    suppress_keyboard_interrupt=False,  # main() tells how to go on
+)
 
 
 @app.command

@@ -24,7 +24,7 @@ _MARGIN = 1.12
 _SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _INK = "#2b2f33"
 _WALL = "#9db4c8"
-_CATEGORIES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#17becf")
+_CATEGORIES = "#1f77b4 #ff7f0e #2ca02c #d62728 #9467bd #8c564b #e377c2 #7f7f7f #bcbd22 #17becf".split()
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,16 @@ class _Stage:
         turned = np.degrees(snapshot.frame.angle)
         axes = "laboratory axes" if self._view == "laboratory" else "frame axes"
         label = f"t = {snapshot.time:.4g} s\n{axes}, frame turned by {turned:.1f}°"
-        self._plotter.add_text(label, position="upper_left", font_size=self._font, color=_INK, name="label", render=False)
+        self._plotter.add_text(
+            label,
+            position=(0.015, 0.925),
+            viewport=True,
+            font_size=self._font,
+            color=_INK,
+            name="label",
+            render=False,
+        )
+        self._plotter.render()  # screenshot alone would give the pixels of the frame before
         return self._plotter.screenshot(return_img=True)
 
     def close(self) -> None:
@@ -241,7 +250,7 @@ class _Stage:
         lines = pv.wrap(outline.GetOutput())
         self._plotter.remove_actor(f"outline {wall.name}", **style)
         if lines.n_points:
-            self._plotter.add_mesh(lines, color=_INK, opacity=0.75, line_width=2.0, name=f"outline {wall.name}", **style)
+            self._plotter.add_mesh(lines, color=_INK, opacity=0.8, line_width=3.0, name=f"outline {wall.name}", **style)
 
 
 def _check_choices(view: str, colour: str) -> None:
@@ -257,7 +266,7 @@ def _seen(points: np.ndarray, frame: FramePose, view: View) -> np.ndarray:
 
 
 def _survey(results: Results, frames: Iterable[int], view: View, colour: str) -> _Survey:
-    """Bounds and colour range of all frames drawn, so that nothing leaves the picture and colours keep their meaning."""
+    """Bounds and colour range of all frames drawn: nothing leaves the picture, colours keep their meaning."""
     axes = _picture_axes(results.frame(0).frame.axis)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     least, greatest = np.inf, -np.inf
@@ -309,7 +318,7 @@ def _fitting_camera(survey: _Survey, size: tuple[int, int]) -> Camera:
     # the nearest face of the box decides; the scale bar takes a tenth of the width at the right
     spread = max(half[1], half[0] / (0.86 * aspect))
     distance = spread / np.tan(np.radians(0.5 * _VIEW_ANGLE)) + half[2]
-    right, up, forward = survey.axes
+    _, up, forward = survey.axes
     focus = survey.axes.T @ centre
     return Camera(tuple(focus - distance * forward), tuple(focus), tuple(up))
 
@@ -351,7 +360,9 @@ def _open_plotter(size: tuple[int, int]) -> pv.Plotter:
         plotter = pv.Plotter(off_screen=True, window_size=list(size))
         if plotter.render_window.GetClassName() == "vtkOSOpenGLRenderWindow" and not ctypes.util.find_library("OSMesa"):
             plotter.close()
-            raise WarpdemError("pictures need an OpenGL library and none was found; on Debian or Ubuntu: apt install libegl1")
+            raise WarpdemError(
+                "pictures need an OpenGL library and none was found; on Debian or Ubuntu: apt install libegl1"
+            )
         plotter.set_background("white")
         plotter.enable_anti_aliasing("ssaa")
         return plotter

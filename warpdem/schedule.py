@@ -10,7 +10,8 @@ from warpdem.snapshot import FramePose, Placement
 def cross_matrix(axis: np.ndarray) -> np.ndarray:
     """Matrix [a]x with [a]x b = a x b, shape (3, 3)."""
     x, y, z = axis
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    zero = 0.0 * x
+    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
 
 
 def turn_increment(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -18,6 +19,26 @@ def turn_increment(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     across = cross_matrix(axis)
     angle = np.asarray(angle, dtype=float)[:, None, None]
     return np.sin(angle) * across + 2.0 * np.sin(0.5 * angle) ** 2 * (across @ across)
+
+
+def drift_increment(axis: np.ndarray, angle: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """R - I of the drift of each ``step`` by ``angle`` [rad] (shapes (k,)), shape (k, 3, 3), without a bias over many steps.
+
+    At a constant rate every step would round its nine numbers alike: some 1e-17 rad a step, 1e-11 after a million. So each
+    number is rounded up or down by turns, in the proportion that its exact value lies between (a function of the step
+    number, so that equal instants have equal bits). Needs a long double of more than 64 bits; else it is ``turn_increment``.
+    """
+    wide = np.longdouble
+    unit_axis = axis.astype(wide) / np.sqrt(np.sum(np.square(axis.astype(wide))))
+    across = cross_matrix(unit_axis)
+    half = np.sin(wide(0.5) * angle.astype(wide))[:, None, None]
+    exact = np.sin(angle.astype(wide))[:, None, None] * across + wide(2.0) * np.square(half) * (across @ across)
+    rounded = exact.astype(np.float64)
+    unit = np.spacing(np.abs(rounded))
+    miss = (exact - rounded) / unit  # of a unit in the last place, -0.5 ... 0.5
+    k = step.astype(wide)[:, None, None]
+    turns = np.floor((k + 1) * miss + wide(0.5)) - np.floor(k * miss + wide(0.5))
+    return rounded + unit * turns.astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -80,7 +101,8 @@ class Schedule:
         if self.turning:
             theta = self.angle(np.maximum(np.arange(step - 1, step + count + 2), 0) * self.dt)  # nothing turned before 0
             row[:, 2:5] += turn_increment(self.axis, -theta[1:-1]) @ self.gravity
-            between = turn_increment(self.axis, -np.diff(theta)).reshape(-1, 9)
+            drifts = np.arange(step - 1, step + count + 1)
+            between = drift_increment(self.axis, -np.diff(theta), drifts).reshape(-1, 9)
             row[:, 5:14] = between[1:]
             row[:, 14:23] = between[:-1]
             row[:, 23:26] = self.origin

@@ -17,8 +17,8 @@ from warpdem.errors import WarpdemError
 def replaced(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path`` and move it over ``path`` when the block ends without an error.
 
-    Readers see the old file or the new one, never half of one, also when the run is killed in between. The suffix stays,
-    since the VTK and USD libraries choose the format by it.
+    Readers see the old file or the new one, never half of one, also when the run is killed in between. The suffix
+    stays, since the VTK and USD libraries choose the format by it.
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:

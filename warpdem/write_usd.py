@@ -5,9 +5,9 @@
     result_usd/manifest.usda names of what the chunks hold
     result_usd/chunk_0000.usdc ...   grains, some frames each, joined by value clips
 
-A time code is a fixed share of a second (a millisecond unless told otherwise). The variant set ``view`` of ``/World/Frame``
-shows the motion in the laboratory (default) or in the frame's own axes. USD points are float32: these files are for looking
-at results, not for starting from them.
+A time code is a fixed share of a second (a millisecond unless told otherwise). The variant set ``view`` of
+``/World/Frame`` shows the motion in the laboratory (default) or in the frame's own axes. USD points are float32: these
+files are for looking at results, not for starting from them.
 """
 
 from pathlib import Path
@@ -79,7 +79,6 @@ class UsdWriter:
         self._chunk_codes: list[float] = []
         self._clips: list[tuple[float, str]] = []
         self._last: Snapshot | None = None
-        self._orient: dict[str, object] = {}
 
     def write(self, snapshot: Snapshot) -> None:
         """Write one frame; when this returns the stage shows it.
@@ -122,7 +121,7 @@ class UsdWriter:
             with replaced(path) as part:
                 _export(layer, part)
         self._root = _root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate)
-        # not before the stage of _root_layer is gone: it would look for the sublayer beside a layer that has no place yet
+        # only now that the stage of _root_layer is gone: it would look for the sublayer beside a layer without a place
         self._root.subLayerPaths.append(f"./{_PARTS}/walls.usdc")
         self._root.startTimeCode = code
         if self._resume:
@@ -205,10 +204,6 @@ class UsdWriter:
 
         # Gf matrices act on row vectors
         turn = Gf.Matrix3d(*placement.rotation.T.ravel().tolist()).ExtractRotation().GetQuat()
-        before = self._orient.get(path)
-        if before is not None and Gf.Dot(before, turn) < 0.0:
-            turn = -turn  # the same turn; a viewer must interpolate the short way round
-        self._orient[path] = turn
         translate, orient = (f"{path}.{op}" for op in _PLACEMENT_OPS)
         self._root.SetTimeSample(translate, code, Gf.Vec3d(*placement.translation.tolist()))
         self._root.SetTimeSample(orient, code, turn)
@@ -258,8 +253,8 @@ def _root_layer(frame: FramePose, wall_paths: list[str], rate: float):
 def _author_frame_ops(stage, frame: FramePose) -> None:
     """Turn by the frame's angle about any axis, with ops that hold unwrapped angles.
 
-    x_lab = o + B Rz(angle) B^T (x_frame - o), B the constant turn that takes z onto the axis. An orient op would be shorter,
-    but quaternions lose whole turns between two frames, and so do matrices.
+    x_lab = o + B Rz(angle) B^T (x_frame - o), B the constant turn that takes z onto the axis. An orient op would be
+    shorter, but quaternions lose whole turns between two frames, and so do matrices.
     """
     from pxr import Gf, UsdGeom
 
@@ -309,7 +304,7 @@ def _walls_layer(walls: list[WallMesh], paths: dict[str, str]):
 
 
 def _grains_layer(suffix: str):
-    """Layer that declares what a chunk holds of the grains, without values: the manifest, and each chunk at its start."""
+    """Layer that declares the arrays of the grains, without values: the manifest, and each chunk at its start."""
     from pxr import Sdf
 
     layer = Sdf.Layer.CreateAnonymous(suffix)

@@ -146,7 +146,7 @@ def read_results(folder: Path) -> Results:
     folder = Path(folder)
     index = folder / INDEX
     if not index.exists():
-        raise WarpdemError(f"{folder}: no {INDEX} in this folder; run a scene with \"vtk\" among its output formats")
+        raise WarpdemError(f'{folder}: no {INDEX} in this folder; run a scene with "vtk" among its output formats')
     frames: dict[float, dict[str, Path]] = {}
     for entry in _read_index(index):
         frames.setdefault(entry.time, {})[entry.name if entry.part else ""] = folder / entry.file

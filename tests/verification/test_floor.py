@@ -37,14 +37,14 @@ def on_floor(make_simulation, radius, young_modulus, height, **keys):
 
 def test_the_static_overlap_is_the_tabulated_one():
     # the table's floor is rigid; this one is as soft as the grain, which halves E*
-    assert REST / 2 ** (2 / 3) == pytest.approx(8.501655937e-6, rel=1e-9)
+    assert REST / 2 ** (2 / 3) == pytest.approx(8.501655937e-6, rel=1e-9, abs=0)
 
 
 def test_a_grain_put_down_at_its_static_overlap_stays_there(make_simulation):
     sim = on_floor(make_simulation, R, E, R - REST, step=2e-5)
     sim.step(5000)
     # z carries d to eps R/d = 1.3e-13; kick and gravity cancel to a rounding per step, held by the damped spring
-    assert sim.contacts().overlap[0] == pytest.approx(REST, rel=1e-9)
+    assert sim.contacts().overlap[0] == pytest.approx(REST, rel=1e-9, abs=0)
     assert np.abs(sim.particles.velocity).max() < 1e-13
     assert np.all(sim.particles.spin == 0.0)
 
@@ -53,7 +53,7 @@ def test_a_dropped_grain_settles_at_the_static_overlap(make_simulation):
     sim = on_floor(make_simulation, R, E, R + 1e-5, step=2e-5)
     # rate of decay |beta| sqrt(1.5 g/d) sqrt(5/6)... at least 0.3 * 1300 / s: exp(-0.3 * 1300 * 0.1) = 1e-17
     sim.step(5000)
-    assert sim.contacts().overlap[0] == pytest.approx(REST, rel=1e-9)
+    assert sim.contacts().overlap[0] == pytest.approx(REST, rel=1e-9, abs=0)
 
 
 MU, V0 = 0.3, 0.2

@@ -1,4 +1,4 @@
-"""The same motion computed in a turning frame and in the laboratory (exact_solutions 7): equal after the change of frame."""
+"""One motion computed in a turning frame and in the laboratory (exact_solutions 7): equal after the change of frame."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def compare(a, b, tolerance, size, speed):
 
 
 def test_a_grain_sliding_on_a_turning_disk(make_simulation):
-    """Friction must not depend on the frame: without the spring's turn the two differ by 1e-3 of a radius."""
+    """Friction must not depend on the frame: the spring is carried by the turn of the axes and of the bodies."""
     disk = [{"point": [0, 0, 0], "normal": [0, 0, 1]}]
     rotation = {"axis": [0, 0, 1], "rate": 20.0}
     keys = {"positions": [[0.01, 0, R]], "gravity": [0, 0, -9.81], "step": 1e-5}

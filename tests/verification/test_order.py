@@ -6,7 +6,7 @@ import numpy as np
 
 
 def test_a_damped_linear_contact_converges_with_second_order(make_simulation):
-    """Q'' = -w^2 q - 2 l q' about the rest overlap, never leaving the floor (exact_solutions 8, damped)."""
+    """Damped oscillation q'' = -w^2 q - 2 l q' about the rest overlap, always in contact (exact_solutions 8)."""
     g, radius, density, stiffness, e = 9.81, 5e-3, 2500.0, 500.0, 0.5
     mass = density * 4.0 / 3.0 * math.pi * radius**3
     beta = -math.log(e) / math.hypot(math.log(e), math.pi)

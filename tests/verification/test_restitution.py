@@ -67,7 +67,7 @@ def test_restitution_is_reached_at_every_speed_and_phase_and_converges(measured)
         assert np.abs(by_steps[28]).max() <= 0.010, f"e = {e}, 28 steps"
         assert np.abs(by_steps[100]).max() <= 0.0025, f"e = {e}, 100 steps"
         assert abs(by_steps[100].mean()) < 4e-4, f"e = {e}, mean signed error at 100 steps"
-        # the law has no speed of its own: only round-off of the onset (overlap / position = 1e-13 at the slowest) is left
+        # the law has no speed of its own: only round-off of the onset is left
         assert np.ptp(by_steps[28], axis=0).max() < 1e-6, f"e = {e}, speeds differ"
         rms = {n: np.sqrt(np.mean(x**2)) for n, x in by_steps.items()}
         assert slope(COARSE, rms) >= 1.3, f"e = {e}"

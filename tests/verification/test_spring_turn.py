@@ -1,12 +1,12 @@
 """Two bodies pressed together turn about their common normal: the tangential spring turns with them (design section 3).
 
-Both spin with Omega about the normal while i creeps past j at the constant speed u (the contact is so soft that its force
-changes nothing). Slip rate and spring, in the laboratory, with the normal swung by the way u t:
+Both spin with Omega about the normal while i creeps past j at the constant speed u (the contact is so soft that its
+force changes nothing). Slip rate and spring, in the laboratory, with the normal swung by the way u t:
 
     slip = u - Omega x (u t),    s' = Omega x s + slip,    so    s = u t
 
-A spring that is only projected on the tangent plane, not turned, would end at u t - Omega x u t^2/2: at Omega t = 3 rad that
-is 1.8 times as long and points elsewhere.
+A spring that is only projected on the tangent plane, not turned, would end at u t - Omega x u t^2/2: at Omega t = 3 rad
+that is 1.8 times as long and points elsewhere.
 """
 
 import numpy as np
