@@ -2,7 +2,8 @@
 
 Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id.
 Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
-by partner id, and laid out in packs of ``lanes``. A thin second list keeps the branch "touching or not" out of the force
+by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
+whole packs that it can pass over. A thin second list keeps the branch "touching or not" out of the force
 loop and the rows of the summation short; making it costs a tenth of a near list. Neither changes a bit of the result: pairs
 are evaluated lower id first and summed in order of partner id.
 """
@@ -11,6 +12,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+
+NEAR, TOUCHING = 1, 2  # classes of listed pairs
 
 
 @functools.cache
@@ -38,15 +41,14 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         i = first + wp.tid()
         me = grains[i]
         q = g.position(me)
-        reach = me[3] + skin
-        query = wp.hash_grid_query(grid, q, reach + largest)
+        query = wp.hash_grid_query(grid, q, me[3] + largest + skin)
         j = int(0)
         n = int(0)
         at = i * width
         while wp.hash_grid_query_next(query, j):
             other = grains[j]
             way = q - g.position(other)
-            far = reach + other[3]
+            far = me[3] + other[3] + skin  # in this order it is the same seen from j
             if wp.dot(way, way) < far * far and j != i:
                 if n < width:
                     s = at + n  # insertion by partner id: rows are short
@@ -93,28 +95,38 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         margin: wp.float64,
-        active_out: wp.array(dtype=wp.uint8),
-        owned_out: wp.array(dtype=wp.int32),
+        class_out: wp.array(dtype=wp.uint8),
+        touching_out: wp.array(dtype=wp.int32),
+        near_out: wp.array(dtype=wp.int32),
         listed_out: wp.array(dtype=wp.int32),
     ):
-        """Mark the pairs closer than the margin; both grains of a pair decide alike, bit for bit."""
+        """Class of each pair: TOUCHING, NEAR (closer than the margin) or neither; both grains decide alike, bit for bit."""
         i = first + wp.tid()
         me = grains[i]
-        owned = int(0)
+        touching = int(0)
+        near = int(0)
         listed = int(0)
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             other = grains[j]
             way = g.position(me) - g.position(other)
-            far = me[3] + other[3] + margin
-            close = wp.uint8(0)
-            if wp.dot(way, way) < far * far:
-                close = wp.uint8(1)
+            square = wp.dot(way, way)
+            reach = me[3] + other[3]
+            far = reach + margin
+            kind = wp.uint8(0)
+            if square < far * far:
+                kind = wp.uint8(NEAR)
                 listed += 1
+                if square < reach * reach:
+                    kind = wp.uint8(TOUCHING)
                 if id[j] > id[i]:
-                    owned += 1
-            active_out[e] = close
-        owned_out[i] = owned
+                    if kind == wp.uint8(TOUCHING):
+                        touching += 1
+                    else:
+                        near += 1
+            class_out[e] = kind
+        touching_out[i] = touching
+        near_out[i] = near
         listed_out[i] = listed
 
     @kernel
@@ -129,8 +141,9 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         width: int,
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        active: wp.array(dtype=wp.uint8),
-        contact_start: wp.array(dtype=wp.int32),
+        pair_class: wp.array(dtype=wp.uint8),
+        touching_start: wp.array(dtype=wp.int32),
+        near_start: wp.array(dtype=wp.int32),
         row_start: wp.array(dtype=wp.int32),
         old_memory: wp.array3d(dtype=wp.float64),
         contact_out: wp.array(dtype=wp.int32),
@@ -144,14 +157,22 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
     ):
         """Write the contacts that grain ``i`` owns into their packs, and tell all its contacts where its shares go."""
         i = first + wp.tid()
-        at = contact_start[i]
+        touching = touching_start[i]
+        near = near_start[i]
         row = row_start[i]
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             if id[j] > id[i]:
                 old = contact_out[e]
                 contact_out[e] = -1
-                if active[e] == wp.uint8(1):
+                if pair_class[e] != wp.uint8(0):
+                    at = int(0)
+                    if pair_class[e] == wp.uint8(TOUCHING):
+                        at = touching
+                        touching += 1
+                    else:
+                        at = near
+                        near += 1
                     contact_out[e] = at
                     p = at // wp.static(lanes)
                     k = at % wp.static(lanes)
@@ -180,14 +201,19 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
                             if old >= 0:
                                 value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
                             memory_out[p, f, k] = value
-                    at += 1
-            elif active[e] == wp.uint8(1):  # owned by j: its number there
-                theirs = contact_start[j]
-                for o in range(j * width, j * width + count[j]):
-                    if slot[o] == i:
-                        slot_j_out[theirs // wp.static(lanes), theirs % wp.static(lanes)] = row
-                    elif active[o] == wp.uint8(1) and id[slot[o]] > id[j]:
+            elif pair_class[e] != wp.uint8(0):  # owned by j: its number among those of its class there
+                mine = pair_class[e]
+                theirs = int(0)
+                if mine == wp.uint8(TOUCHING):
+                    theirs = touching_start[j]
+                else:
+                    theirs = near_start[j]
+                o = j * width
+                while slot[o] != i:
+                    if pair_class[o] == mine and id[slot[o]] > id[j]:
                         theirs += 1
+                    o += 1
+                slot_j_out[theirs // wp.static(lanes), theirs % wp.static(lanes)] = row
                 row += 1
 
     return Built(

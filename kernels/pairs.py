@@ -25,6 +25,11 @@ def share_width(spins: bool) -> int:
     return 6 if spins else 3
 
 
+def result_width(spins: bool) -> int:
+    """Numbers computed per contact: force, and both torques."""
+    return 9 if spins else 3
+
+
 @functools.cache
 def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool):
     """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows).
@@ -128,6 +133,19 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         """Evaluate pack ``p`` into row ``at`` of the scratch; returns its largest overlap share [-] and approach speed."""
         i = owner[p]
         j = partner[p]
+        deepest = real(-1.0)
+        for k in range(wp.static(lanes)):
+            gi = grains[i[k]]
+            gj = grains[j[k]]
+            across = g.position(gi) - g.position(gj)
+            reach = gi[3] + gj[3]
+            deepest = wp.max(deepest, reach * reach * real(1.000001) - wp.dot(across, across))
+        if deepest < real(0.0):  # nobody touches, by more than round-off: what the full law would make zero
+            for f in range(wp.static(result_width(spins))):
+                scratch_out[at, f] = Lane()
+            for f in range(wp.static(memory)):
+                memory_out[p, f] = Lane()
+            return real(0.0), real(0.0)
         stiffness = constants[p, 0]
         damping = constants[p, 1]
         radius = Lane()

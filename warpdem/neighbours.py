@@ -202,15 +202,18 @@ class Lists:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
         width, count, slot, contact = self._near
-        active = self._room("active", slot.shape, wp.uint8)
-        owned, listed = self._room("owned", (n,), wp.int32), self._room("listed", (n,), wp.int32)
+        pair_class = self._room("class", slot.shape, wp.uint8)
+        touching, close, listed = (self._room(name, (n,), wp.int32) for name in ("touching", "close", "listed"))
         split = sim.threads.split
-        inputs = [state.record, state.id, width, count, slot, self.margin, active, owned, listed]
+        inputs = [state.record, state.id, width, count, slot, self.margin, pair_class, touching, close, listed]
         split(lists.select_contacts, n, inputs, sim.device)
-        contact_start_host, row_start_host = starts(owned.numpy()), starts(listed.numpy())
-        self.contact_count = int(contact_start_host[-1])
-        packs = -(-self.contact_count // plan.lanes)
-        contact_start, row_start = self._upload(contact_start_host, wp.int32), self._upload(row_start_host, wp.int32)
+        touching_host, close_host, row_start_host = (starts(a.numpy()) for a in (touching, close, listed))
+        lanes = plan.lanes
+        close_host += -(-touching_host[-1] // lanes) * lanes  # those that touch fill whole packs
+        packs = -(-int(close_host[-1]) // lanes)
+        self.contact_count = int(row_start_host[-1]) // 2
+        touching_start, close_start = self._upload(touching_host, wp.int32), self._upload(close_host, wp.int32)
+        row_start = self._upload(row_start_host, wp.int32)
         shares = int(row_start_host[-1])
         lane_shape, room = (packs, plan.lanes), self._room
         row = room("row", (shares + 1, share_width(plan.spins)), wp.float64)
@@ -220,7 +223,7 @@ class Lists:
         constants = room("constants", (packs, lists.constants_width, plan.lanes), wp.float64)
         generation = f"memory{self.refreshes & 1}"  # the other one holds what is carried over
         memory = room(generation, (packs, max(plan.memory, 1), plan.lanes), wp.float64)
-        # what fills the last pack: two grains with no stiffness, whose shares go to a row that nobody reads
+        # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
         partner.fill_(min(1, n - 1))
         constants.zero_()
@@ -231,8 +234,8 @@ class Lists:
             lists.fill_contacts,
             n,
             [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, width, count, slot,
-             active, contact_start, row_start, self.memory, contact, owner, partner, kind, constants, slot_i, slot_j,
-             memory],
+             pair_class, touching_start, close_start, row_start, self.memory, contact, owner, partner, kind, constants,
+             slot_i, slot_j, memory],
             sim.device,
         )  # fmt: skip
         self.memory = memory
@@ -258,12 +261,15 @@ class Lists:
 
     def _listed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ids (lower, higher) of the listed contacts, and the rows of their two shares."""
-        c = self.contact_count
-        if not c:
+        if not self.contact_count:
             return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        ids = self.sim.state.id.numpy()
-        pair = np.stack([ids[a.numpy().ravel()[:c]] for a in (self.owner, self.partner)], axis=1)
-        return pair, self.slot_i.numpy().ravel()[:c], self.slot_j.numpy().ravel()[:c]
+        ids, real = self.sim.state.id.numpy(), self.real_lanes()
+        pair = np.stack([ids[a.numpy().ravel()[real]] for a in (self.owner, self.partner)], axis=1)
+        return pair, self.slot_i.numpy().ravel()[real], self.slot_j.numpy().ravel()[real]
+
+    def real_lanes(self) -> np.ndarray:
+        """Numbers of the lanes that hold a contact and do not merely fill a pack."""
+        return np.flatnonzero(self.slot_i.numpy().ravel() < self.row.shape[0] - 1)
 
     def pair_contacts(self) -> dict[str, np.ndarray]:
         """Memory and shares of the listed grain-grain contacts."""
@@ -271,7 +277,7 @@ class Lists:
         width, shares = max(self.sim.plan.memory, 1), share_width(self.sim.plan.spins)
         memory, row = np.zeros((0, width)), np.zeros((0, shares))
         if len(pair):
-            memory = self.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[: len(pair)]
+            memory = self.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[self.real_lanes()]
             memory = memory if self.sim.plan.memory else np.zeros((len(pair), 1))
             row = self.row.numpy()
         return {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}

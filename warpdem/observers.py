@@ -132,12 +132,12 @@ def read_contacts(sim) -> Contacts:
     position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
     parts = []
     if len(state) and lists.contact_count:
-        c = lists.contact_count
+        lanes = lists.real_lanes()
 
         def flat(array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
-            return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[:c]
+            return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
 
-        a, b = lists.owner.numpy().ravel()[:c], lists.partner.numpy().ravel()[:c]
+        a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
         way = position[a] - position[b]
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
@@ -147,7 +147,7 @@ def read_contacts(sim) -> Contacts:
         spring = flat(lists.memory)[on][:, :3] if plan.memory else np.zeros((len(a), 3))
         parts.append(
             (
-                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[:c]][on][:, :3], spring,
+                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3], spring,
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
                 flat(lists.constants)[on][:, 0],
             )

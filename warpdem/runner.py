@@ -191,7 +191,7 @@ def run_scene(
     last = sim.steps_until(end)
     interval = scene.output.interval or end / 50.0
     frame_every = max(1, round(interval / sim.dt))
-    row_every = max(1, round((scene.output.history_interval or interval / 10.0) / sim.dt))
+    row_every = max(1, round((scene.output.history_interval or interval / 4.0) / sim.dt))
     if not quiet:
         console.print(f"[bold]{scene.title or scene.source}[/]: {len(sim.state)} grains, {last} steps of {sim.dt:.3g} s "
                       f"on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip

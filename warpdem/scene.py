@@ -495,7 +495,7 @@ class Output(SceneModel):
     )
     picture: StrictBool = Field(True, description="Whether a preview picture is drawn at the end, default true.")
     history_interval: Duration | None = Field(
-        None, description="Time between two rows of history.csv [s], > 0, default interval / 10."
+        None, description="Time between two rows of history.csv [s], > 0, default interval / 4."
     )
 
     @field_validator("formats")

@@ -112,21 +112,32 @@ def build(
     def find_places(
         i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
         placements: wp.array2d(dtype=Placement), row: int,
-    ):  # fmt: skip
-        """Steps 1 to 3: mark the candidates of grain ``i`` that are places as TAKEN."""
+    ) -> int:  # fmt: skip
+        """Steps 1 to 3: mark the candidates of grain ``i`` that are places as TAKEN; 0 when there are none."""
         first = rows.first[i]
         last = first + rows.candidates[i]
+        hits = int(0)
+        hit = int(0)
         for c in range(first, last):
             f = rows.feature[c]
             body = q
             if wp.static(moving > 0):
                 body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
             point, direction, distance, mask = closest_on_feature(surface, f, body, radius, radius)
-            rows.hit_state[c] = wp.where(distance < radius, wp.static(HIT), wp.static(IDLE))
+            rows.hit_state[c] = wp.static(IDLE)
+            if distance < radius:
+                rows.hit_state[c] = wp.static(HIT)
+                hits += 1
+                hit = c
             rows.hit_mask[c] = mask
             rows.hit_distance[c] = distance
             rows.hit_point[c] = point
             rows.hit_direction[c] = direction
+        if hits == 0:
+            return 0
+        if hits == 1:  # the usual case has nothing to sort out
+            rows.hit_state[hit] = wp.static(TAKEN)
+            return 1
         same = wp.float64(1.0e-12) * radius
         for c in range(first, last):
             f = rows.feature[c]
@@ -159,6 +170,7 @@ def build(
                             cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[best])
                             if cosine > wp.float64(wp.static(MERGE_COSINE)):
                                 rows.hit_state[c] = wp.static(MERGED)
+        return hits
 
     @wp.func
     def remembered(i: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, rows: Rows) -> int:
@@ -198,7 +210,10 @@ def build(
         grain_i = grains[i]
         q = g.position(grain_i)
         radius = grain_i[3]
-        find_places(i, q, radius, surface, rows, placements, row)
+        if find_places(i, q, radius, surface, rows, placements, row) == 0:
+            rows.place_count[parity, i] = 0
+            rows.load[i] = vec6()
+            return wp.float64(0.0), wp.float64(0.0)
         first = rows.first[i]
         old = 1 - parity
         count = int(0)
