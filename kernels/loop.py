@@ -55,7 +55,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
 
         row: wp.array(dtype=Row)
         placement: wp.array2d(dtype=Placement)
-        share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
+        share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack that touches, other pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
         scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
@@ -149,7 +149,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
             if stop == 0:
                 if s > 0:
                     moved = move_phase(
-                        control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, grains, rows, control, dt, reach,
+                        control.share[thread, 4], control.share[thread, 5], 1, base + s - 1, grains, rows, control, dt, reach,
                     )  # fmt: skip
                     control.moved[at] = moved
                     if threads > 1:
@@ -161,13 +161,14 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
                         control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1):
                     if wp.static(has_pairs):
-                        pair_phase(
-                            control.share[thread, 0], control.share[thread, 1], 1, base + s, grains, packs, control,
-                            coefficients, dt, at,
-                        )  # fmt: skip
+                        for half in range(2):
+                            pair_phase(
+                                control.share[thread, 2 * half], control.share[thread, 2 * half + 1], 1, base + s,
+                                grains, packs, control, coefficients, dt, at,
+                            )  # fmt: skip
                     if wp.static(walls):
                         wall_phase(
-                            control.share[thread, 4], control.share[thread, 5], 1, base + s, grains, rows, surface, control,
+                            control.share[thread, 6], control.share[thread, 7], 1, base + s, grains, rows, surface, control,
                             coefficients, materials, (parity + s) & 1, dt, at,
                         )  # fmt: skip
                     if threads > 1:

@@ -68,8 +68,7 @@ class Lists:
         self._width = 12  # room per row of the near list
         self._near_reference = None
         self._grid = None
-        self.contact_count = 0
-        self.row_count = 0
+        self.contact_count = self.touching_packs = self.row_count = 0
         self._force_parity = 0  # parity of the step of the last force call
         self._near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
@@ -209,7 +208,8 @@ class Lists:
         split(lists.select_contacts, n, inputs, sim.device)
         touching_host, close_host, row_start_host = (starts(a.numpy()) for a in (touching, close, listed))
         lanes = plan.lanes
-        close_host += -(-touching_host[-1] // lanes) * lanes  # those that touch fill whole packs
+        self.touching_packs = -(-int(touching_host[-1]) // lanes)
+        close_host += self.touching_packs * lanes
         packs = -(-int(close_host[-1]) // lanes)
         self.contact_count = int(row_start_host[-1]) // 2
         touching_start, close_start = self._upload(touching_host, wp.int32), self._upload(close_host, wp.int32)
