@@ -6,7 +6,7 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
 
-REFRESH_STEPS = (15, 50)  # steps between refreshes that the margin is steered to
+REFRESH_STEPS = (30, 100)  # steps between refreshes that the margin is steered to
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 
