@@ -15,6 +15,7 @@ from warpdem.kernels.pairs import BLOCK
 from warpdem.kernels.schedule import Placement, Row, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
+AHEAD = 6  # packs between the announcement of a pack's memory and its use
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
 
 
@@ -55,7 +56,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
 
         row: wp.array(dtype=Row)
         placement: wp.array2d(dtype=Placement)
-        share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack that touches, other pack, grain, wall row
+        share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
         scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
@@ -77,6 +78,10 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
             end = wp.min(block + stride * wp.static(BLOCK), last)
             row = int(scratch)
             for p in range(block, end, stride):
+                pairs.announce(
+                    wp.min(p + wp.static(AHEAD), last - 1), grains.record, packs.partner, packs.slot_i, packs.slot_j,
+                    grains.row,
+                )  # fmt: skip
                 a, b = pairs.pack(
                     p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
                     slip_dt, dt, packs.memory, control.scratch, row,
@@ -149,7 +154,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
             if stop == 0:
                 if s > 0:
                     moved = move_phase(
-                        control.share[thread, 4], control.share[thread, 5], 1, base + s - 1, grains, rows, control, dt, reach,
+                        control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, grains, rows, control, dt, reach,
                     )  # fmt: skip
                     control.moved[at] = moved
                     if threads > 1:
@@ -161,14 +166,13 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
                         control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1):
                     if wp.static(has_pairs):
-                        for half in range(2):
-                            pair_phase(
-                                control.share[thread, 2 * half], control.share[thread, 2 * half + 1], 1, base + s,
-                                grains, packs, control, coefficients, dt, at,
-                            )  # fmt: skip
+                        pair_phase(
+                            control.share[thread, 0], control.share[thread, 1], 1, base + s, grains, packs, control,
+                            coefficients, dt, at,
+                        )  # fmt: skip
                     if wp.static(walls):
                         wall_phase(
-                            control.share[thread, 6], control.share[thread, 7], 1, base + s, grains, rows, surface, control,
+                            control.share[thread, 4], control.share[thread, 5], 1, base + s, grains, rows, surface, control,
                             coefficients, materials, (parity + s) & 1, dt, at,
                         )  # fmt: skip
                     if threads > 1:

@@ -19,6 +19,18 @@ from warpdem.kernels import Built, grain
 
 BLOCK = 16  # packs computed before their shares are copied
 
+ANNOUNCE = """
+#if !defined(__CUDA_ARCH__)
+    for (wp::int32 k = 0; k < wp::int32(sizeof(partner.data[p].c) / sizeof(partner.data[p].c[0])); ++k) {
+        const char* record = reinterpret_cast<const char*>(grains.data + partner.data[p].c[k]);
+        __builtin_prefetch(record);
+        __builtin_prefetch(record + 64);
+        __builtin_prefetch(row.data + slot_i.data[p].c[k], 1);
+        __builtin_prefetch(row.data + slot_j.data[p].c[k], 1);
+    }
+#endif
+"""
+
 
 def share_width(spins: bool) -> int:
     """Numbers that a grain gets from a contact: force only, or force and torque."""
@@ -260,4 +272,16 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
                 row_out[i[k]] = Share(fx[k], fy[k], fz[k])
                 row_out[j[k]] = Share(-fx[k], -fy[k], -fz[k])
 
-    return Built(pack=pack, share=share, Share=Share, Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients)
+    @wp.func_native(ANNOUNCE)
+    def announce(
+        p: int,
+        grains: wp.array(dtype=g.Record),
+        partner: wp.array(dtype=LaneInt),
+        slot_i: wp.array(dtype=LaneInt),
+        slot_j: wp.array(dtype=LaneInt),
+        row: wp.array(dtype=Share),
+    ):
+        """Ask for the memory that pack ``p`` will need: partners lie too scattered for a core to foresee."""
+        ...
+
+    return Built(pack=pack, share=share, announce=announce, Share=Share, Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients)

@@ -7,6 +7,7 @@ from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
 
 REFRESH_STEPS = (30, 100)  # steps between refreshes that the margin is steered to
+CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 
@@ -41,6 +42,23 @@ def starts(count: np.ndarray) -> np.ndarray:
     return out
 
 
+def class_starts(touching: np.ndarray, near: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Number of the first contact of either class of each grain, int32, and the packs in all.
+
+    Within a block of grains the contacts that touch come first and fill whole packs, then the others do: a pack holds one
+    class, and both classes of a block find its grains in the cache.
+    """
+    n = len(touching)
+    first = np.arange(0, n, CLASS_BLOCK)
+    block = np.arange(n) // CLASS_BLOCK
+    sums = [np.add.reduceat(count, first) for count in (touching, near)]
+    room = [-(-s // lanes) * lanes for s in sums]
+    begin = np.concatenate([[0], np.cumsum(room[0] + room[1])])
+    inside = [np.cumsum(count) - count - (np.cumsum(s) - s)[block] for count, s in zip((touching, near), sums, strict=True)]
+    out = begin[block] + inside[0], begin[block] + room[0][block] + inside[1]
+    return out[0].astype(np.int32), out[1].astype(np.int32), int(begin[-1]) // lanes
+
+
 class Lists:
     """Near list, contact list and wall rows of a simulation.
 
@@ -68,7 +86,7 @@ class Lists:
         self._width = 12  # room per row of the near list
         self._near_reference = None
         self._grid = None
-        self.contact_count = self.touching_packs = self.row_count = 0
+        self.contact_count = self.row_count = 0
         self._force_parity = 0  # parity of the step of the last force call
         self._near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
@@ -206,11 +224,8 @@ class Lists:
         split = sim.threads.split
         inputs = [state.record, state.id, width, count, slot, self.margin, pair_class, touching, close, listed]
         split(lists.select_contacts, n, inputs, sim.device)
-        touching_host, close_host, row_start_host = (starts(a.numpy()) for a in (touching, close, listed))
-        lanes = plan.lanes
-        self.touching_packs = -(-int(touching_host[-1]) // lanes)
-        close_host += self.touching_packs * lanes
-        packs = -(-int(close_host[-1]) // lanes)
+        touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
+        row_start_host = starts(listed.numpy())
         self.contact_count = int(row_start_host[-1]) // 2
         touching_start, close_start = self._upload(touching_host, wp.int32), self._upload(close_host, wp.int32)
         row_start = self._upload(row_start_host, wp.int32)

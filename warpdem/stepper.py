@@ -22,7 +22,7 @@ class Stepper:
         device, cpu = sim.device, sim.device.is_cpu
         slots = sim.threads.count if cpu else CUDA_THREADS
         control = self.control = sim.kernels.loop.Control()
-        control.share = wp.zeros((slots if cpu else 0, 8), dtype=wp.int32, device=device)
+        control.share = wp.zeros((slots if cpu else 0, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
@@ -100,12 +100,8 @@ class Stepper:
         sim, control, n = self.sim, self.control, self.sim.threads.count
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
-        touching, listed = sim.lists.touching_packs, packs.owner.shape[0]
-        # packs that touch cost many times more than the others: each kind is shared out by itself
-        parts = [ranges(m, n) for m in (touching, listed - touching, len(sim.state), sim.lists.row_count)]
-        share = np.hstack(parts)
-        share[:, 2:4] += touching
-        control.share.assign(share.astype(np.int32))
+        parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
+        control.share.assign(np.hstack(parts).astype(np.int32))
         control.meeting.zero_()
         control.moved.zero_()
         shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
