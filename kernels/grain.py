@@ -15,14 +15,7 @@ import warp as wp
 from warpdem.kernels import Built
 
 WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin
-POSITION, RADIUS, VELOCITY, ACCELERATION, SPIN, ANGULAR_ACCELERATION = (
-    slice(0, 3),
-    3,
-    slice(4, 7),
-    slice(7, 10),
-    slice(10, 13),
-    slice(13, 16),
-)
+POSITION, RADIUS, VELOCITY, SPIN = slice(0, 3), 3, slice(4, 7), slice(10, 13)  # places in the record
 
 
 @functools.cache

@@ -20,7 +20,7 @@ SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads 
 
 
 @functools.cache
-def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, walls: bool):
+def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
     """Return the CPU kernel ``run`` and the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``."""
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
@@ -165,11 +165,10 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, has_pairs: bool, wa
                     if thread == 0:
                         control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1):
-                    if wp.static(has_pairs):
-                        pair_phase(
-                            control.share[thread, 0], control.share[thread, 1], 1, base + s, grains, packs, control,
-                            coefficients, dt, at,
-                        )  # fmt: skip
+                    pair_phase(
+                        control.share[thread, 0], control.share[thread, 1], 1, base + s, grains, packs, control,
+                        coefficients, dt, at,
+                    )  # fmt: skip
                     if wp.static(walls):
                         wall_phase(
                             control.share[thread, 4], control.share[thread, 5], 1, base + s, grains, rows, surface, control,

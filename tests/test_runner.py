@@ -92,7 +92,7 @@ def test_history_has_a_row_at_every_interval(done):
     header, rows = history(folder)
     assert header[0] == "time [s]"
     assert "kinetic [J]" in header
-    np.testing.assert_allclose(rows[:, 0], np.arange(31) * 2e-4, atol=1e-12)
+    np.testing.assert_allclose(rows[:, 0], np.arange(13) * 5e-4, atol=1e-12)
     energy = sim.energy()
     for name in ("kinetic", "rotational", "elastic", "potential"):
         assert rows[-1, header.index(f"{name} [J]")] == energy[name]

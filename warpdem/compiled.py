@@ -29,7 +29,7 @@ def compile_plan(plan: Plan) -> Built:
     pair_pack = pairs.build(real, contact_law, plan.lanes, **shared, **turning)
     Rows, touch = contact.build(contact_law, constants, **shared, **turning, lag=plan.lag, moving=plan.moving)
     load, advance = motion.build(spins=plan.spins, walls=plan.walls, moving=plan.moving, **turning)
-    step = loop.build(pair_pack, touch, Rows, load, advance, spins=plan.spins, has_pairs=True, walls=plan.walls)
+    step = loop.build(pair_pack, touch, Rows, load, advance, spins=plan.spins, walls=plan.walls)
     lists = neighbours.build(constants, plan.lanes, **shared, lag=plan.lag)
     walls = None
     if plan.walls:

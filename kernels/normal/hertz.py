@@ -21,9 +21,6 @@ import math
 
 import warp as wp
 
-BEYOND_CONTACT = False
-PAIR_KEYS = ()  # keys of a pair of materials that this law needs besides restitution
-
 
 def coefficients(a, b, pair) -> tuple[float, float, float, float]:
     """Stiffness base (4/3) E* [Pa], damping base sqrt(5)|beta| [-], k_t/k_n [-] and gamma_t/gamma_n [-] of two materials."""

@@ -18,9 +18,6 @@ import math
 
 import warp as wp
 
-BEYOND_CONTACT = False
-PAIR_KEYS = ("stiffness",)
-
 
 def coefficients(a, b, pair) -> tuple[float, float, float, float]:
     """Stiffness k [N/m], damping base 2|beta| [-], k_t/k_n [-] and gamma_t/gamma_n [-] of two materials."""
