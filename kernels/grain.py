@@ -28,6 +28,11 @@ def build(spins: bool):
         return wp.vec3d(g[0], g[1], g[2])
 
     @wp.func
+    def separation(a: Record, b: Record) -> wp.vec3d:
+        """Vector from the centre of b to that of a [m]; lists and forces ask only here, the place for periodic images."""
+        return position(a) - position(b)
+
+    @wp.func
     def velocity(g: Record) -> wp.vec3d:
         return wp.vec3d(g[4], g[5], g[6])
 
@@ -72,6 +77,7 @@ def build(spins: bool):
     return Built(
         Record=Record,
         position=position,
+        separation=separation,
         velocity=velocity,
         acceleration=acceleration,
         spin=spin,

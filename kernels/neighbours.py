@@ -40,14 +40,13 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         """Partners of each grain; a count above ``width`` says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        q = g.position(me)
-        query = wp.hash_grid_query(grid, q, me[3] + largest + skin)
+        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + skin)
         j = int(0)
         n = int(0)
         at = i * width
         while wp.hash_grid_query_next(query, j):
             other = grains[j]
-            way = q - g.position(other)
+            way = g.separation(me, other)
             far = me[3] + other[3] + skin  # in this order it is the same seen from j
             if wp.dot(way, way) < far * far and j != i:
                 if n < width:
@@ -109,7 +108,7 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             other = grains[j]
-            way = g.position(me) - g.position(other)
+            way = g.separation(me, other)
             square = wp.dot(way, way)
             reach = me[3] + other[3]
             far = reach + margin

@@ -79,7 +79,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         dt: real,
     ) -> Result:
         """Force, torques and memory of one contact, with overlap share and approach speed for the guards."""
-        across = g.position(gi) - g.position(gj)
+        across = g.separation(gi, gj)
         moved = (g.velocity(gi) - g.velocity(gj)) * slip_time
         before = across - moved
         distance = wp.sqrt(wp.dot(across, across))
@@ -149,7 +149,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
-            across = g.position(gi) - g.position(gj)
+            across = g.separation(gi, gj)
             reach = gi[3] + gj[3]
             deepest = wp.max(deepest, reach * reach * real(1.000001) - wp.dot(across, across))
         if deepest < real(0.0):  # nobody touches, by more than round-off: what the full law would make zero
