@@ -25,6 +25,11 @@ CPU_FLAGS = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-slp-recursion-m
 MODULE_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": CPU_FLAGS}
 
 
+def tiny(real) -> float:
+    """A number that keeps a quotient finite and is nothing beside any quantity of a contact."""
+    return 1.0e-300 if real is wp.float64 else 1.0e-30
+
+
 class Built(SimpleNamespace):
     """What a cached factory returns: named functions, types and kernels; equal only to itself, so it can be a cache key."""
 

@@ -14,7 +14,7 @@ are projections on a ball that contains the spring force, so friction never crea
 import functools
 
 import warp as wp
-from warpdem.kernels import turn
+from warpdem.kernels import tiny, turn
 
 # columns of the table of coefficients per pair of materials
 COEFFICIENTS = (
@@ -40,6 +40,7 @@ def build(real, normal, tangential, rolling, torsion: bool):
     carried = turn.build(real)
     kept = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
+    small = tiny(real)
     rolls_with_history = bool(rolling) and rolling.HISTORY
 
     @wp.func
@@ -47,11 +48,11 @@ def build(real, normal, tangential, rolling, torsion: bool):
         spring: vec3, velocity: vec3, stiffness: real, damping: real, limit: real
     ):
         """Tangential force [N] within the Coulomb limit, and the spring [m] cut to it."""
-        tiny = real(1.0e-300)
-        share = limit / (stiffness * wp.sqrt(wp.dot(spring, spring) + tiny) + tiny)
+        least = real(wp.static(small))
+        share = limit / (stiffness * wp.sqrt(wp.dot(spring, spring) + least) + least)
         held = spring * (share if share < real(1.0) else real(1.0))
         trial = held * (-stiffness) - velocity * damping
-        cap = limit / wp.sqrt(wp.dot(trial, trial) + tiny)
+        cap = limit / wp.sqrt(wp.dot(trial, trial) + least)
         return trial * (cap if cap < real(1.0) else real(1.0)), held
 
     @wp.func

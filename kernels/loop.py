@@ -1,7 +1,8 @@
-"""The step: forces at t_k, then kick and drift to t_k+1, over and over.
+"""The step: forces at t_k, then the integrator takes the grains to t_k+1, over and over.
 
 On a CPU one launch per thread runs many steps and meets the others at a barrier after each phase; on a GPU each phase is a
-launch. A run rests with the forces of its instant evaluated, so reading results never computes anything again. It
+launch. A scheme of several stages calls the forces between as well, from the memory of the step's beginning, and drops what
+they make of it. A run rests with the forces of its instant evaluated, so reading results never computes anything again. It
 stops before a force call when a grain has moved by more than the lists allow (or is no longer finite); the host then makes
 new lists and calls again with ``forces_first``.
 """
@@ -11,8 +12,9 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.barrier import meet
+from warpdem.kernels.field import Numbers
 from warpdem.kernels.pairs import BLOCK
-from warpdem.kernels.schedule import Placement, Row, past_turn, slip_time
+from warpdem.kernels.schedule import FrameRow, Placement, Row, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
 AHEAD = 6  # packs between the announcement of a pack's memory and its use
@@ -20,8 +22,19 @@ SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads 
 
 
 @functools.cache
-def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
-    """Return the CPU kernel ``run`` and the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``."""
+def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stages: int, spins: bool, walls: bool):
+    """Return the CPU kernel ``run``, the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``, and ``read``.
+
+    Args:
+        pairs: namespace of ``pairs.build``.
+        touch: wall function of ``wall.contact.build``, and ``Rows``, its struct.
+        load: sum over contacts, ``acceleration`` and ``travelled`` of ``motion``.
+        integrator: (advance, reading) of the scheme.
+        stages: force calls per step.
+        spins: grains spin.
+        walls: there are wall rows.
+    """
+    advance, reading = integrator
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
@@ -37,6 +50,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
         reference: wp.array2d(dtype=wp.vec3d)
         row_start: wp.array(dtype=wp.int32)
         row: wp.array(dtype=pairs.Share)
+        store: wp.array2d(dtype=wp.vec3d)  # what the integrator keeps between the stages of a step
 
     @wp.struct
     class Packs:
@@ -47,6 +61,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
         kind: wp.array(dtype=pairs.LaneInt)
         constants: wp.array2d(dtype=pairs.Lane)
         memory: wp.array2d(dtype=pairs.Lane)
+        trial: wp.array2d(dtype=pairs.Lane)  # what a stage within the step makes of the memory, and is dropped
         slot_i: wp.array(dtype=pairs.LaneInt)
         slot_j: wp.array(dtype=pairs.LaneInt)
 
@@ -54,7 +69,9 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
     class Control:
         """What the host hands to a batch of steps and gets back."""
 
-        row: wp.array(dtype=Row)
+        row: wp.array(dtype=Row)  # per force call
+        frame: wp.array(dtype=FrameRow)  # per force call
+        field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
@@ -65,11 +82,14 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
 
     @wp.func
     def pair_phase(
-        first: int, last: int, stride: int, s: int, grains: Grains, packs: Packs, control: Control,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, packs: Packs, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64, at: int,
     ):  # fmt: skip
-        state = control.row[s]
-        turn = past_turn(state)
+        state = control.row[s * wp.static(stages) + stage]
+        memory = packs.memory
+        if stage > 0:
+            memory = packs.trial
+        turn = pairs.narrow_turn(past_turn(state))
         slip_dt = slip_time(state)
         share = control.extreme[at]
         approach = control.extreme[at + 1]
@@ -84,7 +104,7 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
                 )  # fmt: skip
                 a, b = pairs.pack(
                     p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
-                    slip_dt, dt, packs.memory, control.scratch, row,
+                    slip_dt, dt, packs.memory, memory, control.scratch, row,
                 )  # fmt: skip
                 row += 1
                 share = wp.max(share, a)
@@ -98,15 +118,23 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
 
     @wp.func
     def wall_phase(
-        first: int, last: int, stride: int, s: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
         share = control.extreme[at + 2]
         approach = control.extreme[at + 3]
+        now_row = (s + 1) * wp.static(stages) + stage
+        before_row = now_row - wp.static(stages)
+        old = 1 - parity
+        new = parity
+        if stage > 0:
+            before_row = now_row - stage
+            old = parity
+            new = 2
         for r in range(first, last, stride):
             a, b = touch(
                 r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows,
-                control.placement, s, control.row[s], parity, dt,
+                control.placement, before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
             )  # fmt: skip
             share = wp.max(share, a)
             approach = wp.max(approach, b)
@@ -115,18 +143,37 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
 
     @wp.func
     def move_phase(
-        first: int, last: int, stride: int, s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
-        reach: wp.float64,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control,
+        dt: wp.float64, reach: wp.float64,
     ) -> int:  # fmt: skip
-        state = control.row[s]
+        call = s * wp.static(stages) + stage
+        row = control.row[call]
         moved = int(0)
         for i in range(first, last, stride):
             total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
-            far = advance(
-                i, grains.record, total, grains.inverse, grains.reference, state, control.placement, s + 2, dt, reach
-            )
-            moved = wp.max(moved, far)
+            state = grains.record[i]
+            a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
+            state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
+            grains.record[i] = state
+            if stage == wp.static(stages - 1):
+                far = travelled(i, state, grains.reference, control.placement, (s + 2) * wp.static(stages), dt, reach)
+                moved = wp.max(moved, far)
         return moved
+
+    @wp.func
+    def force_phase(
+        thread: int, s: int, stage: int, grains: Grains, packs: Packs, rows: Rows, surface: Surface, control: Control,
+        coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
+    ):  # fmt: skip
+        """A thread's part of the force call ``stage`` of step ``s``."""
+        pair_phase(
+            control.share[thread, 0], control.share[thread, 1], 1, s, stage, grains, packs, control, coefficients, dt, at
+        )
+        if wp.static(walls):
+            wall_phase(
+                control.share[thread, 4], control.share[thread, 5], 1, s, stage, grains, rows, surface, control,
+                coefficients, materials, parity, dt, at,
+            )  # fmt: skip
 
     @kernel
     def run(
@@ -153,9 +200,24 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
         for s in range(count + 1):
             if stop == 0:
                 if s > 0:
-                    moved = move_phase(
-                        control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, grains, rows, control, dt, reach,
-                    )  # fmt: skip
+                    moved = int(0)
+                    for stage in range(wp.static(stages)):
+                        moved = move_phase(
+                            control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, stage, grains, rows,
+                            control, dt, reach,
+                        )  # fmt: skip
+                        if wp.static(stages > 1):
+                            if stage < wp.static(stages - 1):
+                                if threads > 1:
+                                    target += threads
+                                    meet(control.meeting, target, yield_to)
+                                force_phase(
+                                    thread, base + s - 1, stage + 1, grains, packs, rows, surface, control, coefficients,
+                                    materials, (parity + s - 1) & 1, dt, at,
+                                )  # fmt: skip
+                                if threads > 1:
+                                    target += threads
+                                    meet(control.meeting, target, yield_to)
                     control.moved[at] = moved
                     if threads > 1:
                         target += threads
@@ -165,55 +227,61 @@ def build(pairs, touch, Rows, load, advance, *, spins: bool, walls: bool):
                     if thread == 0:
                         control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1):
-                    pair_phase(
-                        control.share[thread, 0], control.share[thread, 1], 1, base + s, grains, packs, control,
-                        coefficients, dt, at,
+                    force_phase(
+                        thread, base + s, 0, grains, packs, rows, surface, control, coefficients, materials,
+                        (parity + s) & 1, dt, at,
                     )  # fmt: skip
-                    if wp.static(walls):
-                        wall_phase(
-                            control.share[thread, 4], control.share[thread, 5], 1, base + s, grains, rows, surface, control,
-                            coefficients, materials, (parity + s) & 1, dt, at,
-                        )  # fmt: skip
                     if threads > 1:
                         target += threads
                         meet(control.meeting, target, yield_to)
 
     @kernel
     def pair_forces(
-        stride: int, last: int, s: int, grains: Grains, packs: Packs, control: Control,
+        stride: int, last: int, s: int, stage: int, grains: Grains, packs: Packs, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
-        pair_phase(t, last, stride, s, grains, packs, control, coefficients, dt, t * wp.static(SPAN))
+        pair_phase(t, last, stride, s, stage, grains, packs, control, coefficients, dt, t * wp.static(SPAN))
 
     @kernel
     def wall_forces(
-        stride: int, last: int, s: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        stride: int, last: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         wall_phase(
-            t, last, stride, s, grains, rows, surface, control, coefficients, materials, parity, dt,
+            t, last, stride, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt,
             t * wp.static(SPAN),
         )  # fmt: skip
 
     @kernel
     def move(
-        stride: int, last: int, s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
+        stride: int, last: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
         reach: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         control.moved[t * wp.static(SPAN)] = move_phase(
-            t, last, stride, s, grains, rows, control, dt, reach
+            t, last, stride, s, stage, grains, rows, control, dt, reach
         )
 
     @kernel
-    def gather(grains: Grains, rows: Rows, load_out: wp.array(dtype=vec6)):
-        """Contact force [N] and torque [N m] on each grain at the present instant."""
+    def read(
+        s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64, load_out: wp.array(dtype=vec6),
+        velocity_out: wp.array(dtype=wp.vec3d), spin_out: wp.array(dtype=wp.vec3d),
+    ):  # fmt: skip
+        """Contact force [N] and torque [N m], velocity and spin of each grain at the present instant, step ``s``."""
         i = wp.tid()
-        load_out[i] = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+        call = s * wp.static(stages)
+        total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+        row = control.row[call]
+        state = grains.record[i]
+        a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
+        v, w = reading(state, a, b, row, control.frame, call, dt)
+        load_out[i] = total
+        velocity_out[i] = v
+        spin_out[i] = w
 
     return Built(
-        run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move, gather=gather,
+        run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
         Grains=Grains, Packs=Packs, Control=Control,
     )  # fmt: skip

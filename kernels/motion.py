@@ -1,36 +1,36 @@
-"""Motion of one grain over one step: sum the loads, kick with them, drift exactly in the turning frame.
+"""What acts on one grain besides its frame, and how far it has gone.
 
-    a = F/m + g,   V <- V + k a,   q <- y + (R - I)(y - o) with y = q + dt V,   V <- R V,   a <- R a
+    a = F/m + g + sum of fields/m,     b = M/I
 
-and the same turn for spin and angular acceleration. q, V, W, a, b are resolved in frame axes; V and W are absolute. R turns
-laboratory-fixed directions in frame axes over the step (by minus the frame's angle increment), o is a point of its axis.
-R - I is given with 1 - cos a written as 2 sin^2(a/2); applied as an increment it keeps 1e6 steps of free flight within
-3e-14 of the path (applied as R: 7e-11). k is dt, and dt/2 at the very first step. The frame's rate never enters.
+F and M are summed over the grain's contacts in order of partner id, then its wall places, so that their bits do not depend
+on the order of the lists.
 """
 
 import functools
 
 import warp as wp
 from warpdem.kernels import grain
+from warpdem.kernels.field import Numbers
 from warpdem.kernels.pairs import share_width
-from warpdem.kernels.schedule import Placement, Row, drift_turn, gravity, local, pivot
-from warpdem.kernels.schedule import kick_time as kick_time_of
+from warpdem.kernels.schedule import (
+    FrameRow,
+    Placement,
+    Row,
+    frame_axes,
+    frame_origin,
+    frame_velocity,
+    gravity,
+    instant,
+    local,
+)
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
-    """Return ``advance`` and ``load``.
-
-    Args:
-        spins: grains spin.
-        turning_frame: the frame turns.
-        walls: there are wall rows.
-        moving: number of wall motions relative to the frame (they come first among the placements).
-    """
-    g = grain.build(spins)
+def build_load(real, *, spins: bool, walls: bool):
+    """Return ``load``: the float64 sum over the contacts of a grain, whose shares are of type ``real``."""
     vec6 = wp.types.vector(6, wp.float64)
-    Share = wp.types.vector(share_width(spins), wp.float64)
-    Inverse = wp.types.vector(2, wp.float64)
+    Share = wp.types.vector(share_width(spins), real)
+    Total = wp.types.vector(share_width(spins), wp.float64)
 
     @wp.func
     def load(
@@ -41,9 +41,9 @@ def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
         wall_load: wp.array(dtype=vec6),
     ) -> vec6:
         """Force [N] and torque [N m] on grain ``i``: pairs in order of partner id, then walls in order of place."""
-        total = Share()
+        total = Total()
         for e in range(row_start[i], row_start[i + 1]):
-            total += rows[e]
+            total += Total(rows[e])
         full = vec6()
         for k in range(wp.static(share_width(spins))):
             full[k] = total[k]
@@ -52,47 +52,100 @@ def build(*, spins: bool, turning_frame: bool, walls: bool, moving: int):
                 full += wall_load[i]
         return full
 
+    return load
+
+
+def _joined(before, number: int, force, in_laboratory: bool):
+    """Function that adds field ``number`` to those before it."""
+
     @wp.func
-    def advance(
+    def fields(
+        f: FrameRow, q: wp.vec3d, v: wp.vec3d, mass: wp.float64, radius: wp.float64, numbers: wp.array(dtype=Numbers)
+    ) -> wp.vec3d:
+        total = wp.vec3d()
+        if wp.static(before is not None):
+            total = before(f, q, v, mass, radius, numbers)
+        if wp.static(in_laboratory):
+            axes = frame_axes(f)
+            there = force(axes * q + frame_origin(f), axes * v, mass, radius, instant(f), numbers[number])
+            total = total + wp.transpose(axes) * there
+        else:
+            total = total + force(q, v - frame_velocity(f, q), mass, radius, instant(f), numbers[number])
+        return total
+
+    return fields
+
+
+@functools.cache
+def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
+    """Return ``acceleration``.
+
+    Args:
+        fields: force function of each external field, and whether it lives in laboratory axes.
+        spins: grains spin.
+        relative: the record holds velocities relative to the frame.
+    """
+    g = grain.build(spins)
+    vec6 = wp.types.vector(6, wp.float64)
+    Inverse = wp.types.vector(2, wp.float64)
+    external = None
+    for number, (force, in_laboratory) in enumerate(fields):
+        external = _joined(external, number, force, in_laboratory)
+
+    @wp.func
+    def acceleration(
+        state: g.Record, total: vec6, inv: Inverse, row: Row, frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64,
+        numbers: wp.array(dtype=Numbers),
+    ):  # fmt: skip
+        """Acceleration [m/s2] and angular acceleration [rad/s2] by contacts, gravity and fields, in frame axes."""
+        a = wp.vec3d(total[0], total[1], total[2]) * inv[0] + gravity(row)
+        if wp.static(external is not None):
+            f = frames[at]
+            q = g.position(state)
+            v = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
+            if wp.static(relative):
+                v = v + frame_velocity(f, q)
+            a = a + external(f, q, v, wp.float64(1.0) / inv[0], state[3], numbers) * inv[0]
+        return a, wp.vec3d(total[3], total[4], total[5]) * inv[1]
+
+    return acceleration
+
+
+@functools.cache
+def build_travel(*, spins: bool, moving: int, ahead: float):
+    """Return ``travelled``.
+
+    Args:
+        spins: grains spin.
+        moving: number of wall motions relative to the frame (they come first among the placements).
+        ahead: steps at the present velocity that the lists must hold beyond the present place.
+    """
+    g = grain.build(spins)
+
+    @wp.func
+    def travelled(
         i: int,
-        # state, read and written
-        grains_out: wp.array(dtype=g.Record),
-        # read
-        total: vec6,
-        inverse: wp.array(dtype=Inverse),
+        state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
-        row: Row,
         placements: wp.array2d(dtype=Placement),
         next_row: int,
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """Kick and drift; returns 1 when the grain is further than ``reach`` [m] from its reference, or not finite."""
-        state = grains_out[i]
-        inv = inverse[i]
-        kick = kick_time_of(row)
-        a = wp.vec3d(total[0], total[1], total[2]) * inv[0] + gravity(row)
-        v = g.velocity(state) + a * kick
-        q = g.position(state) + v * dt
-        b = wp.vec3d(total[3], total[4], total[5]) * inv[1]
-        w = g.spin(state) + b * kick
-        if wp.static(turning_frame):
-            turn = drift_turn(row)
-            q = q + turn * (q - pivot(row))
-            v = v + turn * v
-            a = a + turn * a
-            w = w + turn * w
-            b = b + turn * b
-        grains_out[i] = g.record(q, state[3], v, a, w, b)
+        """1 when the grain is further than ``reach`` [m] from its reference, or not finite."""
+        q = g.position(state)
+        left = reach
+        if wp.static(ahead > 0.0):
+            left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
         way = q - reference[i, 0]
         moved = 1
-        if wp.dot(way, way) <= reach * reach:  # false for NaN, so that a broken state is noticed here
+        if wp.dot(way, way) <= left * left:  # false for NaN, so that a broken state is noticed here
             moved = 0
         if wp.static(moving > 0):
             for m in range(wp.static(moving)):
                 gone = local(placements[next_row, m], q) - reference[i, m + 1]
-                if wp.dot(gone, gone) > reach * reach:
+                if wp.dot(gone, gone) > left * left:
                     moved = 1
         return moved
 
-    return load, advance
+    return travelled

@@ -1,5 +1,6 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
+The reach of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
 Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id.
 Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
 by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
@@ -17,7 +18,7 @@ NEAR, TOUCHING = 1, 2  # classes of listed pairs
 
 
 @functools.cache
-def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, table: bool, lag: float):
+def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float):
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``."""
     g = grain.build(spins)
     Coefficients = wp.types.vector(7, wp.float64)
@@ -40,14 +41,14 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         """Partners of each grain; a count above ``width`` says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + skin)
+        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + wp.float64(wp.static(gap)) + skin)
         j = int(0)
         n = int(0)
         at = i * width
         while wp.hash_grid_query_next(query, j):
             other = grains[j]
             way = g.separation(me, other)
-            far = me[3] + other[3] + skin  # in this order it is the same seen from j
+            far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
             if wp.dot(way, way) < far * far and j != i:
                 if n < width:
                     s = at + n  # insertion by partner id: rows are short
@@ -110,7 +111,7 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
             other = grains[j]
             way = g.separation(me, other)
             square = wp.dot(way, way)
-            reach = me[3] + other[3]
+            reach = me[3] + other[3] + wp.float64(wp.static(gap))
             far = reach + margin
             kind = wp.uint8(0)
             if square < far * far:
@@ -144,15 +145,15 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
         touching_start: wp.array(dtype=wp.int32),
         near_start: wp.array(dtype=wp.int32),
         row_start: wp.array(dtype=wp.int32),
-        old_memory: wp.array3d(dtype=wp.float64),
+        old_memory: wp.array3d(dtype=real),
         contact_out: wp.array(dtype=wp.int32),
         owner_out: wp.array2d(dtype=wp.int32),
         partner_out: wp.array2d(dtype=wp.int32),
         kind_out: wp.array2d(dtype=wp.int32),
-        constants_out: wp.array3d(dtype=wp.float64),
+        constants_out: wp.array3d(dtype=real),
         slot_i_out: wp.array2d(dtype=wp.int32),
         slot_j_out: wp.array2d(dtype=wp.int32),
-        memory_out: wp.array3d(dtype=wp.float64),
+        memory_out: wp.array3d(dtype=real),
     ):
         """Write the contacts that grain ``i`` owns into their packs, and tell all its contacts where its shares go."""
         i = first + wp.tid()
@@ -189,14 +190,14 @@ def build(constants, lanes: int, *, spins: bool, rolling: bool, memory: int, tab
                     one = wp.float64(1.0)
                     radius = ri * rj / (ri + rj)
                     stiffness, damping = constants(c[0], c[1], radius, one / (inverse[i][0] + inverse[j][0]))
-                    constants_out[p, 0, k] = stiffness
-                    constants_out[p, 1, k] = damping
+                    constants_out[p, 0, k] = real(stiffness)
+                    constants_out[p, 1, k] = real(damping)
                     if wp.static(rolling):
-                        constants_out[p, 2, k] = radius
-                        constants_out[p, 3, k] = wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1])
-                    if wp.static(memory > 0):
-                        for f in range(wp.static(memory)):
-                            value = wp.float64(0.0)
+                        constants_out[p, 2, k] = real(radius)
+                        constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+                    if wp.static(history > 0):
+                        for f in range(wp.static(history)):
+                            value = real(0.0)
                             if old >= 0:
                                 value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
                             memory_out[p, f, k] = value

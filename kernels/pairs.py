@@ -43,26 +43,42 @@ def result_width(spins: bool) -> int:
 
 
 @functools.cache
-def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool):
+def build(real, law, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float):
     """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows).
 
     Args:
-        real: precision of the law.
+        real: precision of the law, its results and its memory; geometry and motion are always float64.
         law: law function of ``law.build``.
         lanes: contacts side by side.
         spins: grains spin (there is a tangential or rolling model).
         rolling: a rolling model acts (two more constants per contact).
-        memory: numbers remembered per contact, 0, 3 (tangential spring) or 6 (and rolling spring).
+        history: numbers remembered per contact, 0, 3 (tangential spring) or 6 (and rolling spring).
         turning_frame: the axes turn, and the memory with them.
         table: coefficients differ between contacts.
+        gap: how far beyond contact the law acts [m].
     """
     g = grain.build(spins)
     Lane = wp.types.vector(lanes, real)
     LaneInt = wp.types.vector(lanes, wp.int32)
     vec3 = wp.types.vector(3, real)
-    Coefficients = wp.types.vector(7, real)
+    vec3d = wp.vec3d
+    Coefficients = wp.types.vector(7, wp.float64)
+    Numbers = wp.types.vector(7, real)
+    Turn = wp.types.matrix((3, 3), real)
     Result = wp.types.vector(17, real)
     Share = wp.types.vector(share_width(spins), real)
+
+    @wp.func
+    def narrow(v: vec3d) -> vec3:
+        return vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @wp.func
+    def narrow_turn(m: wp.mat33d) -> Turn:
+        """The same matrix in the precision of the law."""
+        return Turn(
+            real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
+            real(m[2, 0]), real(m[2, 1]), real(m[2, 2]),
+        )  # fmt: skip
 
     @wp.func
     def contact(
@@ -72,11 +88,11 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         damping: real,
         radius: real,
         inertia: real,
-        c: Coefficients,
+        c: Numbers,
         spring: vec3,
         angle: vec3,
-        slip_time: real,
-        dt: real,
+        slip_time: wp.float64,
+        dt: wp.float64,
     ) -> Result:
         """Force, torques and memory of one contact, with overlap share and approach speed for the guards."""
         across = g.separation(gi, gj)
@@ -84,39 +100,43 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         before = across - moved
         distance = wp.sqrt(wp.dot(across, across))
         distance_before = wp.sqrt(wp.dot(before, before))
-        n = across * (real(1.0) / distance)
-        n_before = before * (real(1.0) / distance_before)
+        n = across * (wp.float64(1.0) / distance)
+        n_before = before * (wp.float64(1.0) / distance_before)
         reach = gi[3] + gj[3]
         overlap = reach - distance
-        velocity = g.velocity(gi) - g.velocity(gj) + (g.acceleration(gi) - g.acceleration(gj)) * (real(0.5) * dt)
+        velocity = g.velocity(gi) - g.velocity(gj) + (g.acceleration(gi) - g.acceleration(gj)) * (wp.float64(0.5) * dt)
         slip = moved
-        turning = vec3()
-        spin = vec3()
-        spin_predicted = vec3()
-        arm_i = gi[3] - real(0.5) * overlap
-        arm_j = gj[3] - real(0.5) * overlap
+        turning = vec3d()
+        spin = vec3d()
+        spin_predicted = vec3d()
+        arm_i = gi[3] - wp.float64(0.5) * overlap
+        arm_j = gj[3] - wp.float64(0.5) * overlap
         if wp.static(spins):
             wi = g.spin(gi)
             wj = g.spin(gj)
-            half = real(0.5) * dt
+            half = wp.float64(0.5) * dt
             wi_predicted = wi + g.angular_acceleration(gi) * half
             wj_predicted = wj + g.angular_acceleration(gj) * half
             surface = wp.cross(wi_predicted * arm_i + wj_predicted * arm_j, n)
             velocity = velocity - surface
-            slip = moved - wp.cross(wi * arm_i + wj * arm_j, n + n_before) * (real(0.5) * slip_time)
-            turning = (wi + wj) * (real(0.5) * slip_time)
+            # arms of mid-step, as the spins are: with those of the end a pair that revolves while it deforms would slip
+            quarter = wp.float64(0.25) * (reach - distance_before - overlap)
+            mid_surface = wp.cross(wi * (arm_i - quarter) + wj * (arm_j - quarter), n + n_before)
+            slip = moved - mid_surface * (wp.float64(0.5) * slip_time)
+            turning = (wi + wj) * (wp.float64(0.5) * slip_time)
             spin = wi - wj
             spin_predicted = wi_predicted - wj_predicted
         force, moment, held, bent = law(
-            n, n_before, overlap, reach - distance_before, velocity, slip, turning, spin, spin_predicted, dt,
-            stiffness, damping, radius, inertia, c, spring, angle,
+            narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
+            narrow(turning), narrow(spin), narrow(spin_predicted), real(dt), stiffness, damping, radius, inertia, c, spring,
+            angle,
         )  # fmt: skip
         smaller = gi[3] if gi[3] < gj[3] else gj[3]
-        share = overlap / smaller
-        approach = -wp.dot(velocity, n) if overlap > real(0.0) else real(0.0)
-        lever = wp.cross(n, force)
-        ti = moment - lever * arm_i
-        tj = -moment - lever * arm_j
+        share = real(overlap / smaller)
+        approach = real(-wp.dot(velocity, n)) if overlap > wp.float64(0.0) else real(0.0)
+        lever = wp.cross(narrow(n), force)
+        ti = moment - lever * real(arm_i)
+        tj = -moment - lever * real(arm_j)
         return Result(
             force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2],
             held[0], held[1], held[2], bent[0], bent[1], bent[2], share, approach,
@@ -133,31 +153,31 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         # coefficients
         kind: wp.array(dtype=LaneInt),
         coefficients: wp.array(dtype=Coefficients),
-        turn_rate: wp.mat33d,
-        slip_time: real,
-        dt: real,
-        # read and written
-        memory_out: wp.array2d(dtype=Lane),
+        turn_rate: Turn,
+        slip_time: wp.float64,
+        dt: wp.float64,
+        memory: wp.array2d(dtype=Lane),  # of the step before
         # written
+        memory_out: wp.array2d(dtype=Lane),  # may be the same array
         scratch_out: wp.array2d(dtype=Lane),
         at: int,
     ):
         """Evaluate pack ``p`` into row ``at`` of the scratch; returns its largest overlap share [-] and approach speed."""
         i = owner[p]
         j = partner[p]
-        deepest = real(-1.0)
+        deepest = wp.float64(-1.0)
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
             across = g.separation(gi, gj)
-            reach = gi[3] + gj[3]
-            deepest = wp.max(deepest, reach * reach * real(1.000001) - wp.dot(across, across))
-        if deepest < real(0.0):  # nobody touches, by more than round-off: what the full law would make zero
+            reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
+            deepest = wp.max(deepest, reach * reach * wp.float64(1.000001) - wp.dot(across, across))
+        if deepest < wp.float64(0.0):  # nobody is in reach, by more than round-off: what the full law would make zero
             for f in range(wp.static(result_width(spins))):
                 scratch_out[at, f] = Lane()
-            for f in range(wp.static(memory)):
+            for f in range(wp.static(history)):
                 memory_out[p, f] = Lane()
-            return real(0.0), real(0.0)
+            return wp.float64(0.0), wp.float64(0.0)
         stiffness = constants[p, 0]
         damping = constants[p, 1]
         radius = Lane()
@@ -171,15 +191,15 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         ax = Lane()
         ay = Lane()
         az = Lane()
-        if wp.static(memory >= 3):
-            sx = memory_out[p, 0]
-            sy = memory_out[p, 1]
-            sz = memory_out[p, 2]
-        if wp.static(memory == 6):
-            ax = memory_out[p, 3]
-            ay = memory_out[p, 4]
-            az = memory_out[p, 5]
-        c = coefficients[0]
+        if wp.static(history >= 3):
+            sx = memory[p, 0]
+            sy = memory[p, 1]
+            sz = memory[p, 2]
+        if wp.static(history == 6):
+            ax = memory[p, 3]
+            ay = memory[p, 4]
+            az = memory[p, 5]
+        wide = coefficients[0]
         fx = Lane()
         fy = Lane()
         fz = Lane()
@@ -193,13 +213,16 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         approach = Lane()
         for k in range(wp.static(lanes)):
             if wp.static(table):
-                c = coefficients[kind[p][k]]
+                wide = coefficients[kind[p][k]]
+            c = Numbers()
+            for f in range(7):
+                c[f] = real(wide[f])
             spring = vec3(sx[k], sy[k], sz[k])
             angle = vec3(ax[k], ay[k], az[k])
             if wp.static(turning_frame):
-                if wp.static(memory >= 3):
+                if wp.static(history >= 3):
                     spring = spring + turn_rate * spring
-                if wp.static(memory == 6):
+                if wp.static(history == 6):
                     angle = angle + turn_rate * angle
             o = contact(
                 grains[i[k]], grains[j[k]], stiffness[k], damping[k], radius[k], inertia[k], c, spring, angle,
@@ -232,15 +255,15 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
             scratch_out[at, 6] = jx
             scratch_out[at, 7] = jy
             scratch_out[at, 8] = jz
-        if wp.static(memory >= 3):
+        if wp.static(history >= 3):
             memory_out[p, 0] = sx
             memory_out[p, 1] = sy
             memory_out[p, 2] = sz
-        if wp.static(memory == 6):
+        if wp.static(history == 6):
             memory_out[p, 3] = ax
             memory_out[p, 4] = ay
             memory_out[p, 5] = az
-        return wp.max(share), wp.max(approach)
+        return wp.float64(wp.max(share)), wp.float64(wp.max(approach))
 
     @wp.func
     def share(
@@ -284,4 +307,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, memory: int, tur
         """Ask for the memory that pack ``p`` will need: partners lie too scattered for a core to foresee."""
         ...
 
-    return Built(pack=pack, share=share, announce=announce, Share=Share, Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients)
+    return Built(
+        pack=pack, share=share, announce=announce, narrow_turn=narrow_turn, Share=Share, Lane=Lane, LaneInt=LaneInt,
+        Coefficients=Coefficients,
+    )  # fmt: skip

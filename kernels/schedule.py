@@ -1,19 +1,34 @@
-"""What changes with time and is known beforehand: one row per step, made on the host, read by every kernel.
+"""What changes with time and is known beforehand: one row per force call, made on the host, read by every kernel.
 
-Row (26 numbers)                                     Placement of a wall motion (18 numbers)
+Row (29 numbers)                                     Placement of a wall motion (18 numbers)
     0        slip time: dt, 0 at the first instant       0..8    A, body axes -> frame axes
     1        kick time: dt, dt/2 at the first            9..11   t: x_frame = A x_body + t        [m]
-    2..4     gravity in frame axes       [m/s2]          12..14  absolute angular velocity        [rad/s]
-    5..13    R - I of the drift from t_k to t_k+1        15..17  absolute velocity of the body's
-    14..22   R - I of the step before                            point at the frame origin        [m/s]
-    23..25   point of the axis           [m]
+    2..4     gravity in frame axes       [m/s2]          12..14  angular velocity                 [rad/s]
+    5..13    R - I of the drift from t_k to t_k+1        15..17  velocity of the body's point at
+    14..16   shift of that drift         [m]                     the frame origin                 [m/s]
+    17..25   R - I of the step before
+    26..28   shift of the step before    [m]             absolute, or relative to the frame for a scheme that works there
 
-Vectors are resolved in the axes of their own instant.
+A point fixed in the laboratory goes from x to x + (R - I) x + shift in frame axes. Vectors are resolved in the axes of their
+own instant.
+
+FrameRow (31 numbers), only for what needs the frame itself: schemes with frame-relative velocities, external fields
+    0..8     A, frame axes -> laboratory axes
+    9..11    o: x_lab = A x_frame + o                   [m]
+    12..14   angular velocity of the frame at t-         [rad/s]
+    15..17   velocity of the frame's origin at t-        [m/s]
+    18..23   the same two at t+: they differ where the frame jumps
+    24..26   angular acceleration                        [rad/s2]
+    27..29   acceleration of the frame's origin          [m/s2]
+    30       time                                        [s]
+Angular velocity, velocity and accelerations are absolute, resolved in frame axes; at a kink the accelerations are the mean
+of both sides.
 """
 
 import warp as wp
 
-Row = wp.types.vector(26, wp.float64)
+Row = wp.types.vector(29, wp.float64)
+FrameRow = wp.types.vector(31, wp.float64)
 Placement = wp.types.vector(18, wp.float64)
 
 
@@ -42,15 +57,75 @@ def drift_turn(row: Row) -> wp.mat33d:
 
 
 @wp.func
-def past_turn(row: Row) -> wp.mat33d:
-    """R - I of the drift that led here."""
-    return wp.mat33d(row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22])
+def drift_shift(row: Row) -> wp.vec3d:
+    """Shift of the drift that follows [m]."""
+    return wp.vec3d(row[14], row[15], row[16])
 
 
 @wp.func
-def pivot(row: Row) -> wp.vec3d:
-    """A point of the rotation axis [m]."""
-    return wp.vec3d(row[23], row[24], row[25])
+def past_turn(row: Row) -> wp.mat33d:
+    """R - I of the drift that led here."""
+    return wp.mat33d(row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24], row[25])
+
+
+@wp.func
+def past_shift(row: Row) -> wp.vec3d:
+    """Shift of the drift that led here [m]."""
+    return wp.vec3d(row[26], row[27], row[28])
+
+
+@wp.func
+def frame_axes(f: FrameRow) -> wp.mat33d:
+    """Turn from frame axes to laboratory axes."""
+    return wp.mat33d(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
+
+
+@wp.func
+def frame_origin(f: FrameRow) -> wp.vec3d:
+    """The frame's origin in the laboratory [m]."""
+    return wp.vec3d(f[9], f[10], f[11])
+
+
+@wp.func
+def frame_spin(f: FrameRow) -> wp.vec3d:
+    """Angular velocity of the frame at t- [rad/s]."""
+    return wp.vec3d(f[12], f[13], f[14])
+
+
+@wp.func
+def frame_velocity(f: FrameRow, q: wp.vec3d) -> wp.vec3d:
+    """Absolute velocity of the frame's point ``q`` at t- [m/s]."""
+    return wp.vec3d(f[15], f[16], f[17]) + wp.cross(frame_spin(f), q)
+
+
+@wp.func
+def spin_jump(f: FrameRow) -> wp.vec3d:
+    """Jump of the frame's angular velocity at this instant [rad/s]."""
+    return wp.vec3d(f[18] - f[12], f[19] - f[13], f[20] - f[14])
+
+
+@wp.func
+def velocity_jump(f: FrameRow, q: wp.vec3d) -> wp.vec3d:
+    """Jump of the velocity of the frame's point ``q`` at this instant [m/s]."""
+    return wp.vec3d(f[21] - f[15], f[22] - f[16], f[23] - f[17]) + wp.cross(spin_jump(f), q)
+
+
+@wp.func
+def frame_angular_acceleration(f: FrameRow) -> wp.vec3d:
+    """Angular acceleration of the frame [rad/s2]."""
+    return wp.vec3d(f[24], f[25], f[26])
+
+
+@wp.func
+def frame_acceleration(f: FrameRow) -> wp.vec3d:
+    """Absolute acceleration of the frame's origin, resolved in frame axes [m/s2]."""
+    return wp.vec3d(f[27], f[28], f[29])
+
+
+@wp.func
+def instant(f: FrameRow) -> wp.float64:
+    """Time [s]."""
+    return f[30]
 
 
 @wp.func
@@ -79,11 +154,11 @@ def placed(p: Placement, point: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def wall_spin(p: Placement) -> wp.vec3d:
-    """Absolute angular velocity of the wall [rad/s]."""
+    """Angular velocity of the wall [rad/s]."""
     return wp.vec3d(p[12], p[13], p[14])
 
 
 @wp.func
 def wall_velocity(p: Placement, point: wp.vec3d) -> wp.vec3d:
-    """Absolute velocity of the wall's material at a frame point [m/s]."""
+    """Velocity of the wall's material at a frame point [m/s]."""
     return wp.vec3d(p[15], p[16], p[17]) + wp.cross(wall_spin(p), point)

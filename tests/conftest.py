@@ -53,6 +53,7 @@ def scene_of(
     restitution=0.5,
     walls=(),
     frame=None,
+    fields=(),
     max_speed=1e-3,
     engine=None,
     **pair,
@@ -75,6 +76,7 @@ def scene_of(
             "grains": [grains],
             "walls": [{"material": "g", **wall} for wall in walls],
             "frame": frame,
+            "fields": list(fields),
             "time": {"end": 1.0, "step": step, "max_speed": max_speed},
             "engine": engine or {},
         }
@@ -90,4 +92,8 @@ def make_scene():
 @pytest.fixture
 def make_simulation(device):
     """A function of the arguments of ``scene_of`` that returns the simulation on the test's device."""
-    return lambda *args, **keys: Simulation(scene_of(*args, **keys), device=device, threads=1)
+
+    def make(*args, threads=1, **keys):
+        return Simulation(scene_of(*args, **keys), device=device, threads=threads)
+
+    return make

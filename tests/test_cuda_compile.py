@@ -22,21 +22,28 @@ MAIN_JOB = Plan(
     rolling="constant",
     torsion=False,
     spins=True,
+    integrator="exact_drift",
     turning_frame=True,
+    moving_frame=True,
     meshes=1,
     planes=0,
     moving=0,
     materials=1,
     table=False,
+    gap=0.0,
     lanes=1,
 )
 PLANS = {
     "main job": MAIN_JOB,
     "everything": replace(
-        MAIN_JOB, tangential="mindlin_displacement", rolling="spring", torsion=True, planes=2, moving=2, materials=3, table=True
+        MAIN_JOB, tangential="mindlin_displacement", rolling="spring", torsion=True, planes=2, moving=2, materials=3,
+        table=True, gap=1e-4, precision="mixed", fields=(("harmonic", "laboratory"), ("drag", "frame"), ("lorentz", "frame")),
     ),
+    "stages": replace(MAIN_JOB, integrator="rk4"),
+    "relative": replace(MAIN_JOB, integrator="scovel"),
     "bare": replace(
-        MAIN_JOB, normal="hooke", tangential=None, rolling=None, spins=False, turning_frame=False, meshes=0
+        MAIN_JOB, normal="hooke", tangential=None, rolling=None, spins=False, turning_frame=False,
+        moving_frame=False, meshes=0,
     ),
 }  # fmt: skip
 
@@ -77,7 +84,7 @@ def kernels_of(*groups) -> dict[str, wp.Kernel]:
 def test_kernels_of_a_plan_compile_for_cuda(folder, name):
     built = compile_plan(PLANS[name])
     kernels = kernels_of(built.loop, built.lists, built.walls)
-    assert {"pair_forces", "wall_forces", "move", "gather", "near_rows"} <= set(kernels)
+    assert {"pair_forces", "wall_forces", "move", "read", "near_rows"} <= set(kernels)
     for kernel_name, kernel in kernels.items():
         assert re.search(rf"\.entry \S*{kernel_name}\S*_cuda_kernel_forward", compiled(kernel, folder)), kernel_name
 

@@ -8,6 +8,7 @@ import trimesh
 from warpdem.errors import SceneError
 from warpdem.geometry import build_mesh
 from warpdem.grain_source import Grains0, check_start, load_grains, read_state
+from warpdem.motion import Rotation
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
 
@@ -83,7 +84,7 @@ def test_id_in_two_groups_is_refused():
 
 
 def test_laboratory_velocities_lose_the_motion_of_the_frame():
-    frame = SimpleNamespace(axis=(0.0, 0.0, 1.0), origin=(1.0, 0.0, 0.0), rate_at=lambda t: 2.0 + t)
+    frame = (Rotation(axis=(0, 0, 1), origin=(1, 0, 0), schedule=[{"until": 1.0, "rate": [2.0, 3.0]}]),)
     moving = explicit([[4, 1, 5]], 0.5, velocities_in="laboratory")
     moving.explicit_velocities = np.array([[0.5, 0.0, 0.0]])
     moving.explicit_spins = np.array([[1.0, 0.0, 0.0]])

@@ -10,10 +10,10 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 ORDER = (
-    "errors", "snapshot", "units", "scene", "scene_file",
+    "errors", "snapshot", "rigid", "units", "models", "scene_base", "usd_motion", "motion", "scene", "scene_file",
     "geometry", "packing", "grain_source",
     "plan", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours", "stepper",
-    "observers", "summary", "write_tables", "checkpoint", "simulation",
+    "observers", "dimensionless", "summary", "write_tables", "checkpoint", "simulation",
     "write_vtk", "write_usd", "render", "runner", "cli",
     "__init__", "__main__",
 )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from warpdem.kernels import grain
 
-from warpdem import Scene, SceneError, Simulation, plan
+from warpdem import Scene, SceneError, Simulation, models, plan
 
 ROOT = Path(__file__).resolve().parent.parent
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -188,8 +188,9 @@ LEFT_OUT = (
     ({"mu_r": 0}, "rolling", "every rolling_friction is zero"),
     ({"tangential": "none", "rolling": "none", "mu": 0, "mu_r": 0, "spins": False}, "spins", "nothing turns a grain"),
     ({}, "turning of the axes", "no frame"),
-    ({"frame": {"axis": [0, 0, 1], "rate": 0}}, "turning of the axes", "rate is zero"),
+    ({"frame": {"axis": [0, 0, 1], "rate": 0}}, "turning of the axes", "the frame never moves"),
     ({"walls": []}, "walls", "the scene has none"),
+    ({}, "external fields", "the scene has none"),
     ({}, "wall motion", "all walls rest"),
     ({}, "table of coefficients", "one set"),
 )
@@ -208,7 +209,7 @@ def test_explain_names_what_runs():
         "normal: hertz",
         "tangential: mindlin",
         "rolling: spring",
-        "rotating frame",
+        "in a moving frame",
         "0 meshes, 1 planes",
         "48 B",
     ):
@@ -217,15 +218,15 @@ def test_explain_names_what_runs():
 
 
 def test_models_are_the_files_of_their_folder():
-    assert plan.model_names("normal") == ["hertz", "hooke"]
-    for role in ("normal", "tangential", "rolling"):
+    assert models.model_names("normal") == ["hertz", "hooke"]
+    for role in models.REQUIRED:
         on_disk = sorted(p.stem for p in (ROOT / "kernels" / role).glob("*.py") if p.stem != "__init__")
-        assert plan.model_names(role) == on_disk
+        assert models.model_names(role) == on_disk
 
 
 def test_unknown_model_is_answered_with_the_list():
-    with pytest.raises(SceneError, match=r"contact\.normal = 'herz'.*allowed: hertz, hooke"):
-        plan.model("normal", "herz")
+    with pytest.raises(SceneError, match=r'normal model "herz": must be "hertz" or "hooke".*mean "hertz"'):
+        models.model("normal", "herz")
 
 
 MAIN_JOB = """

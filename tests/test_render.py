@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import imageio.v2 as imageio
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from warpdem.errors import WarpdemError
 from warpdem.render import Camera, render, render_movie, render_picture
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallMesh
 from warpdem.write_vtk import VtkWriter
 
 SIZE = (400, 400)
@@ -35,7 +36,7 @@ def snapshot(position, radius, *, time=0.0, angle=0.0):
     return Snapshot(
         step=0,
         time=time,
-        frame=FramePose(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
+        frame=FramePose.turned(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
         id=np.arange(count),
         type=np.arange(count, dtype=np.int32) % 2,
         radius=np.full(count, radius),
@@ -103,6 +104,16 @@ def test_laboratory_view_is_the_frame_view_turned(tmp_path):
     in_laboratory = coloured(draw(folder, tmp_path / "b.png", camera=FRONT, view="laboratory"))
     np.testing.assert_allclose(middle(in_frame), [0.2, 0.0], atol=0.005)
     np.testing.assert_allclose(middle(in_laboratory), [0.0, -0.2], atol=0.005)
+
+
+def test_laboratory_view_follows_a_frame_that_shifts(tmp_path):
+    shift = np.array([0.1, 0.0, 0.25])
+    frame = FramePose(np.eye(3), shift, np.zeros(3), np.zeros(3), (TranslationPart(shift),))
+    folder = write(tmp_path, replace(snapshot([-0.2, 0, 0], 0.1), frame=frame))
+    in_frame = coloured(draw(folder, tmp_path / "a.png", camera=FRONT, view="frame"))
+    in_laboratory = coloured(draw(folder, tmp_path / "b.png", camera=FRONT, view="laboratory"))
+    np.testing.assert_allclose(middle(in_frame), [-0.2, 0.0], atol=0.005)
+    np.testing.assert_allclose(middle(in_laboratory), [-0.1, 0.25], atol=0.005)
 
 
 def test_own_camera_looks_along_the_axis_with_z_up(tmp_path):

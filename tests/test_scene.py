@@ -1,16 +1,13 @@
 import copy
-import itertools
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from warpdem.scene import Rotation, Scene
+from warpdem.scene import Scene
 
 
 def minimal() -> dict:
@@ -49,7 +46,7 @@ def test_dump_gives_the_same_scene_again():
     data = minimal()
     data["frame"] = {"axis": [1, 2, 3], "schedule": [{"until": 1, "rate": ["10 rpm", "30 rpm"]}, {"rate": 2}]}
     data["walls"] = [
-        {"name": "drum", "material": "glass", "mesh": "drum.stl", "rotation": {"axis": [0, 1, 0], "rate": 1}}
+        {"name": "drum", "material": "glass", "mesh": "drum.stl", "motion": {"axis": [0, 1, 0], "rate": 1}}
     ]
     data["grains"].append({"material": "glass", "fill": {"wall": "drum", "count": 7, "diameter": {"uniform": [1, 2]}}})
     scene = Scene.model_validate(data)
@@ -166,95 +163,3 @@ def test_each_field_is_described_with_unit_and_range():
                 for key, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("maximum", "<=")):
                     if key in number:
                         assert f"{sign} {number[key]:g}" in field.description, f"{model.__name__}.{name}: {key}"
-
-
-# --- rotation --------------------------------------------------------------------------------------------------------
-
-
-def test_axis_is_normalised_once():
-    rotation = Rotation(axis=[1, 2, 3], rate=1)
-    np.testing.assert_allclose(rotation.axis, np.array([1, 2, 3]) / math.sqrt(14), rtol=1e-15)
-    assert Rotation(axis=rotation.axis, rate=1).axis == rotation.axis
-    assert Rotation(axis=[0, 0, 1e-300], rate=1).axis == (0.0, 0.0, 1.0)
-
-
-def test_constant_rate_turns_for_ever():
-    rotation = Rotation(axis=[0, 0, 1], rate="-30 rpm")
-    assert rotation.angle(2.0) == -2 * math.pi
-    assert rotation.rate_at(1e6) == -math.pi
-    assert rotation.max_rate() == math.pi
-    np.testing.assert_array_equal(rotation.angle(np.array([0.0, 1.0])), [0, -math.pi])
-    np.testing.assert_array_equal(rotation.rate_at(np.array([0.0, 1.0])), [-math.pi] * 2)
-
-
-SCHEDULE = Rotation(
-    axis=[0, 1, 0],
-    schedule=[{"until": 1, "rate": 2}, {"until": 3, "rate": [2, -4]}, {"until": 4, "rate": 3}],
-)
-
-
-@pytest.mark.parametrize(
-    ("time", "angle", "rate"),
-    [
-        (0.0, 0.0, 2.0),
-        (0.5, 1.0, 2.0),
-        (1.0, 2.0, 2.0),
-        (2.0, 2.0 + 2.0 - 1.5, -1.0),
-        (3.0, 0.0, 3.0),  # the jump from -4 to 3 shows the value after it
-        (3.5, 1.5, 3.0),
-        (4.0, 3.0, 0.0),  # after the last until the frame stands still
-        (1e9, 3.0, 0.0),
-    ],
-)
-def test_schedule_by_hand(time, angle, rate):
-    assert SCHEDULE.angle(time) == pytest.approx(angle, abs=1e-15)
-    assert SCHEDULE.rate_at(time) == rate
-    assert type(SCHEDULE.angle(time)) is type(SCHEDULE.rate_at(time)) is float
-
-
-def test_schedule_takes_arrays_and_knows_its_largest_rate():
-    times = np.linspace(0, 5, 41).reshape(1, -1)
-    np.testing.assert_array_equal(SCHEDULE.angle(times), [[SCHEDULE.angle(t) for t in times[0]]])
-    np.testing.assert_array_equal(SCHEDULE.rate_at(times), [[SCHEDULE.rate_at(t) for t in times[0]]])
-    assert SCHEDULE.max_rate() == 4.0
-
-
-def test_last_stretch_without_end_holds():
-    rotation = Rotation(axis=[0, 1, 0], schedule=[{"until": 1, "rate": [0, 2]}, {"rate": 2}])
-    assert rotation.rate_at(100.0) == 2.0
-    assert rotation.angle(100.0) == 1.0 + 2.0 * 99.0
-
-
-RATES = st.floats(-100, 100)
-STRETCHES = st.lists(st.tuples(st.floats(0.01, 10), st.one_of(RATES, st.tuples(RATES, RATES))), min_size=1, max_size=5)
-
-
-@settings(max_examples=50, deadline=None)
-@given(STRETCHES)
-def test_angle_is_the_integral_of_the_rate(stretches):
-    ends = np.cumsum([length for length, _ in stretches])
-    schedule = [{"until": end, "rate": rate} for end, (_, rate) in zip(ends, stretches, strict=True)]
-    rotation = Rotation(axis=[0, 0, 1], schedule=schedule)
-    # the midpoint rule is exact for a rate that is linear on each cell; cells end where stretches end
-    knots = np.concatenate([[0.0], ends, [ends[-1] + 1.0]])
-    grid = np.unique(np.concatenate([np.linspace(a, b, 8) for a, b in itertools.pairwise(knots)]))
-    integral = np.concatenate([[0.0], np.cumsum(rotation.rate_at(0.5 * (grid[1:] + grid[:-1])) * np.diff(grid))])
-    np.testing.assert_allclose(rotation.angle(grid), integral, rtol=0, atol=1e-13 * (1 + 100 * knots[-1]))
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"axis": [0, 0, 0], "rate": 1},
-        {"axis": [0, 0, 1]},
-        {"axis": [0, 0, 1], "rate": 1, "schedule": [{"rate": 1}]},
-        {"axis": [0, 0, 1], "schedule": []},
-        {"axis": [0, 0, 1], "schedule": [{"rate": 1}, {"until": 1, "rate": 1}]},
-        {"axis": [0, 0, 1], "schedule": [{"until": 1, "rate": 1}, {"until": 1, "rate": 1}]},
-        {"axis": [0, 0, 1], "schedule": [{"until": 0, "rate": 1}]},
-        {"axis": [0, 0, 1], "schedule": [{"rate": [0, 1]}]},
-    ],
-)
-def test_wrong_rotation_is_refused(wrong):
-    with pytest.raises(ValidationError):
-        Rotation.model_validate(wrong)

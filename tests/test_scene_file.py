@@ -101,7 +101,7 @@ def test_dict_gives_the_scene_of_the_file(scene_path):
         ("contact.tangential=mindlin_displacement", lambda s: s.contact.tangential, "mindlin_displacement"),
         ("output.picture=false", lambda s: s.output.picture, False),
         ("title=a = b", lambda s: s.title, "a = b"),
-        ("frame.schedule.1.until=3", lambda s: s.frame.schedule[1].until, 3.0),
+        ("frame.schedule.1.until=3", lambda s: s.frame[0].schedule[1].until, 3.0),
     ],
 )
 def test_override_sets_one_key(scene_path, override, get, value):

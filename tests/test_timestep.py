@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 
 from warpdem import Scene, SceneError, timestep
@@ -117,6 +118,49 @@ def test_fall_speed_is_that_of_the_highest_fall():
     # gravity turns against the axes: any direction of the extent may become the height
     expected = math.sqrt(2 * 9.81 * math.hypot(0.7, 0.2)) + 10.0 * 0.7
     assert timestep.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-12)
+
+
+GRAIN = [{"material": "glass", "positions": [[0.3, 0, 0]], "radius": RADIUS}]
+
+
+def test_nested_frames_are_bound_by_the_sum_of_their_rates():
+    mill = [{"axis": [0, 0, 1], "rate": 4e5}, {"axis": [0, 1, 0], "sinusoid": {"amplitude": -6e5, "frequency": 3}}]
+    limits = found(scene(frame=mill))
+    assert limits.frame == pytest.approx(0.02 / 1e6)
+    shaker = scene(frame={"amplitude": [0.1, 0, 0], "frequency": 50})
+    assert found(shaker).frame == math.inf
+
+
+def test_speeds_of_shifting_frames_and_walls_count():
+    """Velocity + 2 pi f amplitude, of the frame and of each wall, whatever the place; nested rotations by their arms."""
+    shaker = {"velocity": [3, 0, 4], "amplitude": [0, 0.01, 0], "frequency": 50}
+    speed = 5.0 + 2 * math.pi * 50 * 0.01
+    of = scene(grains=GRAIN, time={"end": 1}, frame=shaker)
+    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    plane = {"name": "w", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[plane | {"motion": shaker}])
+    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    mill = [{"axis": [0, 0, 1], "rate": 10}, {"axis": [0, 0, 1], "origin": [0.2, 0, 0], "rate": -7}]
+    of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame=mill)
+    # 0.1 m from the inner axis, so at most 0.3 m from the outer one
+    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(7 * 0.1 + 10 * 0.3, rel=1e-12)
+
+
+def test_speed_of_a_sampled_frame_counts(tmp_path):
+    """Half a metre in two seconds while turning by a quarter: steady speeds."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    stage.SetTimeCodesPerSecond(1)
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    xform = UsdGeom.Xform.Define(stage, "/A")
+    shift, turn = xform.AddTranslateOp(), xform.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
+    for code, x, angle in ((0, 0.0, 0.0), (2, 0.5, 90.0)):
+        shift.Set(Gf.Vec3d(x, 0, 0), code)
+        turn.Set(angle, code)
+    stage.Save()
+    of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame={"usd": str(tmp_path / "a.usda"), "prim": "/A"})
+    wanted = 0.25 + 0.3 * math.pi / 4
+    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(wanted, rel=1e-9)
+    assert found(of).frame == pytest.approx(0.02 / (math.pi / 4), rel=1e-9)
 
 
 def test_damped_contact_factor_against_trajectories():

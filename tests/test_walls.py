@@ -207,7 +207,7 @@ def test_wall_turning_on_its_own_drags_a_grain(tmp_path, kind):
     start = [4e-3, 0.0, RADIUS - DEPTH]
     rate = 20.0
     still = simulate([floor], start)
-    turning = simulate([floor | {"rotation": {"axis": [0, 0, 1], "rate": rate}}], start)
+    turning = simulate([floor | {"motion": {"axis": [0, 0, 1], "rate": rate}}], start)
     for sim in (still, turning):
         sim.step(200)
     np.testing.assert_allclose(still.particles.velocity[0], 0.0, atol=1e-9)

@@ -1,13 +1,16 @@
 """USD results as usd-core sees them: laboratory places, sizes, units, chunk borders, moving walls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
 from warpdem.write_usd import UsdWriter
+from warpdem.write_vtk import VtkWriter, read_results
 
 GRAINS = "/World/Frame/Grains"
 # names that USD does not allow, and that would become equal
@@ -17,7 +20,7 @@ SINGLE = 2e-7  # float32 rounding of numbers about 1
 
 
 def turn(axis, angle):
-    return FramePose(np.asarray(axis, dtype=float), np.zeros(3), angle, 0.0).rotation
+    return FramePose.turned(np.asarray(axis, dtype=float), np.zeros(3), angle, 0.0).rotation
 
 
 def snapshot(k, axis=(0.48, 0.6, 0.64), origin=(0.1, -0.2, 0.3), count=30, seed=0):
@@ -26,7 +29,7 @@ def snapshot(k, axis=(0.48, 0.6, 0.64), origin=(0.1, -0.2, 0.3), count=30, seed=
         step=k,
         time=0.1 * k,
         # almost half a turn per frame: the least that quaternions or matrices would interpolate the wrong way
-        frame=FramePose(np.array(axis, dtype=float), np.array(origin), 3.0 * k, 30.0),
+        frame=FramePose.turned(np.array(axis, dtype=float), np.array(origin), 3.0 * k, 30.0),
         id=np.arange(count) * 3,
         type=np.zeros(count, dtype=np.int32),
         radius=rng.uniform(0.01, 0.02, count),
@@ -72,6 +75,69 @@ def test_grains_stand_in_the_laboratory_where_the_frame_takes_them(tmp_path, axi
         assert_allclose(lab, wanted.frame.to_laboratory(wanted.position), atol=4 * SINGLE)
 
 
+def nested(k) -> FramePose:
+    """A turn within a shift within a turn within a sampled motion, almost half a turn per frame."""
+    parts = (
+        RotationPart(np.array([0.0, 0.6, 0.8]), np.array([0.5, 0.0, 0.1]), 3.0 * k),
+        TranslationPart(np.array([0.3 * k, 0.0, -0.1])),
+        RotationPart(np.array([-0.48, 0.6, -0.64]), np.array([0.1, -0.2, 0.3]), -2.5 * k),
+        SampledPart(np.array([np.cos(0.5 * k), 0.0, np.sin(0.5 * k), 0.0]), np.array([0.0, 0.2 * k, 0.0])),
+    )
+    rotation, translation = np.eye(3), np.zeros(3)
+    for part in reversed(parts):
+        if isinstance(part, RotationPart):
+            place = FramePose.turned(part.axis, part.origin, part.angle, 0.0)
+            own, shift = place.rotation, place.translation
+        elif isinstance(part, TranslationPart):
+            own, shift = np.eye(3), part.shift
+        else:
+            own, shift = turn([0, 1, 0], 1.0 * k), part.shift
+        rotation, translation = own @ rotation, own @ translation + shift
+    return FramePose(rotation, translation, np.zeros(3), np.zeros(3), parts)
+
+
+def test_nested_frame_stands_in_the_laboratory_where_its_parts_take_it(tmp_path):
+    writer = UsdWriter(tmp_path, [BOX, PADDLE], frames_per_chunk=3)
+    for k in range(5):
+        writer.write(replace(snapshot(k), frame=nested(k)))
+    stage, grains = open_grains(tmp_path)
+    for k in range(5):
+        code, wanted = 100.0 * k, snapshot(k)
+        assert_allclose(laboratory(grains.GetPrim(), np.eye(3), code), nested(k).to_laboratory(np.eye(3)), atol=1e-12)
+        points = np.array(grains.GetPointsAttr().Get(code), dtype=float)
+        lab = nested(k).to_laboratory(wanted.position)
+        assert_allclose(laboratory(grains.GetPrim(), points, code), lab, atol=4 * SINGLE)
+    # half way between two frames each angle is half way, unwrapped, and each shift too
+    frame = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Frame"))
+    angles = [op for op in frame.GetOrderedXformOps() if "angle" in op.GetName()]
+    assert_allclose([op.Get(350.0) for op in angles], np.degrees([10.5, -8.75]), rtol=1e-12)
+    assert all(op.GetOpType() != UsdGeom.XformOp.TypeTransform for op in frame.GetOrderedXformOps())
+
+
+def test_resumed_run_keeps_the_nested_motion(tmp_path):
+    for frames, options in ((range(4), {}), (range(2, 6), {"resume": True})):
+        writer = UsdWriter(tmp_path, [], frames_per_chunk=3, **options)
+        for k in frames:
+            writer.write(replace(snapshot(k), frame=nested(k)))
+    _, grains = open_grains(tmp_path)
+    for k in range(6):
+        lab = laboratory(grains.GetPrim(), np.eye(3), 100.0 * k)
+        assert_allclose(lab, nested(k).to_laboratory(np.eye(3)), atol=1e-12)
+
+
+def test_inertial_frame_has_no_ops_and_resumes(tmp_path):
+    inertial = FramePose(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
+    for frames, options in ((range(3), {}), (range(2, 4), {"resume": True})):
+        writer = UsdWriter(tmp_path, [], **options)
+        for k in frames:
+            writer.write(replace(snapshot(k), frame=inertial))
+    stage, grains = open_grains(tmp_path)
+    assert UsdGeom.Xformable(stage.GetPrimAtPath("/World/Frame")).GetOrderedXformOps() == []
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0.0, 300.0)
+    for k in range(4):
+        assert_allclose(grains.GetPointsAttr().Get(100.0 * k), snapshot(k).position, atol=SINGLE)
+
+
 def test_grain_values_survive_across_chunks(tmp_path):
     write(tmp_path, range(8))
     assert len(list((tmp_path / "result_usd").glob("chunk_*.usdc"))) > 2
@@ -103,7 +169,8 @@ def test_frame_angle_is_interpolated_unwrapped(tmp_path):
     _, grains = open_grains(tmp_path)
     frame = snapshot(0).frame
     # at half past frame 6 the frame has turned by 19.5 rad, more than three turns
-    half = FramePose(frame.axis, frame.origin, 19.5, 0.0)
+    [part] = frame.parts
+    half = FramePose.turned(part.axis, part.origin, 19.5, 0.0)
     points = np.eye(3)
     assert_allclose(laboratory(grains.GetPrim(), points, 650.0), half.to_laboratory(points), atol=1e-12)
 
@@ -204,7 +271,7 @@ def test_time_codes_per_second_is_free(tmp_path):
 def test_other_axis_in_mid_run_is_refused(tmp_path):
     writer = UsdWriter(tmp_path, [BOX, PADDLE])
     writer.write(snapshot(0))
-    with pytest.raises(WarpdemError, match="axis or origin changed"):
+    with pytest.raises(WarpdemError, match="axes or motions changed"):
         writer.write(snapshot(1, axis=(0, 0, 1)))
 
 
@@ -213,3 +280,28 @@ def test_frame_without_grains_is_written(tmp_path):
     writer.write(snapshot(0, count=0))
     _, grains = open_grains(tmp_path)
     assert len(grains.GetPointsAttr().Get(0.0)) == 0
+
+
+def test_a_simulation_in_a_nested_frame_is_shown_where_it_stands(tmp_path, make_simulation):
+    """Grains of the USD stage and of the VTK files, taken to the laboratory, are those of the simulation."""
+    frame = [
+        {"amplitude": [0.25, 0, 0.125], "frequency": 8},
+        {"axis": [0, 0, 1], "origin": [0.5, 0, 0.25], "rate": 16.0},
+        {"axis": [0.6, 0, 0.8], "sinusoid": {"mean": 3, "amplitude": 8, "frequency": 2}},
+    ]
+    positions = [[1.0, 0, 0], [0, 1, -1], [-1, 0.5, 0.25]]
+    sim = make_simulation(positions, step=2.0**-10, frame=frame, young_modulus=1.0, engine={"skin": 1e6})
+    usd, vtk = UsdWriter(tmp_path, []), VtkWriter(tmp_path, [])
+    wanted = []
+    for _ in range(3):
+        sim.step(300)
+        wanted.append(sim.particles.position_lab)
+        for writer in (usd, vtk):
+            writer.write(sim.snapshot())
+    _, grains = open_grains(tmp_path)
+    results = read_results(tmp_path)
+    for k, code in enumerate(grains.GetPointsAttr().GetTimeSamples()):
+        points = np.array(grains.GetPointsAttr().Get(code), dtype=float)
+        assert_allclose(laboratory(grains.GetPrim(), points, code), wanted[k], atol=1e-6)
+        shot = results.frame(k)
+        assert_allclose(shot.frame.to_laboratory(shot.position), wanted[k], atol=1e-14)

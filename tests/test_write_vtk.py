@@ -1,11 +1,13 @@
 """VTK results as pyvista and the project's own reader see them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
 from warpdem.write_vtk import VtkWriter, read_frame, read_results
 
 CUBE = WallMesh(
@@ -26,7 +28,7 @@ def snapshot(k, count=30):
     return Snapshot(
         step=1000 * k,
         time=0.1 * k,
-        frame=FramePose(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
+        frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=rng.integers(0, 2, count).astype(np.int32),
         radius=rng.uniform(0.01, 0.02, count),
@@ -83,13 +85,36 @@ def test_own_reader_gives_back_what_was_written(tmp_path):
     for k in range(3):
         wanted, got = snapshot(k), results.frame(k)
         assert (got.step, got.time) == (wanted.step, wanted.time)
-        assert (got.frame.angle, got.frame.rate) == (wanted.frame.angle, wanted.frame.rate)
-        assert_array_equal(got.frame.axis, wanted.frame.axis)
-        assert_array_equal(got.frame.origin, wanted.frame.origin)
+        for name in ("rotation", "translation", "spin", "velocity", "angle"):
+            assert_array_equal(getattr(got.frame, name), getattr(wanted.frame, name))
+        for part, other in zip(got.frame.parts, wanted.frame.parts, strict=True):
+            assert type(part) is type(other)
+            for name, values in vars(other).items():
+                assert_array_equal(getattr(part, name), values)
         for name in ("id", "type", "radius", "mass", "position", "velocity", "spin", "force"):
             assert_array_equal(getattr(got, name), getattr(wanted, name))
         assert [wall.name for wall in results.walls(k)] == [CUBE.name, PADDLE.name]
         assert_array_equal(results.walls(k)[0].triangles, CUBE.triangles)
+
+
+def test_every_part_of_the_frame_comes_back(tmp_path):
+    parts = (
+        SampledPart(np.array([0.8, 0.0, 0.6, 0.0]), np.array([0.0, 0.2, 0.0])),
+        TranslationPart(np.array([0.3, 0.0, -0.1])),
+        RotationPart(np.array([0.0, 0.6, 0.8]), np.array([0.5, 0.0, 0.1]), 30.0),
+    )
+    frame = FramePose(turn_z(0.3), np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), np.array([7.0, 8.0, 9.0]), parts)
+    for k, poses in enumerate([parts, parts[:1], ()]):
+        writer = VtkWriter(tmp_path / str(k), [CUBE, PADDLE])
+        writer.write(replace(snapshot(0), frame=replace(frame, parts=poses)))
+        got = read_results(tmp_path / str(k)).frame(0).frame
+        assert_array_equal(got.to_laboratory(np.eye(3)), frame.to_laboratory(np.eye(3)))
+        assert_array_equal(got.velocity_at(np.eye(3)), frame.velocity_at(np.eye(3)))
+        assert got.angle == (30.0 if k == 0 else 0.0)
+        for part, other in zip(got.parts, poses, strict=True):
+            assert type(part) is type(other)
+            for name, values in vars(other).items():
+                assert_array_equal(getattr(part, name), values)
 
 
 def test_resting_wall_is_written_once_and_shown_at_every_time(tmp_path):

@@ -24,7 +24,7 @@ def run(
     out: Path | None = None,
     device: str | None = None,
     threads: int | None = None,
-    precision: Literal["double"] = "double",
+    precision: Literal["double", "mixed"] | None = None,
     until: float | None = None,
     set_: Annotated[list[str], Parameter(name="--set", consume_multiple=True)] = [],  # noqa: B006
     resume: bool = False,
@@ -38,7 +38,7 @@ def run(
         out: Folder of the results; out/NAME if not given.
         device: cpu or cuda:0; a GPU if there is one.
         threads: CPU threads; all cores if not given.
-        precision: Precision of the contact law.
+        precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
         set_: Change keys of the scene, as in --set time.end=0.5 engine.skin='"0.1 mm"'.
         resume: Go on from the checkpoint in the folder.
@@ -48,7 +48,7 @@ def run(
     from warpdem.runner import check_folder, default_folder, run_scene
     from warpdem.scene_file import load_scene
 
-    loaded = load_scene(scene, [f"engine.precision={precision}", *set_])
+    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_])
     folder = out or (Path("out") / scene.stem if resume else default_folder(scene))
     check_folder(folder, overwrite or resume)
     run_scene(loaded, folder, device=device, threads=threads, until=until, resume=resume, quiet=quiet)

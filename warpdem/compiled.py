@@ -6,7 +6,8 @@ import warp as wp
 
 from warpdem.kernels import Built, law, loop, motion, neighbours, pairs
 from warpdem.kernels.wall import candidates, contact
-from warpdem.plan import Plan, model
+from warpdem.models import model
+from warpdem.plan import Plan
 
 
 @functools.cache
@@ -16,21 +17,41 @@ def compile_plan(plan: Plan) -> Built:
     Returns:
         Namespace with ``loop`` (the step), ``lists`` (neighbours), ``walls`` (candidate kernels or None), ``Rows``.
     """
-    real = wp.float64
-    constants, contact_law = law.build(
-        real,
+    models = (
         model("normal", plan.normal),
         model("tangential", plan.tangential) if plan.tangential else None,
         model("rolling", plan.rolling) if plan.rolling else None,
-        plan.torsion,
     )
-    shared = {"spins": plan.spins, "rolling": plan.rolling is not None, "memory": plan.memory, "table": plan.table}
-    turning = {"turning_frame": plan.turning_frame}
-    pair_pack = pairs.build(real, contact_law, plan.lanes, **shared, **turning)
-    Rows, touch = contact.build(contact_law, constants, **shared, **turning, lag=plan.lag, moving=plan.moving)
-    load, advance = motion.build(spins=plan.spins, walls=plan.walls, moving=plan.moving, **turning)
-    step = loop.build(pair_pack, touch, Rows, load, advance, spins=plan.spins, walls=plan.walls)
-    lists = neighbours.build(constants, plan.lanes, **shared, lag=plan.lag)
+    constants, wall_law = law.build(wp.float64, *models, plan.torsion)
+    _, pair_law = law.build(plan.real, *models, plan.torsion)
+    spins = {"spins": plan.spins}
+    shared = {
+        **spins, "rolling": plan.rolling is not None, "history": plan.memory, "table": plan.table, "gap": plan.gap,
+    }  # fmt: skip
+    scheme = plan.scheme
+    # a scheme with frame-relative velocities sees contacts as if the frame were at rest
+    turning = plan.turning_frame and not scheme.RELATIVE
+    shifting = plan.moving_frame and not scheme.RELATIVE
+    pair_pack = pairs.build(plan.real, pair_law, plan.lanes, **shared, turning_frame=turning)
+    Rows, touch = contact.build(
+        wall_law, constants, **shared, turning_frame=turning, moving_frame=shifting, lag=plan.lag, moving=plan.moving
+    )
+    fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
+    stages = len(scheme.STAGES)
+    step = loop.build(
+        pair_pack,
+        touch,
+        Rows,
+        motion.build_load(plan.real, **spins, walls=plan.walls),
+        motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
+        # a stage may look ahead of the step's beginning by about a step
+        motion.build_travel(**spins, moving=plan.moving, ahead=1.5 if stages > 1 else 0.0),
+        scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
+        **spins,
+        stages=stages,
+        walls=plan.walls,
+    )
+    lists = neighbours.build(plan.real, constants, plan.lanes, **shared, lag=plan.lag)
     walls = None
     if plan.walls:
         walls = candidates.build(
@@ -39,6 +60,7 @@ def compile_plan(plan: Plan) -> Built:
             spins=plan.spins,
             meshes=plan.meshes,
             planes=plan.planes,
-            memory=plan.memory,
+            history=plan.memory,
+            gap=plan.gap,
         )
     return Built(loop=step, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

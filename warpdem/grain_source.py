@@ -8,6 +8,7 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.geometry import TriangleMesh, signed_distance
+from warpdem.motion import Chain, frame_chain
 from warpdem.packing import fill, worst_overlaps
 
 NPZ_KEYS = {
@@ -68,8 +69,8 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     groups = []
     for number, group in enumerate(scene.grains):
         grains = _group(scene, meshes, group, f"{scene.source}: grains[{number}]")
-        if group.velocities_in == "laboratory" and scene.frame is not None:
-            grains = _relative_to_frame(grains, scene.frame)
+        if group.velocities_in == "laboratory":
+            grains = _relative_to_frame(grains, frame_chain(scene))
         grains["type"] = np.full(len(grains["radius"]), names.index(group.material), np.int32)
         groups.append(grains)
     fields = {
@@ -246,14 +247,14 @@ def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
     return {"position": np.asarray(data.points), **fields}
 
 
-def _relative_to_frame(grains: dict[str, np.ndarray], frame) -> dict[str, np.ndarray]:
-    """Velocities and spins relative to the frame from those in the laboratory: v - Omega x (q - origin), w - Omega."""
-    omega = frame.rate_at(0.0) * np.asarray(frame.axis, float)
-    arm = grains["position"] - np.asarray(frame.origin, float)
+def _relative_to_frame(grains: dict[str, np.ndarray], frame: Chain) -> dict[str, np.ndarray]:
+    """Velocities and spins relative to the frame at time 0 from those in the laboratory: v - u - w x q and spin - w."""
+    pose = frame.pose(np.zeros(1))
+    spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
     return {
         **grains,
-        "velocity": grains["velocity"] - np.cross(omega, arm),
-        "spin": grains["spin"] - omega,
+        "velocity": grains["velocity"] - velocity - np.cross(spin, grains["position"]),
+        "spin": grains["spin"] - spin,
     }
 
 

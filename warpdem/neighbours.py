@@ -71,6 +71,7 @@ class Lists:
 
     def __init__(self, sim) -> None:
         self.sim = sim
+        self.real = sim.plan.real
         radius = sim.state.record.numpy()[:, grain.RADIUS]
         mean = float(radius.mean()) if len(radius) else 1.0
         skin = sim.scene.engine.skin
@@ -91,14 +92,15 @@ class Lists:
         self._near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self._kept: dict[str, wp.array] = {}
-        self.memory = self._array((0, max(sim.plan.memory, 1), sim.plan.lanes), wp.float64)
+        self.memory = self._array((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
 
     @property
     def reach(self) -> float:
         """How far a grain may move before the contact list is out of date [m]."""
-        return 0.5 * self.margin
+        alone = len(self.sim.state) < 2 and not self.sim.plan.walls
+        return 1.0e300 if alone else 0.5 * self.margin
 
     def _array(self, shape, dtype, fill=None):
         make = wp.zeros if fill is None else wp.full
@@ -159,7 +161,7 @@ class Lists:
     def _rebuild(self, placement: np.ndarray) -> None:
         sim, lists = self.sim, self.sim.kernels.lists
         state, n = sim.state, len(sim.state)
-        cell = 2.0 * self.largest + self.skin
+        cell = 2.0 * self.largest + sim.plan.gap + self.skin
         position = state.record.numpy()[:, grain.POSITION]
         order = morton_order(position, cell)
         old_id = wp.clone(state.id)
@@ -231,13 +233,14 @@ class Lists:
         row_start = self._upload(row_start_host, wp.int32)
         shares = int(row_start_host[-1])
         lane_shape, room = (packs, plan.lanes), self._room
-        row = room("row", (shares + 1, share_width(plan.spins)), wp.float64)
+        row = room("row", (shares + 1, share_width(plan.spins)), self.real)
         owner, partner = room("owner", lane_shape, wp.int32), room("partner", lane_shape, wp.int32)
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
         kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
-        constants = room("constants", (packs, lists.constants_width, plan.lanes), wp.float64)
+        constants = room("constants", (packs, lists.constants_width, plan.lanes), self.real)
         generation = f"memory{self.refreshes & 1}"  # the other one holds what is carried over
-        memory = room(generation, (packs, max(plan.memory, 1), plan.lanes), wp.float64)
+        memory = room(generation, (packs, max(plan.memory, 1), plan.lanes), self.real)
+        self.trial = room("trial", memory.shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
         # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
         partner.fill_(min(1, n - 1))
@@ -337,7 +340,7 @@ class Lists:
         self._near = (width, *(self._upload(a.astype(np.int32), wp.int32) for a in (count, slot, contact)))
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
-        self.memory = self._upload(packs, wp.float64)
+        self.memory = self._upload(packs, self.real)
         self._force_parity = sim.step_number & 1
         if plan.walls:
             self._restore_places(data, n)

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.kernels import grain
-from warpdem.plan import model
+from warpdem.models import model
+from warpdem.plan import field_numbers
 
 
 class Particles:
     """The grains of a simulation at its present time t_k, ordered by id; NumPy arrays are fresh copies.
 
-    Velocities are V_k = V + (k/2) a_k: the mid-step velocity advanced by half the kick of the forces at t_k.
+    Velocities are those of t_k as the integrator completes its step: for exact_drift V_k = V + (dt/2) a_k.
     """
 
     def __init__(self, sim) -> None:
@@ -56,24 +57,27 @@ class Particles:
         return self._pose.to_laboratory(self.position)
 
     def _absolute_velocity(self) -> np.ndarray:
-        row = self._sim.schedule.rows(self._sim.step_number, 0)[0]
-        force, _ = self._sim.loads()
-        acceleration = force / self.mass[:, None] + row[2:5]
-        half = 0.0 if self._sim.step_number == 0 else 0.5 * self._sim.dt
-        return self._state.by_id(grain.VELOCITY) + half * acceleration
+        velocity = self._sim.readings()[2]
+        if not self._sim.plan.scheme.RELATIVE:
+            return velocity
+        omega, origin = self._frame_before()
+        return velocity + origin + np.cross(omega, self.position)
 
     def _absolute_spin(self) -> np.ndarray:
         if not self._state.spins:
             return np.zeros((len(self._state), 3))
-        _, torque = self._sim.loads()
-        half = 0.0 if self._sim.step_number == 0 else 0.5 * self._sim.dt
-        return self._state.by_id(grain.SPIN) + half * torque / self.inertia[:, None]
+        spin = self._sim.readings()[3]
+        return spin + self._frame_before()[0] if self._sim.plan.scheme.RELATIVE else spin
+
+    def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
+        row = self._sim.schedule.frames(self._sim.step_number, 0)[0]
+        return row[12:15], row[15:18]
 
     @property
     def velocity(self) -> np.ndarray:
-        """Velocity relative to the frame, in frame axes [m/s], shape (n, 3): V - Omega x (q - o)."""
-        omega = self._pose.axis * self._pose.rate
-        return self._absolute_velocity() - np.cross(omega, self.position - self._pose.origin)
+        """Velocity relative to the frame, in frame axes [m/s], shape (n, 3): V - u - w x q of the frame."""
+        return self._absolute_velocity() - self._pose.velocity_at(self.position)
 
     @property
     def velocity_lab(self) -> np.ndarray:
@@ -82,10 +86,10 @@ class Particles:
 
     @property
     def spin(self) -> np.ndarray:
-        """Angular velocity relative to the frame, in frame axes [rad/s], shape (n, 3): W - Omega."""
+        """Angular velocity relative to the frame, in frame axes [rad/s], shape (n, 3): W - w of the frame."""
         if not self._state.spins:
             return np.zeros((len(self._state), 3))
-        return self._absolute_spin() - self._pose.axis * self._pose.rate
+        return self._absolute_spin() - self._pose.spin
 
     @property
     def spin_lab(self) -> np.ndarray:
@@ -141,7 +145,7 @@ def read_contacts(sim) -> Contacts:
         way = position[a] - position[b]
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
-        on = overlap > 0
+        on = overlap > -plan.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
         spring = flat(lists.memory)[on][:, :3] if plan.memory else np.zeros((len(a), 3))
@@ -181,7 +185,7 @@ def energy(sim) -> dict[str, float]:
     """Energies in the laboratory [J].
 
     kinetic (1/2) m V^2, rotational (1/2) I W^2, elastic of the normal contacts and of the tangential springs (1/2) k_t s^2,
-    potential -m g . x.
+    potential -m g . x; and, where the scene has external fields with a potential, theirs at the present positions.
     """
     p = sim.particles
     contacts = sim.contacts()
@@ -192,12 +196,25 @@ def energy(sim) -> dict[str, float]:
         shear = _shear_ratios(sim, contacts)
         elastic += float(np.sum(0.5 * shear * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)))
     velocity, spin = p.velocity_lab, p.spin_lab
-    return {
+    out = {
         "kinetic": float(0.5 * np.sum(p.mass * np.einsum("ij,ij->i", velocity, velocity))),
         "rotational": float(0.5 * np.sum(p.inertia * np.einsum("ij,ij->i", spin, spin))),
         "elastic": elastic,
         "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(sim.scene.gravity)))),
     }
+    fields = _field_energies(sim, p)
+    return {**out, "fields": sum(fields)} if fields else out
+
+
+def _field_energies(sim, p: Particles) -> list[float]:
+    """Potential energy of the grains in each external field that has one [J]."""
+    place = {"laboratory": p.position_lab, "frame": p.position}
+    fields = [(model("field", name), place[axes]) for name, axes in sim.plan.fields]
+    return [
+        float(np.sum(field.energy(position, p.mass, p.radius, numbers)))
+        for (field, position), numbers in zip(fields, field_numbers(sim.scene), strict=True)
+        if hasattr(field, "energy")
+    ]
 
 
 def _shear_ratios(sim, contacts: Contacts) -> np.ndarray:

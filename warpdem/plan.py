@@ -1,35 +1,18 @@
 """What a scene needs: the only place that decides what is compiled, allocated and run, and what is left out."""
 
-import importlib
-import pkgutil
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
 
 import numpy as np
+import warp as wp
 
-from warpdem import kernels
-from warpdem.errors import SceneError
 from warpdem.kernels import grain, law, pairs
+from warpdem.kernels.field import NUMBERS
+from warpdem.models import digest, is_file, model
+from warpdem.motion import frame_chain
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register; a GPU thread takes one contact
-
-
-def model_names(role: str) -> list[str]:
-    """Names of the models of a role: the files of ``kernels/<role>/``."""
-    package = importlib.import_module(f"{kernels.__name__}.{role}")
-    return sorted(m.name for m in pkgutil.iter_modules(package.__path__))
-
-
-def model(role: str, name: str) -> ModuleType:
-    """The module of one model.
-
-    Raises:
-        SceneError: if there is no such file.
-    """
-    if name not in model_names(role):
-        raise SceneError(f"contact.{role} = {name!r}: there is no such model; allowed: {', '.join(model_names(role))}")
-    return importlib.import_module(f"{kernels.__name__}.{role}.{name}")
 
 
 @dataclass(frozen=True)
@@ -41,7 +24,11 @@ class Plan:
     rolling: str | None
     torsion: bool
     spins: bool
+    integrator: str
     turning_frame: bool
+    """The frame's axes turn."""
+    moving_frame: bool
+    """The frame moves at all."""
     meshes: int
     planes: int
     moving: int
@@ -49,7 +36,14 @@ class Plan:
     materials: int
     table: bool
     """Coefficients differ between contacts."""
+    gap: float
+    """How far beyond contact the normal law acts [m]: lists and forces reach that much further."""
     lanes: int
+    precision: str = "double"
+    fields: tuple[tuple[str, str], ...] = ()
+    """External fields: model, and the axes it lives in."""
+    user_files: tuple[str, ...] = ()
+    """Fingerprints of the user's own model files: a file with other contents is another plan."""
     left_out: dict[str, str] = field(default_factory=dict, compare=False)
     """What is neither compiled nor allocated, with the reason."""
 
@@ -65,6 +59,21 @@ class Plan:
             return 6
         return 3 if self.tangential else 0
 
+    @property
+    def real(self) -> type:
+        """Type of the contact law of grain pairs, its results and its memory."""
+        return wp.float32 if self.precision == "mixed" else wp.float64
+
+    @property
+    def scheme(self) -> ModuleType:
+        """Module of the integrator."""
+        return model("integrator", self.integrator)
+
+    @property
+    def frame_rows(self) -> bool:
+        """Whether kernels need the frame's own motion: schemes relative to it, and external fields."""
+        return bool(self.fields) or (self.scheme.RELATIVE and self.moving_frame)
+
     @cached_property
     def lag(self) -> float:
         """Factor from I to the inertia that the rolling model meets: about the contact point for one with a spring."""
@@ -74,7 +83,8 @@ class Plan:
     def bytes_per_grain(self) -> int:
         """Device memory per grain [B] at 2.5 listed contacts and 6.5 near partners, the figures of a settled bed."""
         constants = 4 if self.rolling else 2
-        contact = 8 * (2 * pairs.share_width(self.spins) + 2 * self.memory + constants) + 16 + 4 * self.table
+        number = 4 if self.precision == "mixed" else 8
+        contact = number * (2 * pairs.share_width(self.spins) + 2 * self.memory + constants) + 16 + 4 * self.table
         fixed = 8 * grain.WIDTH[self.spins] + 16 + 2 * 24 * (1 + self.moving) + 8 + 4 * 4
         return int(fixed + 2.5 * contact + 6.5 * (4 + 4 + 4 + 1))
 
@@ -83,7 +93,8 @@ class Plan:
         runs = [f"normal: {self.normal}"]
         runs += [f"tangential: {self.tangential}"] if self.tangential else []
         runs += [f"rolling: {self.rolling}" + (" with torsion" if self.torsion else "")] if self.rolling else []
-        runs += ["rotating frame: exact drift"] if self.turning_frame else []
+        runs += [f"integrator: {self.integrator}" + (" in a moving frame" if self.moving_frame else "")]
+        runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
         runs += [f"walls: {self.meshes} meshes, {self.planes} planes, {self.moving} of their motions relative to the frame"]
         runs = runs if self.walls else runs[:-1]
         runs += [f"contacts side by side: {self.lanes}", f"memory per contact: {8 * self.memory} B"]
@@ -96,7 +107,7 @@ def coefficient_table(scene) -> np.ndarray:
     Pairs that cannot meet (no coefficients given) hold NaN.
     """
     names = list(scene.materials)
-    normal = model("normal", scene.contact.normal)
+    normal = model("normal", scene.located(scene.contact.normal))
     table = np.full((len(names), len(names), len(law.COEFFICIENTS)), np.nan)
     for pair in scene.pairs:
         a, b = (names.index(m) for m in pair.materials)
@@ -104,6 +115,24 @@ def coefficient_table(scene) -> np.ndarray:
         row = (*base, pair.friction, pair.rolling_friction, pair.rolling_damping)
         table[a, b] = table[b, a] = row
     return table.reshape(-1, len(law.COEFFICIENTS))
+
+
+def field_numbers(scene) -> np.ndarray:
+    """Parameters of each external field one after the other, filled up with zeros, SI units, shape (f, 12)."""
+    numbers = np.zeros((len(scene.fields), NUMBERS))
+    for row, one in zip(numbers, scene.fields, strict=True):
+        values = np.hstack([(), *one.parameters.values()])
+        row[: len(values)] = values
+    return numbers
+
+
+def law_gap(scene) -> float:
+    """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone."""
+    gap = getattr(model("normal", scene.located(scene.contact.normal)), "gap", None)
+    if gap is None:
+        return 0.0
+    materials = scene.materials
+    return max((float(gap(*(materials[m] for m in pair.materials), pair)) for pair in scene.pairs), default=0.0)
 
 
 def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes: int = SIMD_LANES) -> Plan:
@@ -122,8 +151,9 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
     others = sorted(set(present) | {names.index(w.material) for w in scene.walls})
     used = np.array([table[a, b] for a in present for b in others]).reshape(-1, len(law.COEFFICIENTS))
     left_out = {}
-    tangential: str | None = None if scene.contact.tangential == "none" else scene.contact.tangential
-    rolling: str | None = None if scene.contact.rolling == "none" else scene.contact.rolling
+    normal = scene.located(scene.contact.normal)
+    tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
+    rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
     if tangential is None or not np.any(used[:, 4] > 0):
         left_out["tangential spring and Coulomb limit"] = (
             "contact.tangential is none" if tangential is None else "every friction coefficient is zero"
@@ -137,28 +167,39 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
     spins = bool(tangential or rolling or has_spin)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
-    turning = scene.frame is not None and scene.frame.max_rate() > 0.0
-    if not turning:
-        left_out["turning of the axes"] = "no frame" if scene.frame is None else "the frame's rate is zero"
+    frame = frame_chain(scene)
+    if not frame.turns:
+        still = "the frame only shifts" if frame.moves else "the frame never moves"
+        left_out["turning of the axes"] = "no frame" if scene.frame is None else still
     if not scene.walls:
         left_out["walls"] = "the scene has none"
     elif moving == 0:
         left_out["wall motion relative to the frame"] = "all walls rest in it"
+    fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
+    if not fields:
+        left_out["external fields"] = "the scene has none"
+    chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
     return Plan(
-        normal=scene.contact.normal,
+        normal=normal,
         tangential=tangential,
         rolling=rolling,
         torsion=bool(rolling and scene.contact.torsion),
         spins=spins,
-        turning_frame=turning,
+        integrator=scene.engine.integrator,
+        turning_frame=frame.turns,
+        moving_frame=frame.moves,
         meshes=sum(w.mesh is not None for w in scene.walls),
         planes=sum(w.plane is not None for w in scene.walls),
         moving=moving,
         materials=len(names),
         table=not one_kind,
+        gap=law_gap(scene),
         lanes=lanes,
+        fields=fields,
+        user_files=tuple(digest(name) for name in chosen if is_file(name)),
+        precision=scene.engine.precision,
         left_out=left_out,
     )

@@ -13,7 +13,7 @@ from vtkmodules.vtkFiltersHybrid import vtkPolyDataSilhouette
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, Snapshot, WallMesh
+from warpdem.snapshot import FramePose, RotationPart, Snapshot, WallMesh
 from warpdem.write_tables import replaced
 from warpdem.write_vtk import Results, quiet_vtk, read_results
 
@@ -210,9 +210,8 @@ class _Stage:
         self._balls.SetInputData(grains)
         for wall in walls:
             self._draw_wall(wall, snapshot.frame)
-        turned = np.degrees(snapshot.frame.angle)
         axes = "laboratory axes" if self._view == "laboratory" else "frame axes"
-        label = f"t = {snapshot.time:.4g} s\n{axes}, frame turned by {turned:.1f}°"
+        label = f"t = {snapshot.time:.4g} s\n{axes}{_turned(snapshot.frame)}"
         self._plotter.add_text(
             label,
             position=(0.015, 0.925),
@@ -267,7 +266,7 @@ def _seen(points: np.ndarray, frame: FramePose, view: View) -> np.ndarray:
 
 def _survey(results: Results, frames: Iterable[int], view: View, colour: str) -> _Survey:
     """Bounds and colour range of all frames drawn: nothing leaves the picture, colours keep their meaning."""
-    axes = _picture_axes(results.frame(0).frame.axis)
+    axes = _picture_axes(results.frame(0).frame)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     least, greatest = np.inf, -np.inf
     for k in frames:
@@ -301,9 +300,16 @@ def _colour_range(colour: str, least: float, greatest: float) -> tuple[float, fl
     return (least, greatest) if greatest > least else (least, least + (abs(least) or 1.0))
 
 
-def _picture_axes(axis: np.ndarray) -> np.ndarray:
-    """Right, up and forward direction as rows: forward along the frame's axis, z up in the picture, shape (3, 3)."""
+def _turned(frame: FramePose) -> str:
+    """Words on how far the frame has turned, rotation by rotation; empty if it never turns about an axis of its own."""
+    angles = [f"{np.degrees(part.angle):.1f}°" for part in frame.parts if isinstance(part, RotationPart)]
+    return f", frame turned by {' and '.join(angles)}" if angles else ""
+
+
+def _picture_axes(frame: FramePose) -> np.ndarray:
+    """Right, up and forward direction as rows, shape (3, 3): forward along the frame's first axis, z up in the picture."""
     up = np.array([0.0, 0.0, 1.0])
+    axis = next((part.axis for part in frame.parts if isinstance(part, RotationPart)), up)
     # a frame that turns about the vertical is seen from the side
     forward = np.array([0.0, 1.0, 0.0]) if abs(axis @ up) > 0.9 else axis
     right = np.cross(forward, up)

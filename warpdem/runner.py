@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
 from warpdem import checkpoint, summary
+from warpdem.dimensionless import Turning, TurningNumbers
 from warpdem.errors import SceneError, StabilityError
 from warpdem.scene import Scene
 from warpdem.simulation import Simulation
@@ -84,6 +86,7 @@ class Outputs:
 
             self.writers.append(UsdWriter(folder, walls, resume=resume))
         self.history = HistoryWriter(folder / "history.csv", HISTORY_COLUMNS, resume=resume)
+        self.turning = TurningNumbers(sim)
 
     def frame(self) -> None:
         """Write a frame of the present instant."""
@@ -96,6 +99,7 @@ class Outputs:
         """Write a row of the history."""
         with self.sim.clock("output"):
             self.history.write(history_row(self.sim))
+            self.turning.add()
 
     def close(self) -> None:
         """Close all files."""
@@ -103,7 +107,7 @@ class Outputs:
             writer.close()
 
 
-def record(sim: Simulation, status: str, wall_seconds: float) -> dict:
+def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning | None) -> dict:
     """What run.json holds."""
     import warp as wp
 
@@ -127,6 +131,7 @@ def record(sim: Simulation, status: str, wall_seconds: float) -> dict:
         "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,
                       "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
         "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim)},
+        "turning": asdict(turning) if turning is not None else None,
         "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
         "seconds": {**sim.seconds, "total": wall_seconds},
         "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
@@ -233,15 +238,15 @@ def run_scene(
         outputs.close()
         if status != "stopped itself":
             checkpoint.save(sim, folder / CHECKPOINT)
-        write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin))
+        write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
     if scene.output.picture and "vtk" in scene.output.formats:
         with sim.clock("picture"):
             from warpdem.render import render
 
             render(folder, folder / "picture.png", view="laboratory")
-        write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin))
+        write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
     if not quiet:
-        summary.print_summary(sim, console, time.perf_counter() - begin, folder)
+        summary.print_summary(sim, console, time.perf_counter() - begin, folder, outputs.turning.result())
     return sim
 
 

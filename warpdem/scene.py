@@ -1,84 +1,64 @@
 """A scene: everything a run is told, validated, in SI units and immutable.
 
 Positions, velocities and spins are in frame axes (the axes of ``Scene.frame``), velocities and spins relative to the
-frame. Frame axes and laboratory axes coincide at angle 0, that is at time 0. A scene without a frame is inertial.
+frame. Frame axes and laboratory axes coincide at time 0. A scene without a frame is inertial.
 """
 
-import functools
 import itertools
-import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     StrictBool,
     Tag,
-    ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
 from pydantic.json_schema import SkipJsonSchema
-from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
+from pydantic_core import core_schema
 
+from warpdem import models
+from warpdem.errors import SceneError
+from warpdem.motion import Motions
+from warpdem.scene_base import (
+    Direction,
+    Duration,
+    FileName,
+    Length,
+    Point,
+    Problem,
+    SceneModel,
+    Vec3,
+    exactly_one,
+    wrong,
+)
 from warpdem.units import Array, Quantity, Vector
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 
-Vec3 = tuple[float, float, float]
 Pair2 = tuple[float, float]
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
-FileName = Annotated[str, BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value)]
 # strict: neither true, nor 5000.5, nor "5000" is a count
 Whole = Annotated[int, Field(strict=True, ge=0)]
 
 
-def _unit_vector(vector: Vec3) -> Vec3:
-    norm = math.hypot(*vector)
-    if norm == 0.0:
-        raise ValueError("must not be the zero vector")
-    # left alone when it is one already, so that a scene written out and read again keeps its bits
-    return vector if abs(norm - 1.0) < 1e-15 else tuple(x / norm for x in vector)
+def _model_name(role: str, *others: str) -> Any:
+    """Annotation of a model's name: a file of ``kernels/<role>/``, a file of the user, or one of ``others``."""
+    known = [*models.model_names(role), *others]
 
+    def check(name: str) -> str:
+        if name not in known and not models.is_file(name):
+            raise ValueError(models.allowed(role, *others) + models.nearest(name, known))
+        return name
 
-Point = Annotated[Vec3, Vector(Quantity("m"))]
-Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(_unit_vector)]
-Length = Annotated[float, Quantity("m", gt=0)]
-Duration = Annotated[float, Quantity("s", gt=0)]
-AngularRate = Annotated[float, Quantity("rad/s")]
-
-
-Problem = tuple[tuple[str | int, ...], Any, str]
-"""Place (keys and list indices), value there, and what is wrong."""
-
-
-class SceneModel(BaseModel):
-    """Base of all parts of a scene: unknown keys are refused, values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
-
-
-def _wrong(problems: Iterable[Problem]) -> ValidationError:
-    """Error with the place of each problem, so that a message can name its key."""
-    errors = [
-        InitErrorDetails(type=PydanticCustomError("scene", "{reason}", {"reason": text}), loc=loc, input=value)
-        for loc, value, text in problems
-    ]
-    return ValidationError.from_exception_data("Scene", errors)
-
-
-def _exactly_one(model: SceneModel, *keys: str) -> None:
-    """Refuse a part in which none or several of these keys are given."""
-    given = [key for key in keys if getattr(model, key) is not None]
-    if len(given) != 1:
-        raise ValueError(f"give exactly one of {', '.join(keys)}; found {' and '.join(given) or 'none'}")
+    schema = {"anyOf": [{"enum": known}, {"pattern": r"\.py$"}]}
+    return Annotated[FileName, AfterValidator(check), Field(json_schema_extra=schema)]
 
 
 class Material(SceneModel):
@@ -94,16 +74,18 @@ class Material(SceneModel):
 class Contact(SceneModel):
     """Contact laws, the same for all contacts of grains with grains and walls."""
 
-    normal: Literal["hertz", "hooke"] = Field(
-        "hertz", description='Normal law: "hertz" (from the moduli; default) or "hooke" (linear, stiffness per pair).'
+    normal: _model_name("normal") = Field(
+        "hertz",
+        description='Normal law: "hertz" (from the moduli; default), "hooke" (linear, stiffness per pair) or a .py file.',
     )
-    tangential: Literal["mindlin", "mindlin_displacement", "none"] = Field(
+    tangential: _model_name("tangential", "none") = Field(
         "mindlin",
-        description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history) '
-        'or "none".',
+        description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history), '
+        '"none" or a .py file.',
     )
-    rolling: Literal["none", "constant", "spring"] = Field(
-        "none", description='Rolling law: "none" (default), "constant" (directional torque) or "spring" (EPSD).'
+    rolling: _model_name("rolling", "none") = Field(
+        "none",
+        description='Rolling law: "none" (default), "constant" (directional torque), "spring" (EPSD) or a .py file.',
     )
     torsion: StrictBool = Field(
         False, description="Whether the rolling law also resists spin about the normal, default false."
@@ -113,7 +95,7 @@ class Contact(SceneModel):
     def _torsion_has_a_law(self) -> "Contact":
         if self.torsion and self.rolling == "none":
             reason = 'needs a rolling law: set contact.rolling = "constant" or "spring"'
-            raise _wrong([(("torsion",), True, reason)])
+            raise wrong([(("torsion",), True, reason)])
         return self
 
 
@@ -153,7 +135,7 @@ class Box(SceneModel):
     @model_validator(mode="after")
     def _has_inside(self) -> "Box":
         if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
-            raise _wrong([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
+            raise wrong([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
         return self
 
 
@@ -177,11 +159,6 @@ Diameter = Annotated[
     Annotated[Length, Tag("~number")] | Annotated[DiameterRange, Tag("~range")],
     Discriminator(lambda value: "~range" if isinstance(value, (dict, DiameterRange)) else "~number"),
 ]
-RateOrRamp = Annotated[
-    Annotated[AngularRate, Tag("~number")]
-    | Annotated[tuple[float, float], Vector(Quantity("rad/s"), length=2), Tag("~ramp")],
-    Discriminator(lambda value: "~ramp" if isinstance(value, (list, tuple)) else "~number"),
-]
 
 
 class Fill(SceneModel):
@@ -201,24 +178,24 @@ class Fill(SceneModel):
 
     @model_validator(mode="after")
     def _groups(self) -> "Fill":
-        _exactly_one(self, "wall", "box")
-        _exactly_one(self, "count", "solid_fraction")
+        exactly_one(self, "wall", "box")
+        exactly_one(self, "count", "solid_fraction")
         if self.region is not None and self.wall is None:
-            raise _wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
+            raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
         return self
 
 
 def _id_array(value: Any) -> np.ndarray:
-    wrong = "must be a list of whole numbers from 0 to 2^63 - 1"
+    rule = "must be a list of whole numbers from 0 to 2^63 - 1"
     if not isinstance(value, (list, tuple, np.ndarray)) or bool in set(map(type, value)):
-        raise ValueError(wrong)
+        raise ValueError(rule)
     try:
         ids = np.asarray(value)
     except ValueError:
         # NumPy's word for rows of different length
-        raise ValueError(wrong) from None
+        raise ValueError(rule) from None
     if ids.ndim != 1 or ids.size == 0 or ids.dtype.kind not in "iu" or ids.min() < 0 or ids.max() >= 2**63:
-        raise ValueError(wrong)
+        raise ValueError(rule)
     values, counts = np.unique(ids, return_counts=True)
     if values.size < ids.size:
         raise ValueError(f"ids must be unique; {values[counts > 1][0]} comes {counts[counts > 1][0]} times")
@@ -285,17 +262,17 @@ class Grains(SceneModel):
 
     @model_validator(mode="after")
     def _one_source(self) -> "Grains":
-        _exactly_one(self, "positions", "file", "fill")
+        exactly_one(self, "positions", "file", "fill")
         sizes = ("radius", "radii", "diameter", "diameters")
         if self.positions is not None:
-            _exactly_one(self, *sizes)
+            exactly_one(self, *sizes)
             self._check_lengths()
             return self
         stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
         if stray:
             source = "file" if self.file is not None else "fill"
             reason = f"belongs to positions and cannot stand beside {source}"
-            raise _wrong([((key,), getattr(self, key), reason) for key in stray])
+            raise wrong([((key,), getattr(self, key), reason) for key in stray])
         return self
 
     def _check_lengths(self) -> None:
@@ -303,7 +280,7 @@ class Grains(SceneModel):
         for key in ("radii", "diameters", "velocities", "spins", "ids"):
             values = getattr(self, key)
             if values is not None and len(values) != count:
-                raise _wrong([((key,), values, f"must have as many entries as positions ({count}), has {len(values)}")])
+                raise wrong([((key,), values, f"must have as many entries as positions ({count}), has {len(values)}")])
 
     @property
     def explicit_radii(self) -> np.ndarray:
@@ -328,90 +305,6 @@ class Grains(SceneModel):
         return isinstance(other, Grains) and self.model_dump(mode="json") == other.model_dump(mode="json")
 
     __hash__ = None
-
-
-class RateSegment(SceneModel):
-    """One stretch of a rate schedule."""
-
-    until: Duration | None = Field(
-        None, description="End of the stretch [s], > 0 and rising; only the last may omit it and then holds for ever."
-    )
-    rate: RateOrRamp = Field(description="Angular rate [rad/s], or [start, end] of a linear ramp.")
-
-
-@functools.lru_cache(maxsize=64)
-def _pieces(schedule: tuple[RateSegment, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Start [s], angle and rate there [rad], [rad/s], and acceleration [rad/s2] of each stretch, arrays (k,)."""
-    pieces, start, angle = [], 0.0, 0.0
-    for segment in schedule:
-        first, last = segment.rate if isinstance(segment.rate, tuple) else (segment.rate, segment.rate)
-        if segment.until is None:
-            pieces.append((start, angle, first, 0.0))
-            break
-        length = segment.until - start
-        pieces.append((start, angle, first, (last - first) / length))
-        start, angle = segment.until, angle + 0.5 * (first + last) * length
-    else:
-        pieces.append((start, angle, 0.0, 0.0))
-    return tuple(np.array(column) for column in zip(*pieces, strict=True))
-
-
-class Rotation(SceneModel):
-    """Turning about a fixed axis: a constant rate for ever, or a schedule of steps and linear ramps from time 0.
-
-    After the last ``until`` of a schedule the rate is 0. The angle is 0 at time 0, is not wrapped, and counts positive
-    by the right hand rule about the axis.
-    """
-
-    axis: Direction = Field(description="Direction of the axis [-], any length but zero; held as a unit vector.")
-    origin: Point = Field((0.0, 0.0, 0.0), description="A point of the axis [m], default (0, 0, 0).")
-    rate: AngularRate | None = Field(None, description="Constant angular rate [rad/s]; this or schedule.")
-    schedule: Annotated[list[RateSegment], Field(min_length=1)] | None = Field(
-        None, description="Stretches of constant or linearly changing rate, one after the other; this or rate."
-    )
-
-    @model_validator(mode="after")
-    def _rate_or_schedule(self) -> "Rotation":
-        _exactly_one(self, "rate", "schedule")
-        end = 0.0
-        for k, segment in enumerate(self.schedule or []):
-            until = ("schedule", k, "until")
-            if segment.until is None:
-                if k + 1 < len(self.schedule):
-                    raise _wrong([(until, None, "missing: only the last stretch may omit it")])
-                if isinstance(segment.rate, tuple):
-                    raise _wrong([(until, None, "missing: a ramp must end")])
-            elif segment.until <= end:
-                raise _wrong([(until, segment.until, f"must be later than {end:g} s, where the stretch before ends")])
-            else:
-                end = segment.until
-        return self
-
-    def angle(self, t: float | np.ndarray) -> float | np.ndarray:
-        """Angle [rad] turned from time 0 to t [s], t >= 0; exact (the schedule is piecewise quadratic)."""
-        if self.rate is not None:
-            return self.rate * t
-        (start, angle, rate, acceleration), k = self._piece_at(t)
-        since = t - start[k]
-        result = angle[k] + since * (rate[k] + 0.5 * acceleration[k] * since)
-        return result if np.ndim(t) else float(result)
-
-    def rate_at(self, t: float | np.ndarray) -> float | np.ndarray:
-        """Angular rate [rad/s] at t [s], t >= 0; where it jumps, the value after the jump."""
-        if self.rate is not None:
-            return self.rate if np.ndim(t) == 0 else np.full(np.shape(t), self.rate)
-        (start, _, rate, acceleration), k = self._piece_at(t)
-        result = rate[k] + acceleration[k] * (t - start[k])
-        return result if np.ndim(t) else float(result)
-
-    def max_rate(self) -> float:
-        """Largest magnitude [rad/s] that the rate ever takes."""
-        rates = [self.rate] if self.rate is not None else [segment.rate for segment in self.schedule]
-        return float(np.max(np.abs(np.hstack(rates))))
-
-    def _piece_at(self, t: float | np.ndarray) -> tuple[tuple[np.ndarray, ...], Any]:
-        pieces = _pieces(tuple(self.schedule))
-        return pieces, np.maximum(np.searchsorted(pieces[0], t, side="right") - 1, 0)
 
 
 class Plane(SceneModel):
@@ -446,8 +339,9 @@ class Wall(SceneModel):
     fixed_to: Literal["frame", "laboratory"] = Field(
         "frame", description='What the wall is fixed to: "frame" (default) or "laboratory".'
     )
-    rotation: Rotation | None = Field(
-        None, description="The wall's own turning relative to what it is fixed to, default none."
+    motion: Motions | None = Field(
+        None,
+        description="The wall's own motion relative to what it is fixed to: one, or a list, outermost first; default none.",
     )
     open: StrictBool = Field(
         False, description="Whether the mesh has borders on purpose; a closed mesh is required otherwise, default false."
@@ -455,13 +349,13 @@ class Wall(SceneModel):
 
     @model_validator(mode="after")
     def _mesh_or_plane(self) -> "Wall":
-        _exactly_one(self, "mesh", "plane")
+        exactly_one(self, "mesh", "plane")
         if self.plane is not None:
             pose = ("scale", "translate", "rotate", "open")
             stray = [key for key in pose if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
                 reason = "only for a mesh; a plane is placed by its point and normal"
-                raise _wrong([((key,), getattr(self, key), reason) for key in stray])
+                raise wrong([((key,), getattr(self, key), reason) for key in stray])
         return self
 
 
@@ -480,8 +374,21 @@ class Time(SceneModel):
     @model_validator(mode="after")
     def _step_fits(self) -> "Time":
         if self.step != "auto" and self.step > self.end:
-            raise _wrong([(("step",), self.step, f"must not be longer than time.end = {self.end:g} s")])
+            raise wrong([(("step",), self.step, f"must not be longer than time.end = {self.end:g} s")])
         return self
+
+
+class ExternalField(SceneModel):
+    """A force on every grain from outside: a model of ``kernels/field/`` or of the user, with its parameters."""
+
+    model: _model_name("field") = Field(description='Field: "drag", "harmonic", "lorentz" or a .py file.')
+    axes: Literal["laboratory", "frame"] = Field(
+        "laboratory",
+        description='Where the field is at rest: "laboratory" (default) or "frame" (velocities relative to the frame).',
+    )
+    parameters: dict[str, Any] = Field(
+        {}, description="The field's parameters by name, as its file lists them: numbers or lists, SI or with units."
+    )
 
 
 class Output(SceneModel):
@@ -512,17 +419,31 @@ class Engine(SceneModel):
     skin: Annotated[float | Literal["auto"], Quantity("m", gt=0, auto=True)] = Field(
         "auto", description='Extra reach of the neighbour lists [m], > 0, or "auto" (default).'
     )
-    integrator: Literal["exact_drift"] = Field("exact_drift", description='Time integrator: "exact_drift" (default).')
-    precision: Literal["double"] = Field("double", description='Precision: "double" (default).')
+    integrator: Literal[
+        "exact_drift", "velocity_verlet", "modified_verlet", "scovel", "explicit_euler", "rk2", "rk4", "lobatto"
+    ] = Field("exact_drift", description='Time integrator: "exact_drift" (default), or one of the schemes to compare with.')
+    precision: Literal["double", "mixed"] = Field(
+        "double",
+        description='Precision: "double" (default), or "mixed": law, forces and history of grain pairs in single precision.',
+    )
     max_overlap: Annotated[float, Quantity("-", gt=0, le=1)] = Field(
         0.1,
         description="Overlap over the smaller radius at which a run stops itself [-], > 0 and <= 1, default 0.1.",
+    )
+    guards: Literal["stop", "record"] = Field(
+        "stop",
+        description='What happens when a run becomes unstable: "stop" (default), or "record" to note it in the summary and go '
+        "on, for studies of schemes that are meant to fail; a state that is not finite always stops.",
     )
 
 
 class Scene(SceneModel):
     """A whole scene. From Python: ``Scene.model_validate({...})``; from a file: ``load_scene(path)``."""
 
+    # first: the parts that name files of the user are checked against it
+    base: SkipJsonSchema[Path] = Field(
+        default_factory=Path.cwd, exclude=True, description="Folder that relative paths start from."
+    )
     title: str = Field("", description="Title, for people.")
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
@@ -532,18 +453,22 @@ class Scene(SceneModel):
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
     grains: Annotated[list[Grains], Field(min_length=1)] = Field(description="Groups of grains, at least one.")
     walls: list[Wall] = Field([], description="Walls, default none.")
-    frame: Rotation | None = Field(None, description="Turning of the frame axes, default none (inertial).")
+    frame: Motions | None = Field(
+        None, description="Motion of the frame axes: one, or a list, outermost first; default none (inertial)."
+    )
+    fields: list[ExternalField] = Field([], description="External fields beside gravity, default none.")
     time: Time = Field(description="Length and step of the run.")
     output: Output = Field(Output(), description="What is written, and how often.")
     engine: Engine = Field(Engine(), description="How the run is computed.")
-    base: SkipJsonSchema[Path] = Field(
-        default_factory=Path.cwd, exclude=True, description="Folder that relative paths start from."
-    )
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
 
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder."""
         return self.base / Path(path).expanduser()
+
+    def located(self, name: str) -> str:
+        """Name of a model as ``models.model`` takes it: files of the user by their absolute path."""
+        return models.located(name, self.base)
 
     def pair(self, first: str, second: str) -> Pair:
         """Coefficients of two materials, in either order.
@@ -556,11 +481,28 @@ class Scene(SceneModel):
                 return pair
         raise KeyError((first, second))
 
+    @field_validator("fields")
+    @classmethod
+    def _fields_fit_their_models(cls, fields: list[ExternalField], info: ValidationInfo) -> list[ExternalField]:
+        checked, problems = [], []
+        for i, field in enumerate(fields):
+            try:
+                module = models.model("field", models.located(field.model, info.data.get("base", Path())))
+            except SceneError as error:
+                problems.append(((i, "model"), field.model, str(error)))
+                continue
+            values, found = models.field_values(module, field.parameters)
+            problems += [((i, "parameters", *place), value, text) for place, value, text in found]
+            checked.append(field.model_copy(update={"parameters": values}))
+        if problems:
+            raise wrong(problems)
+        return checked
+
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
-        problems = [*_name_problems(self), *_pair_problems(self), *_law_problems(self)]
+        problems = [*_name_problems(self), *_pair_problems(self), *_law_problems(self), *_own_law_problems(self)]
         if problems:
-            raise _wrong(problems)
+            raise wrong(problems)
         return self
 
 
@@ -627,7 +569,7 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
 
         if contact.normal == "hooke" and pair.stiffness is None:
             yield problem("stiffness", 'missing; contact.normal = "hooke" needs a stiffness [N/m], > 0')
-        if contact.normal != "hooke":
+        if contact.normal != "hooke" and not models.is_file(contact.normal):
             for key in ("stiffness", "tangential_stiffness_ratio"):
                 if getattr(pair, key) != Pair.model_fields[key].default:
                     yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
@@ -637,5 +579,30 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
             yield problem(
                 "rolling_friction", 'contact.rolling = "none": set rolling_friction = 0 or choose a rolling law'
             )
-        if contact.rolling != "spring" and pair.rolling_damping != Pair.model_fields["rolling_damping"].default:
+        damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
+        if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
             yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')
+
+
+def _own_law_problems(scene: Scene) -> Iterator[Problem]:
+    """Files of the user that are no contact law, or that fail on the scene's coefficients."""
+    for role in ("normal", "tangential", "rolling"):
+        name = getattr(scene.contact, role)
+        if not models.is_file(name):
+            continue
+        try:
+            module = models.model(role, scene.located(name))
+        except SceneError as error:
+            yield ("contact", role), name, str(error)
+            continue
+        for i, pair in enumerate(scene.pairs if role == "normal" else []):
+            if not set(pair.materials) <= scene.materials.keys():
+                continue  # named already
+            try:
+                numbers = np.array(module.coefficients(*(scene.materials[m] for m in pair.materials), pair), dtype=float)
+            except Exception as error:  # whatever the user's function stumbles over
+                yield ("pairs", i), None, f"coefficients of {name} fails for this pair: {type(error).__name__}: {error}"
+                continue
+            if numbers.shape != (4,) or not np.isfinite(numbers).all():
+                reason = f"coefficients of {name} gives {numbers.tolist()}; four finite numbers are needed"
+                yield ("pairs", i), None, reason

@@ -14,6 +14,8 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from warpdem.errors import SceneError
+from warpdem.models import nearest
+from warpdem.motion import Sampled
 from warpdem.scene import Scene
 
 MAX_PROBLEMS = 7
@@ -155,6 +157,11 @@ def _missing_files(scene: Scene) -> Iterator[str]:
     """Problems with the files that the scene names."""
     named = [(("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(scene.walls)]
     named += [(("grains", i, "file"), grains.file) for i, grains in enumerate(scene.grains)]
+    moving = [(("frame",), scene.frame)] + [(("walls", i, "motion"), wall.motion) for i, wall in enumerate(scene.walls)]
+    for place, motions in moving:
+        for k, motion in enumerate(motions or ()):
+            if isinstance(motion, Sampled):
+                named.append(((*place, k, "usd") if len(motions) > 1 else (*place, "usd"), motion.usd))
     for place, name in named:
         if name is None:
             continue
@@ -201,7 +208,7 @@ def _translate(detail: Mapping[str, Any]) -> str:
         text = (
             "must be "
             + context["expected"].replace("'", '"')
-            + _nearest(value, re.findall("'(.*?)'", context["expected"]))
+            + nearest(value, re.findall("'(.*?)'", context["expected"]))
         )
     elif kind in _WORDS:
         text = _WORDS[kind].format(**context)
@@ -233,7 +240,7 @@ def _toml_form(place: Place, kind: str) -> str:
     key = ".".join(str(part) for part in place if isinstance(part, str))
     if kind != "list_type":
         return f", such as [{key}]" if not any(isinstance(part, int) for part in place) else ""
-    return f" of tables: write [[{key}]]" if _model_at((*place, 0)) is not None else ""
+    return f" of tables: write [[{key}]]" if _models_at((*place, 0)) else ""
 
 
 def _place_text(place: Place) -> str:
@@ -258,19 +265,14 @@ def _shorten(value: Any, width: int = 60, quote: bool = True) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-def _nearest(name: Any, known: Sequence[str], likeness: float = 0.6) -> str:
-    close = difflib.get_close_matches(str(name).lower(), known, n=1, cutoff=likeness)
-    return f'; did you mean "{close[0]}"?' if close else ""
-
-
 def _unknown_key(place: Place) -> str:
     """Nearest known key beside an unknown one, and where in the scene the key does exist."""
     *parent, key = place
-    model = _model_at(parent)
-    siblings = [name for name in model.model_fields if model is not Scene or name not in _PYTHON_ONLY]
+    models = _models_at(parent)
+    siblings = [name for model in models for name in model.model_fields if model is not Scene or name not in _PYTHON_ONLY]
     elsewhere = [place for place in _all_keys(Scene) if place.rsplit(".", 1)[-1] == key and key not in _PYTHON_ONLY]
     # a key that is right in another place needs a close likeness before it counts as misspelt
-    near = _nearest(key, siblings, 0.8 if elsewhere else 0.6)
+    near = nearest(key, siblings, 0.8 if elsewhere else 0.6)
     if elsewhere:
         return f"unknown key here; it exists as {', '.join(elsewhere[:4])}{near}"
     return f"unknown key{near or '; known here: ' + ', '.join(siblings)}"
@@ -279,42 +281,41 @@ def _unknown_key(place: Place) -> str:
 # --- what the models say ---------------------------------------------------------------------------------------------
 
 
-def _part(annotation: Any) -> tuple[type[BaseModel] | None, str]:
-    """Return the model inside an annotation such as list[Wall] | None, and how its place goes on: "[]", ".NAME", ""."""
+def _parts(annotation: Any) -> Iterator[tuple[type[BaseModel], str]]:
+    """The models inside an annotation such as list[Wall] | None, and how the place of each goes on: "[]", ".NAME", ""."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation, ""
+        yield annotation, ""
+        return
     here = {list: "[]", dict: ".NAME"}.get(typing.get_origin(annotation), "")
     for inner in typing.get_args(annotation):
-        model, suffix = _part(inner)
-        if model is not None:
-            return model, here + suffix
-    return None, ""
+        for model, suffix in _parts(inner):
+            yield model, here + suffix
 
 
-def _model_at(place: Sequence[str | int]) -> type[BaseModel] | None:
-    """Return the model of the table at a place, None if there is no table of known keys."""
-    model, suffix = Scene, ""
+def _models_at(place: Sequence[str | int]) -> list[type[BaseModel]]:
+    """The models that the table at a place may follow, none if there is no table of known keys."""
+    here: list[tuple[type[BaseModel], str]] = [(Scene, "")]
     for part in place:
-        if suffix:
-            # a list index or the name of a material
-            suffix = ""
-        elif model is None or part not in model.model_fields:
-            return None
-        else:
-            model, suffix = _part(model.model_fields[part].annotation)
-    return None if suffix else model
+        following = [(model, "") for model, suffix in here if suffix == ("[]" if isinstance(part, int) else ".NAME")]
+        for model, suffix in here:
+            if not suffix and part in model.model_fields:
+                following += _parts(model.model_fields[part].annotation)
+        here = following
+    return [model for model, suffix in here if not suffix]
 
 
 def _all_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    """All dotted keys of the scene file, such as walls[].scale."""
+    """All dotted keys of the scene file, such as walls[].scale; what may stand alone or in a list is named alone."""
     for name, field in model.model_fields.items():
         yield f"{prefix}{name}"
-        part, suffix = _part(field.annotation)
-        if part is not None:
+        suffixes: dict[type[BaseModel], str] = {}
+        for part, suffix in _parts(field.annotation):
+            suffixes[part] = min(suffix, suffixes.get(part, suffix))
+        for part, suffix in suffixes.items():
             yield from _all_keys(part, f"{prefix}{name}{suffix}.")
 
 
 def _description(place: Place) -> str:
     """Return what the model says of a key."""
     *parent, key = place
-    return _model_at(parent).model_fields[key].description
+    return next(model.model_fields[key].description for model in _models_at(parent) if key in model.model_fields)

@@ -12,6 +12,7 @@ from warpdem import checkpoint, observers, timestep
 from warpdem.compiled import compile_plan
 from warpdem.errors import SceneError, StabilityError
 from warpdem.grain_source import check_start, load_grains
+from warpdem.models import model
 from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
 from warpdem.scene import Scene
@@ -48,8 +49,9 @@ class Simulation:
             start = load_grains(scene, self.meshes)
             check_sizes(scene, self.meshes, 2.0 * start.radius)
             check_start(start, self.meshes, scene)
-            self.schedule = Schedule(scene)
-            start_spin, start_velocity = self._to_absolute(start)
+            scheme = model("integrator", scene.engine.integrator)
+            self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+            start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
             self.plan = make_plan(
                 scene,
                 start.type,
@@ -74,6 +76,9 @@ class Simulation:
         self.step_number = 0
         self._forces_ready = False
         self.steps_done = 0
+        self.noticed: dict[str, str] = {}
+        if self.dt > self.limits.stable:
+            self._notice("time step", timestep.over_limit(scene, self.limits))
 
     def _only_coefficients(self, start) -> np.ndarray:
         """The one row of coefficients that all contacts of the scene share."""
@@ -87,8 +92,7 @@ class Simulation:
     def _to_absolute(self, start) -> tuple[np.ndarray, np.ndarray]:
         """Absolute spins [rad/s] and velocities [m/s] of grains given relative to the frame at time 0."""
         pose = self.schedule.pose(0.0)
-        omega = pose.axis * pose.rate
-        return start.spin + omega, start.velocity + np.cross(omega, start.position - pose.origin)
+        return start.spin + pose.spin, start.velocity + pose.velocity_at(start.position)
 
     @contextmanager
     def clock(self, stage: str):
@@ -153,17 +157,18 @@ class Simulation:
         rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
         for name, dtype in (
             ("feature", wp.int32), ("hit_state", wp.int32), ("hit_mask", wp.int32), ("hit_distance", wp.float64),
-            ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("place_force", wp.vec3d),
+            ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("place_force", wp.vec3d), ("place_from", wp.int32),
         ):  # fmt: skip
             setattr(rows, name, wp.zeros(slots, dtype=dtype, device=device))
-        rows.place_count = wp.zeros((2, grains), dtype=wp.int32, device=device)
-        rows.place_wall = wp.zeros((2, slots), dtype=wp.int32, device=device)
-        rows.place_overlap = wp.zeros((2, slots), dtype=wp.float64, device=device)
+        generations = 2 if len(self.plan.scheme.STAGES) == 1 else 3
+        rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
+        rows.place_wall = wp.zeros((generations, slots), dtype=wp.int32, device=device)
+        rows.place_overlap = wp.zeros((generations, slots), dtype=wp.float64, device=device)
         names = ["place_point", "place_normal"]
         names += ["place_spring"] if self.plan.memory >= 3 else []
         names += ["place_angle"] if self.plan.memory == 6 else []
         for name in names:
-            setattr(rows, name, wp.zeros((2, slots), dtype=wp.vec3d, device=device))
+            setattr(rows, name, wp.zeros((generations, slots), dtype=wp.vec3d, device=device))
         return rows
 
     # -- guards ---------------------------------------------------------------------------------
@@ -184,18 +189,29 @@ class Simulation:
         met = self.extremes
         limit = self.scene.engine.max_overlap
         share = max(met["pair_overlap_share"], met["wall_overlap_share"])
-        if share <= limit:
+        if share <= limit or "overlap" in self.noticed:
             return
         contacts = self.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."
-        raise StabilityError(
-            f"stopped at t = {self.time:.6g} s (step {self.step_number}): {kind} overlap by {share:.3g} of the radius, "
+        self._notice(
+            "overlap",
+            f"at t = {self.time:.6g} s (step {self.step_number}): {kind} overlap by {share:.3g} of the radius, "
             f"allowed is engine.max_overlap = {limit:g}. {where} Time step {self.dt:.3g} s, stability limit "
             f"{self.limits.stable:.3g} s at {self.limits.max_speed:.3g} m/s; largest approach speed met "
             f"{max(met['pair_approach_speed'], met['wall_approach_speed']):.3g} m/s. "
-            "Take a smaller time.step, or a stiffer material."
+            "Take a smaller time.step, or a stiffer material.",
         )
+
+    def _notice(self, guard: str, message: str) -> None:
+        """Stop the run, or note what a guard saw if the scene asks for that.
+
+        Raises:
+            StabilityError: with engine.guards = "stop".
+        """
+        if self.scene.engine.guards == "stop":
+            raise StabilityError(f"stopped {message}")
+        self.noticed[guard] = message
 
     def stop_not_finite(self) -> None:
         """Name the first grain whose state is no number.
@@ -248,15 +264,24 @@ class Simulation:
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
+        return self.readings()[:2]
+
+    def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
+
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        """
         self._prepare()
         n = len(self.state)
-        if n == 0:
-            return np.zeros((0, 3)), np.zeros((0, 3))
-        out = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
-        grains, _, rows = self.stepper.arguments()
-        wp.launch(self.kernels.loop.gather, dim=n, inputs=[grains, rows, out], device=self.device)
-        load = out.numpy()[self.state.rank]
-        return load[:, :3].copy(), load[:, 3:].copy()
+        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
+        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=self.device) for _ in range(2))
+        if n:
+            base, _ = self.stepper.row()
+            grains, _, rows = self.stepper.arguments()
+            inputs = [base, grains, rows, self.stepper.control, self.dt, load, velocity, spin]
+            wp.launch(self.kernels.loop.read, dim=n, inputs=inputs, device=self.device)
+        load, velocity, spin = (a.numpy()[self.state.rank] for a in (load, velocity, spin))
+        return load[:, :3].copy(), load[:, 3:].copy(), velocity, spin
 
     def snapshot(self) -> Snapshot:
         """Everything a writer needs, at the present time."""

@@ -4,10 +4,12 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import barrier
+from warpdem.kernels.field import Numbers
 from warpdem.kernels.loop import SPAN
 from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
-from warpdem.kernels.schedule import Placement, Row
+from warpdem.kernels.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
+from warpdem.plan import field_numbers
 from warpdem.threads import ranges
 
 CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
@@ -19,6 +21,8 @@ class Stepper:
 
     def __init__(self, sim) -> None:
         self.sim = sim
+        self.stages = len(sim.plan.scheme.STAGES)
+        self.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         device, cpu = sim.device, sim.device.is_cpu
         slots = sim.threads.count if cpu else CUDA_THREADS
         control = self.control = sim.kernels.loop.Control()
@@ -26,6 +30,7 @@ class Stepper:
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
+        control.field = wp.array(field_numbers(sim.scene), dtype=Numbers, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
@@ -51,6 +56,8 @@ class Stepper:
         if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
             with sim.clock("schedule"):
                 self.control.row = wp.array(sim.schedule.rows(first, SCHEDULE_STEPS), dtype=Row, device=sim.device)
+                if sim.plan.frame_rows:
+                    self.control.frame = wp.array(sim.schedule.frames(first, SCHEDULE_STEPS), dtype=FrameRow, device=sim.device)
                 self._placements = sim.schedule.placements(first, SCHEDULE_STEPS)
                 self.control.placement = wp.array(self._placements, dtype=Placement, device=sim.device)
                 self._block = (first, SCHEDULE_STEPS)
@@ -60,7 +67,7 @@ class Stepper:
     def placements(self) -> np.ndarray:
         """Placements of the wall motions at the present step, shape (motions, 18)."""
         base, _ = self.row()
-        return self._placements[base + 1]
+        return self._placements[(base + 1) * self.stages]
 
     def arguments(self):
         """Structs of grains, packs and wall rows for the present lists."""
@@ -76,10 +83,12 @@ class Stepper:
         grains, packs = loop.Grains(), loop.Packs()
         grains.record, grains.inverse, grains.kind = sim.state.record, sim.state.inverse, sim.state.kind
         grains.reference, grains.row_start = lists.reference, lists.row_start
+        grains.store = self.store
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
         packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
+        packs.trial = packed(lists.trial, lane) if self.stages > 1 else packs.memory
         if sim.plan.table:
             packs.kind = packed(lists.kind, lane_int)
         rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
@@ -124,15 +133,18 @@ class Stepper:
             if dim:
                 wp.launch(kernel, dim=dim, inputs=[dim, last, *inputs], device=sim.device)
 
-        def forces(s: int) -> None:
-            launch(loop.pair_forces, packs.owner.shape[0], base + s, grains, packs, control, sim.coefficients, sim.dt)
-            launch(loop.wall_forces, sim.lists.row_count, base + s, grains, rows, surface, control, sim.coefficients,
-                   sim.plan.materials, (parity + s) & 1, sim.dt)  # fmt: skip
+        def forces(s: int, stage: int = 0) -> None:
+            launch(loop.pair_forces, packs.owner.shape[0], base + s, stage, grains, packs, control, sim.coefficients, sim.dt)
+            launch(loop.wall_forces, sim.lists.row_count, base + s, stage, grains, rows, surface, control,
+                   sim.coefficients, sim.plan.materials, (parity + s) & 1, sim.dt)  # fmt: skip
 
         if forces_first:
             forces(0)
         for s in range(1, count + 1):
-            launch(loop.move, n, base + s - 1, grains, rows, control, sim.dt, sim.lists.reach)
+            for stage in range(self.stages):
+                if stage:
+                    forces(s - 1, stage)
+                launch(loop.move, n, base + s - 1, stage, grains, rows, control, sim.dt, sim.lists.reach)
             if control.moved.numpy()[::SPAN].any():
                 control.moved.zero_()
                 return s, True

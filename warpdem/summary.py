@@ -7,6 +7,7 @@ import time
 from rich.console import Console
 from rich.table import Table
 
+from warpdem.dimensionless import Turning
 from warpdem.plan import coefficient_table
 from warpdem.timestep import contact_time, damped_contact_factor
 
@@ -38,8 +39,16 @@ def steps_per_contact(sim) -> float:
     return min(found)
 
 
-def print_summary(sim, console: Console, wall_seconds: float, folder) -> None:
-    """Time per stage, speed, lists, extremes, and what was left out."""
+def turning_line(turning: Turning) -> str:
+    """Rossby and Froude number with what they are made of; see ``warpdem.dimensionless``."""
+    numbers = [("Rossby", turning.rossby), ("Froude", turning.froude)]
+    told = ", ".join(f"{name} number {value:.3g}" for name, value in numbers if value is not None)
+    return (f"{told or 'neither Rossby nor Froude number'}: {turning.axes} at {turning.angular_velocity:.3g} rad/s, "
+            f"grains at {turning.speed:.3g} m/s in it, up to {turning.radius:.3g} m from the axis")  # fmt: skip
+
+
+def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
+    """Time per stage, speed, lists, extremes, what was left out, and the numbers of the turning if something turned."""
     table = Table(title="summary", show_header=False, title_justify="left")
     n, steps = len(sim.state), sim.steps_done
     stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
@@ -55,6 +64,8 @@ def print_summary(sim, console: Console, wall_seconds: float, folder) -> None:
     table.add_row("largest approach speed", f"{met['pair_approach_speed']:.3g} m/s between grains, "
                                             f"{met['wall_approach_speed']:.3g} m/s at walls")  # fmt: skip
     table.add_row("steps per contact", f"{steps_per_contact(sim):.1f} at these speeds (damped contact, lightest grain)")
+    if turning is not None:
+        table.add_row("turning", turning_line(turning))
     for name, why in sim.plan.left_out.items():
         table.add_row("left out", f"{name}: {why}")
     table.add_row("state hash", sim.state_hash())

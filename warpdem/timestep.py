@@ -3,7 +3,7 @@
 Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
 contact time      Hertz: t_c = 2.9433 d_max/v with d_max = (15 m* v^2 / (16 E* sqrt(R*)))^(2/5); Hooke: pi sqrt(m*/k)
 spectral limit    2/w_max x (sqrt(1 + 4 z^2) - 2 z),   w_max^2 = (Z/m) max((2/3)(k_n + 2 k_t), (10/3) k_t)
-frame             0.02 / Omega_max
+frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 
 The spectral limit is that of a packing of Z contacts per grain with free rotation (checked against Bloch waves), its factor
 that of the predicted velocity v* at the damping ratio z of the tangential mode (exact for a damped oscillator). Stiffnesses
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.motion import frame_chain, wall_chain
 from warpdem.plan import coefficient_table
 
 PACKED, BINARY = 6, 2  # contacts per grain: dense frictional packing; an impact of two grains
@@ -95,20 +96,17 @@ def fall_speed(scene, start, meshes: dict) -> float:
     extent = cloud.max(axis=0) - cloud.min(axis=0)
     gravity = np.array(scene.gravity)
     g = float(np.linalg.norm(gravity))
-    turning = scene.frame is not None and scene.frame.max_rate() > 0
-    height = float(np.linalg.norm(extent)) if turning else float(abs(gravity) @ extent) / g if g else 0.0
-    speed = math.sqrt(2.0 * g * height)
-    for rotation in [scene.frame, *(w.rotation for w in scene.walls)]:
-        if rotation is not None:
-            arm = np.linalg.norm(np.cross(cloud - np.array(rotation.origin), np.array(rotation.axis)), axis=1).max()
-            speed += rotation.max_rate() * float(arm)
+    chains = [frame_chain(scene), *(wall_chain(scene, k) for k in range(len(scene.walls)))]
+    height = float(np.linalg.norm(extent)) if chains[0].turns else float(abs(gravity) @ extent) / g if g else 0.0
+    speed = math.sqrt(2.0 * g * height) + sum(chain.speed(cloud, scene.time.end) for chain in chains)
     start_speed = float(np.linalg.norm(start.velocity, axis=1).max())
     return max(speed, 0.0) + start_speed
 
 
 def limits(scene, start, meshes: dict) -> Limits:
     """Limits of the time step of ``scene`` for the grains it starts with."""
-    frame = FRAME_ANGLE / scene.frame.max_rate() if scene.frame is not None and scene.frame.max_rate() > 0 else math.inf
+    rate = frame_chain(scene).max_rate
+    frame = FRAME_ANGLE / rate if rate > 0 else math.inf
     speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
     rayleigh = contact = packed = math.inf
     materials = list(scene.materials.values())
@@ -154,11 +152,15 @@ def choose(scene, found: Limits) -> float:
         if not math.isfinite(step):
             raise SceneError(f'{scene.source}: time.step = "auto": nothing limits it here; give a number of seconds')
         return step
-    step = float(scene.time.step)
-    if step > found.stable:
-        raise SceneError(
-            f"{scene.source}: time.step = {step:g} s is over the stability limit {found.stable:.3g} s of contacts at "
-            f"{found.max_speed:.3g} m/s (time.max_speed); allowed is less, and 'auto' would take "
-            f"{min(found.candidates.values()):.3g} s"
-        )
-    return step
+    if scene.time.step > found.stable and scene.engine.guards == "stop":
+        raise SceneError(f"{scene.source}: {over_limit(scene, found)}")
+    return float(scene.time.step)
+
+
+def over_limit(scene, found: Limits) -> str:
+    """Words on a time step over its stability limit."""
+    return (
+        f"time.step = {scene.time.step:g} s is over the stability limit {found.stable:.3g} s of contacts at "
+        f"{found.max_speed:.3g} m/s (time.max_speed); allowed is less, and 'auto' would take "
+        f"{min(found.candidates.values()):.3g} s"
+    )

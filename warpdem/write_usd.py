@@ -15,7 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.snapshot import (
+    FramePose,
+    Placement,
+    RotationPart,
+    SampledPart,
+    Snapshot,
+    TranslationPart,
+    WallMesh,
+)
 from warpdem.write_tables import replaced
 
 ROOT = "result.usda"
@@ -24,7 +32,6 @@ _PARTS = "result_usd"
 _FRAME = "/World/Frame"
 _GRAINS = "/World/Frame/Grains"
 _WALLS = "/World/Frame/Walls"
-_ANGLE = f"{_FRAME}.xformOp:rotateZ:angle"
 _CLIPS = "default"
 
 # the open chunk is written anew for each frame, so its size bounds the cost of a frame
@@ -84,17 +91,18 @@ class UsdWriter:
         """Write one frame; when this returns the stage shows it.
 
         Raises:
-            WarpdemError: The frame's axis or origin is another one than before.
+            WarpdemError: The frame moves about another axis or in another way than before.
         """
         code = self._code(snapshot)
         if self._root is None:
             self._start(snapshot, code)
-        elif not _same_axis(snapshot.frame, self._first_frame):
+        elif _fixed(snapshot.frame) != _fixed(self._first_frame):
             raise WarpdemError(
-                f"{self._folder / ROOT}: the frame's axis or origin changed at t = {snapshot.time} s, must be fixed"
+                f"{self._folder / ROOT}: the frame's axes or motions changed at t = {snapshot.time} s, must be fixed"
             )
         self._write_grains(snapshot, code)
-        self._root.SetTimeSample(_ANGLE, code, float(np.degrees(snapshot.frame.angle)))
+        for path, value in _frame_samples(snapshot.frame).items():
+            self._root.SetTimeSample(path, code, value)
         for wall in self._walls:
             self._write_placement(wall.name, snapshot, code)
         self._root.endTimeCode = code
@@ -130,11 +138,11 @@ class UsdWriter:
 
     def _keep(self, earlier, code: float) -> None:
         """Take over what an earlier run wrote for times before ``code``."""
-        kept = [t for t in earlier.ListTimeSamplesForPath(_ANGLE) if t < code]
-        if not kept:
+        if earlier.startTimeCode >= code:
             return
-        self._root.startTimeCode = kept[0]
-        paths = [_ANGLE] + [f"{path}.{op}" for path in self._wall_paths.values() for op in _PLACEMENT_OPS]
+        self._root.startTimeCode = earlier.startTimeCode
+        paths = [*_frame_samples(self._first_frame)]
+        paths += [f"{path}.{op}" for path in self._wall_paths.values() for op in _PLACEMENT_OPS]
         for path in paths:
             for t in earlier.ListTimeSamplesForPath(path):
                 if t < code:
@@ -251,32 +259,63 @@ def _root_layer(frame: FramePose, wall_paths: list[str], rate: float):
 
 
 def _author_frame_ops(stage, frame: FramePose) -> None:
-    """Turn by the frame's angle about any axis, with ops that hold unwrapped angles.
+    """One group of transform ops for each motion of the frame, outermost first; angles are not wrapped.
 
-    x_lab = o + B Rz(angle) B^T (x_frame - o), B the constant turn that takes z onto the axis. An orient op would be
-    shorter, but quaternions lose whole turns between two frames, and so do matrices.
+    A rotation is x = o + B Rz(angle) B^T (x' - o), B the constant turn that takes z onto the axis. An orient op would be
+    shorter, but quaternions lose whole turns between two frames, and so do matrices; only a sampled motion, which has no
+    axis of its own, is given by one.
     """
     from pxr import Gf, UsdGeom
 
     xform = UsdGeom.Xform.Define(stage, _FRAME)
     double = UsdGeom.XformOp.PrecisionDouble
-    x, y, z = (float(c) for c in frame.axis)
-    tilt = Gf.Vec3d(0.0, np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)))
-    origin = xform.AddTranslateOp(double, "origin")
-    origin.Set(Gf.Vec3d(*(float(c) for c in frame.origin)))
-    axis = xform.AddRotateXYZOp(double, "axis")
-    axis.Set(tilt)
-    angle = xform.AddRotateZOp(double, "angle")
-    back = xform.AddRotateXYZOp(double, "axis", isInverseOp=True)
-    home = xform.AddTranslateOp(double, "origin", isInverseOp=True)
+    ops = []
+    for k, part in enumerate(frame.parts):
+        if isinstance(part, TranslationPart):
+            ops.append(xform.AddTranslateOp(double, f"shift{k}"))
+        elif isinstance(part, SampledPart):
+            ops += [xform.AddTranslateOp(double, f"shift{k}"), xform.AddOrientOp(double, f"turn{k}")]
+        else:
+            x, y, z = (float(c) for c in part.axis)
+            tilt = Gf.Vec3d(0.0, np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)))
+            there = [xform.AddTranslateOp(double, f"origin{k}"), xform.AddRotateXYZOp(double, f"axis{k}")]
+            there[0].Set(Gf.Vec3d(*(float(c) for c in part.origin)))
+            there[1].Set(tilt)
+            angle = xform.AddRotateZOp(double, f"angle{k}")
+            back = [xform.AddRotateXYZOp(double, f"axis{k}", True), xform.AddTranslateOp(double, f"origin{k}", True)]
+            ops += [*there, angle, *back]
     # the order that the calls above wrote would win over the variants
     xform.GetPrim().RemoveProperty("xformOpOrder")
     views = xform.GetPrim().GetVariantSets().AddVariantSet("view")
-    for view, ops in {"frame": [], "laboratory": [origin, axis, angle, back, home]}.items():
+    for view, order in {"frame": [], "laboratory": ops}.items():
         views.AddVariant(view)
         views.SetVariantSelection(view)
         with views.GetVariantEditContext():
-            xform.SetXformOpOrder(ops)
+            xform.SetXformOpOrder(order)
+
+
+def _frame_samples(frame: FramePose) -> dict[str, object]:
+    """Values of the ops of the frame that change with time, by attribute path."""
+    from pxr import Gf
+
+    samples: dict[str, object] = {}
+    for k, part in enumerate(frame.parts):
+        if isinstance(part, RotationPart):
+            samples[f"{_FRAME}.xformOp:rotateZ:angle{k}"] = float(np.degrees(part.angle))
+            continue
+        samples[f"{_FRAME}.xformOp:translate:shift{k}"] = Gf.Vec3d(*part.shift.tolist())
+        if isinstance(part, SampledPart):
+            w, *v = part.quaternion.tolist()
+            samples[f"{_FRAME}.xformOp:orient:turn{k}"] = Gf.Quatd(w, *v)
+    return samples
+
+
+def _fixed(frame: FramePose) -> list[tuple]:
+    """What must not change during a run: the kinds of the frame's motions, and axes and origins of rotations."""
+    return [
+        (type(part), *part.axis.tolist(), *part.origin.tolist()) if isinstance(part, RotationPart) else (type(part),)
+        for part in frame.parts
+    ]
 
 
 def _walls_layer(walls: list[WallMesh], paths: dict[str, str]):
@@ -322,10 +361,6 @@ def _extent(points: np.ndarray, radius: np.ndarray):
         return Vt.Vec3fArray()
     low, high = (points - radius[:, None]).min(axis=0), (points + radius[:, None]).max(axis=0)
     return Vt.Vec3fArray.FromNumpy(np.stack([low, high]))
-
-
-def _same_axis(a: FramePose, b: FramePose) -> bool:
-    return np.array_equal(a.axis, b.axis) and np.array_equal(a.origin, b.origin)
 
 
 def _export(layer, path: Path) -> None:

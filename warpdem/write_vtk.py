@@ -1,12 +1,14 @@
 """Results as VTK files: one VTP per frame and body, one PVD that gives them their times; and the way back.
 
 Everything stands in frame axes. The field data of each grain file tell where the frame stood, so that a reader can show
-the laboratory view. All numbers are float64: a frame can start a new scene (but holds no friction history).
+the laboratory view: x_lab = frame_rotation x + frame_translation (rotation row by row; frame_spin and frame_velocity in
+frame axes; one row of frame_parts for each motion). All numbers are float64: a frame can start a new scene (but holds no
+friction history).
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
@@ -15,7 +17,16 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallMesh
+from warpdem.snapshot import (
+    FramePose,
+    Part,
+    Placement,
+    RotationPart,
+    SampledPart,
+    Snapshot,
+    TranslationPart,
+    WallMesh,
+)
 from warpdem.write_tables import replaced
 
 INDEX = "result.pvd"
@@ -173,12 +184,10 @@ def read_frame(path: Path) -> Snapshot:
             raise WarpdemError(f"{path}: not a grain file of warpdem, array {name!r} is missing")
         return vtk_to_numpy(values)
 
-    frame = FramePose(
-        axis=array(field, "frame_axis")[0],
-        origin=array(field, "frame_origin")[0],
-        angle=float(array(field, "frame_angle")[0]),
-        rate=float(array(field, "frame_rate")[0]),
-    )
+    place = (array(field, f"frame_{name}")[0] for name in ("rotation", "translation", "spin", "velocity"))
+    rotation, *vectors = place
+    rows = array(field, "frame_parts") if field.HasArray("frame_parts") else ()  # an inertial frame has none
+    frame = FramePose(rotation.reshape(3, 3), *vectors, tuple(_part(row) for row in rows))
     grains = {key: array(point, name) for name, key in _GRAIN_ARRAYS.items()}
     step, time = int(array(field, "step")[0]), float(array(field, "time")[0])
     return Snapshot(step=step, time=time, frame=frame, position=_points(data), **grains)
@@ -219,12 +228,34 @@ def _grains_polydata(snapshot: Snapshot):
         "time": [float(snapshot.time)],
         "step": [int(snapshot.step)],
         "frame_angle": [float(frame.angle)],
-        "frame_rate": [float(frame.rate)],
-        "frame_axis": [frame.axis],
-        "frame_origin": [frame.origin],
+        "frame_rotation": [frame.rotation.ravel()],
+        "frame_translation": [frame.translation],
+        "frame_spin": [frame.spin],
+        "frame_velocity": [frame.velocity],
     }.items():
         _add(data.GetFieldData(), name, np.array(value))
+    if frame.parts:
+        _add(data.GetFieldData(), "frame_parts", np.array([_numbers(part) for part in frame.parts]))
     return data
+
+
+_PARTS = (RotationPart, TranslationPart, SampledPart)
+
+
+def _numbers(part: Part) -> np.ndarray:
+    """A motion as a row of frame_parts: its kind, then its fields one after the other, filled up with zeros, shape (8,)."""
+    row = np.zeros(8)
+    values = np.hstack([_PARTS.index(type(part)), *(getattr(part, f.name) for f in fields(part))])
+    row[: len(values)] = values
+    return row
+
+
+def _part(row: np.ndarray) -> Part:
+    """The motion that a row of frame_parts holds."""
+    kind, numbers = _PARTS[int(row[0])], row[1:]
+    if kind is RotationPart:
+        return RotationPart(numbers[:3], numbers[3:6], float(numbers[6]))
+    return TranslationPart(numbers[:3]) if kind is TranslationPart else SampledPart(numbers[:4], numbers[4:7])
 
 
 def _wall_polydata(vertices: np.ndarray, triangles: np.ndarray):

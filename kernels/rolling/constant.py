@@ -15,6 +15,7 @@ undamped oscillation. The paper prints the torque without its minus sign.
 import functools
 
 import warp as wp
+from warpdem.kernels import tiny
 
 HISTORY = False
 
@@ -23,6 +24,7 @@ HISTORY = False
 def build(real):
     """Return the rolling torque for ``real``."""
     vec3 = wp.types.vector(3, real)
+    small = tiny(real)
 
     @wp.func
     def torque(
@@ -36,7 +38,7 @@ def build(real):
         dt: real,
     ):
         """Torque on i [N m] and the rolling spring [rad] (unused here)."""
-        speed = wp.sqrt(wp.dot(spin, spin) + real(1.0e-300))
+        speed = wp.sqrt(wp.dot(spin, spin) + real(wp.static(small)))
         sliding = limit / speed
         stopping = inertia / dt
         return spin * (-(sliding if sliding < stopping else stopping)), angle

@@ -14,6 +14,7 @@ Once the spring reaches its limit it slides along with it and the dashpot is lef
 import functools
 
 import warp as wp
+from warpdem.kernels import tiny
 
 HISTORY = True
 
@@ -22,6 +23,7 @@ HISTORY = True
 def build(real):
     """Return the rolling torque for ``real``."""
     vec3 = wp.types.vector(3, real)
+    small = tiny(real)
 
     @wp.func
     def torque(
@@ -36,8 +38,8 @@ def build(real):
     ):
         """Torque on i [N m] and the rolling spring [rad] cut to its limit."""
         stiffness = real(2.25) * spring
-        size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(1.0e-300))
-        share = limit / (size + real(1.0e-300))
+        size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(wp.static(small)))
+        share = limit / (size + real(wp.static(small)))
         kept = share if share < real(1.0) else real(1.0)
         viscous = real(0.0) if share < real(1.0) else real(2.0) * damping * wp.sqrt(inertia * stiffness)
         held = angle * kept

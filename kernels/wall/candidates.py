@@ -13,8 +13,8 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, memory: int):
-    """Return the kernels for ``meshes`` mesh walls and ``planes`` analytic planes."""
+def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, history: int, gap: float):
+    """Return the kernels for ``meshes`` mesh walls and ``planes`` analytic planes; ``gap`` as in ``pairs.build``."""
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
@@ -54,7 +54,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, me
         state = grains[i]
         q = g.position(state)
         radius = state[3]
-        reach = radius + skin
+        reach = radius + wp.float64(wp.static(gap)) + skin
         n = int(0)
         at = int(0)
         if fill == 1:
@@ -97,7 +97,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, me
         for e in range(at, rows.first[i + 1]):
             f = near_feature[e]
             body = local(placements[surface.motion[surface.wall[f]]], q)
-            n = add(f, 1, at, n, body, radius, radius + margin, surface, rows.feature)
+            n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + margin, surface, rows.feature)
         rows.candidates[i] = n
         if n == 0:
             rows.place_count[0, i] = 0
@@ -123,9 +123,9 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, me
             now.place_point[parity, d] = before.place_point[parity, s]
             now.place_normal[parity, d] = before.place_normal[parity, s]
             now.place_overlap[parity, d] = before.place_overlap[parity, s]
-            if wp.static(memory >= 3):
+            if wp.static(history >= 3):
                 now.place_spring[parity, d] = before.place_spring[parity, s]
-            if wp.static(memory == 6):
+            if wp.static(history == 6):
                 now.place_angle[parity, d] = before.place_angle[parity, s]
 
     return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)

@@ -11,8 +11,10 @@ and its places stand at the start of that range. Each step, for the grains that 
 4. each place takes the memory of the nearest place of the step before on that wall (in body axes: it survives any
    triangle border) and goes through the contact law of the scene.
 
-The wall's displacement over the step is that of its material point along its exact path, so a grain that rests in a turning
-body slips by nothing at all. The grain's torque arm is its distance to the contact point.
+The wall's displacement over the step is that of a material point along its exact path, the one halfway between the last
+contact point and this one: order 2 for a grain that rolls over a turning wall (the point under the contact now: order 1),
+and a grain that rests in a turning body slips by nothing at all. The torque arm is the distance to the contact point; the
+slip takes that of mid-step.
 """
 
 import functools
@@ -23,8 +25,8 @@ from warpdem.kernels.schedule import (
     Placement,
     Row,
     local,
+    past_shift,
     past_turn,
-    pivot,
     placed,
     slip_time,
     turned,
@@ -71,12 +73,13 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 
 @functools.cache
 def build(
-    law, constants, *, spins: bool, rolling: bool, memory: int, turning_frame: bool, table: bool, lag: float, moving: int
-):
+    law, constants, *, spins: bool, rolling: bool, history: int, turning_frame: bool, moving_frame: bool, table: bool,
+    lag: float, moving: int, gap: float,
+):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 
-    Arguments as in ``pairs.build``; ``lag`` is the inertia factor of the rolling model [-], ``moving`` the number of wall
-    motions relative to the frame.
+    Arguments as in ``pairs.build``; ``moving_frame``: the frame moves at all; ``lag``: inertia factor of the rolling model
+    [-]; ``moving``: number of wall motions relative to the frame.
     """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
@@ -99,7 +102,8 @@ def build(
         hit_point: wp.array(dtype=wp.vec3d)
         hit_direction: wp.array(dtype=wp.vec3d)
         place_force: wp.array(dtype=wp.vec3d)
-        # places of the last two force calls, [parity of the step, grain or slot]
+        place_from: wp.array(dtype=wp.int32)  # slot of the memory that a place of this force call took over
+        # places [generation, grain or slot]: 0 and 1 by turns of step, 2 for the stages within a step
         place_count: wp.array2d(dtype=wp.int32)
         place_wall: wp.array2d(dtype=wp.int32)
         place_point: wp.array2d(dtype=wp.vec3d)
@@ -111,21 +115,22 @@ def build(
     @wp.func
     def find_places(
         i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
-        placements: wp.array2d(dtype=Placement), row: int,
+        placements: wp.array2d(dtype=Placement), now_row: int,
     ) -> int:  # fmt: skip
         """Steps 1 to 3: mark the candidates of grain ``i`` that are places as TAKEN; 0 when there are none."""
         first = rows.first[i]
         last = first + rows.candidates[i]
+        reach = radius + wp.float64(wp.static(gap))
         hits = int(0)
         hit = int(0)
         for c in range(first, last):
             f = rows.feature[c]
             body = q
             if wp.static(moving > 0):
-                body = local(placements[row + 1, surface.motion[surface.wall[f]]], q)
-            point, direction, distance, mask = closest_on_feature(surface, f, body, radius, radius)
+                body = local(placements[now_row, surface.motion[surface.wall[f]]], q)
+            point, direction, distance, mask = closest_on_feature(surface, f, body, radius, reach)
             rows.hit_state[c] = wp.static(IDLE)
-            if distance < radius:
+            if distance < reach:
                 rows.hit_state[c] = wp.static(HIT)
                 hits += 1
                 hit = c
@@ -173,8 +178,8 @@ def build(
         return hits
 
     @wp.func
-    def remembered(i: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, rows: Rows) -> int:
-        """Slot of the nearest unused place of the step before on ``wall``, -1 if none lies within a radius."""
+    def remembered(i: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, count: int, rows: Rows) -> int:
+        """Slot of the nearest place of the step before on ``wall`` that none of ``count`` new places took, else -1."""
         first = rows.first[i]
         found = int(-1)
         nearest = radius * radius
@@ -182,11 +187,13 @@ def build(
             if rows.place_wall[old, s] == wall:
                 way = rows.place_point[old, s] - point
                 square = wp.dot(way, way)
-                if square < nearest:
+                taken = int(0)
+                for k in range(first, first + count):
+                    if rows.place_from[k] == s:
+                        taken = 1
+                if square < nearest and taken == 0:
                     nearest = square
                     found = s
-        if found >= 0:
-            rows.place_wall[old, found] = -1
         return found
 
     @wp.func
@@ -200,9 +207,11 @@ def build(
         surface: Surface,
         rows: Rows,
         placements: wp.array2d(dtype=Placement),
-        row: int,
+        before_row: int,  # of the placements: where springs slip from
+        now_row: int,
         state: Row,
-        parity: int,
+        old: int,  # generation of places that is read
+        new: int,  # and the one that is written
         dt: wp.float64,
     ):
         """Evaluate one grain; returns the largest overlap share [-] and approach speed [m/s] of its places."""
@@ -210,12 +219,11 @@ def build(
         grain_i = grains[i]
         q = g.position(grain_i)
         radius = grain_i[3]
-        if find_places(i, q, radius, surface, rows, placements, row) == 0:
-            rows.place_count[parity, i] = 0
+        if find_places(i, q, radius, surface, rows, placements, now_row) == 0:
+            rows.place_count[new, i] = 0
             rows.load[i] = vec6()
             return wp.float64(0.0), wp.float64(0.0)
         first = rows.first[i]
-        old = 1 - parity
         count = int(0)
         share = wp.float64(0.0)
         approach = wp.float64(0.0)
@@ -233,42 +241,51 @@ def build(
                 f = rows.feature[c]
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
-                now = placements[row + 1, motion]
+                now = placements[now_row, motion]
                 body_point = rows.hit_point[c]
                 distance = rows.hit_distance[c]
                 n = rows.hit_direction[c]
                 point = body_point
-                before = body_point
                 if wp.static(moving > 0):
                     n = turned(now, n)
                     point = placed(now, body_point)
-                    before = placed(placements[row, motion], body_point)
                 overlap = radius - distance
+                midway = body_point
+                arm = distance
                 n_before = n
                 overlap_before = wp.float64(0.0)
                 spring = wp.vec3d()
                 angle = wp.vec3d()
-                s = remembered(i, wall, body_point, radius, old, rows)
+                s = remembered(i, wall, body_point, radius, old, count, rows)
                 if s >= 0:
                     n_before = rows.place_normal[old, s]
                     overlap_before = rows.place_overlap[old, s]
+                    midway = (body_point + rows.place_point[old, s]) * wp.float64(0.5)
+                    arm = radius - wp.float64(0.5) * (overlap + overlap_before)
                     if wp.static(turning_frame):
                         n_before = n_before + turn * n_before
-                    if wp.static(memory >= 3):
+                    if wp.static(history >= 3):
                         spring = rows.place_spring[old, s]
                         if wp.static(turning_frame):
                             spring = spring + turn * spring
-                    if wp.static(memory == 6):
+                    if wp.static(history == 6):
                         angle = rows.place_angle[old, s]
                         if wp.static(turning_frame):
                             angle = angle + turn * angle
-                way = point - before
+                after = midway
+                before = midway
+                if wp.static(moving > 0):
+                    after = placed(now, midway)
+                    before = placed(placements[before_row, motion], midway)
+                way = after - before
                 if wp.static(turning_frame):
-                    way = way - turn * (before - pivot(state))
+                    way = way - turn * before
+                if wp.static(moving_frame):
+                    way = way - past_shift(state)
                 if slip_dt == wp.float64(0.0):
                     way = wp.vec3d()
                 w_wall = wall_spin(now)
-                slip = v * slip_dt - wp.cross(w, n + n_before) * (wp.float64(0.5) * distance * slip_dt) - way
+                slip = v * slip_dt - wp.cross(w, n + n_before) * (wp.float64(0.5) * arm * slip_dt) - way
                 velocity = v_predicted - wp.cross(w_predicted, n) * distance - wall_velocity(now, point)
                 c_kind = coefficients[0]
                 if wp.static(table):
@@ -285,18 +302,19 @@ def build(
                 total += vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
                 slot = first + count
                 count += 1
-                rows.place_wall[parity, slot] = wall
-                rows.place_point[parity, slot] = body_point
-                rows.place_normal[parity, slot] = n
-                rows.place_overlap[parity, slot] = overlap
-                if wp.static(memory >= 3):
-                    rows.place_spring[parity, slot] = held
-                if wp.static(memory == 6):
-                    rows.place_angle[parity, slot] = bent
+                rows.place_from[slot] = s
+                rows.place_wall[new, slot] = wall
+                rows.place_point[new, slot] = body_point
+                rows.place_normal[new, slot] = n
+                rows.place_overlap[new, slot] = overlap
+                if wp.static(history >= 3):
+                    rows.place_spring[new, slot] = held
+                if wp.static(history == 6):
+                    rows.place_angle[new, slot] = bent
                 rows.place_force[slot] = force
                 share = wp.max(share, overlap / radius)
                 approach = wp.max(approach, -wp.dot(velocity, n))
-        rows.place_count[parity, i] = count
+        rows.place_count[new, i] = count
         rows.load[i] = total
         return share, approach
 

@@ -3,11 +3,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MODELS = sorted(p for role in ("normal", "tangential", "rolling") for p in (ROOT / "kernels" / role).glob("[!_]*.py"))
+ROLES = ("normal", "tangential", "rolling", "field")
+MODELS = sorted(p for role in ROLES for p in (ROOT / "kernels" / role).glob("[!_]*.py"))
 
 
 def test_there_are_models_of_every_role():
-    assert {p.parent.name for p in MODELS} == {"normal", "tangential", "rolling"}
+    assert {p.parent.name for p in MODELS} == set(ROLES)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda p: f"{p.parent.name}.{p.stem}")

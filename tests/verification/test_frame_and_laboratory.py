@@ -9,7 +9,7 @@ GRAIN = {"radius": R, "young_modulus": 5e7, "restitution": 0.7, "friction": 0.3,
 
 def both(make_simulation, planes, rotation, **keys):
     """Simulation with walls that turn in the laboratory, and the one in the frame that turns with them."""
-    laboratory = [{"name": f"w{k}", "plane": p, "rotation": rotation} for k, p in enumerate(planes)]
+    laboratory = [{"name": f"w{k}", "plane": p, "motion": rotation} for k, p in enumerate(planes)]
     frame = [{"name": f"w{k}", "plane": p} for k, p in enumerate(planes)]
     keys = GRAIN | keys | {"velocities_in": "laboratory"}
     return make_simulation(walls=laboratory, **keys), make_simulation(walls=frame, frame=rotation, **keys)
@@ -55,3 +55,40 @@ def test_a_grain_bouncing_in_a_turning_box(make_simulation, schedule):
         bounces += touching and not now
         touching = now
     assert bounces == 3
+
+
+SHAKER = {"amplitude": [0.002, 0, 0.003], "frequency": 30, "phase": 0.4}
+MILL = [
+    {"axis": [0, 1, 0], "origin": [0.002, 0, 0], "rate": 15.0},
+    {"axis": [0.3, 0, 1], "origin": [0, 0.01, 0], "sinusoid": {"amplitude": 20, "frequency": 7}},
+]
+
+
+@pytest.mark.parametrize("fixed_to", ["laboratory", "frame"])
+@pytest.mark.parametrize("frame", [[SHAKER], [SHAKER, *MILL]], ids=["shaker", "mill on a shaker"])
+def test_two_grains_in_a_box_with_its_own_motion_whatever_the_frame_does(make_simulation, frame, fixed_to):
+    """Wall motions of the frame, of their own, or both: the same motion told in two ways, through two bounces at least."""
+    half, own = 0.01, [MILL[1]]
+    planes = [{"point": (-half * n).tolist(), "normal": n.tolist()} for n in np.concatenate([np.eye(3), -np.eye(3)])]
+
+    def simulation(frame, motion, fixed_to):
+        walls = [
+            {"name": f"w{k}", "plane": p, "fixed_to": fixed_to, "motion": motion} for k, p in enumerate(planes)
+        ]
+        return make_simulation(
+            [[0.001, 0.002, 0.003], [0.004, 0.002, 0.0032]], velocities=[[0.3, 0.4, 0.2], [-0.2, 0.1, 0.3]],
+            spins=[[50, 20, -80], [0, 0, 0]], velocities_in="laboratory", step=1e-5, gravity=[0, 0, -9.81],
+            walls=walls, frame=frame, **GRAIN,
+        )  # fmt: skip
+
+    a = simulation(None, frame + own if fixed_to == "frame" else own, "frame")
+    b = simulation(frame, own, fixed_to)
+    bounces, touching = 0, False
+    while bounces < 2 and a.step_number < 8000:
+        a.step(20)
+        b.step(20)
+        compare(a, b, 1e-6, half, 0.5)
+        now = len(a.contacts().i) > 0
+        bounces += touching and not now
+        touching = now
+    assert bounces == 2

@@ -8,6 +8,7 @@ Rates and time steps are short binary numbers, so that step x dt x rate is the e
 
 import numpy as np
 import pytest
+from pxr import Gf, Usd, UsdGeom
 from scipy.spatial.transform import Rotation
 
 RATE = 16.0  # [rad/s]
@@ -98,3 +99,86 @@ def test_a_step_across_a_sudden_stop_takes_the_angle_that_was_turned(make_simula
     sim = flight(make_simulation, 0.125, {"schedule": [{"until": 0.3125, "rate": RATE}, {"rate": 0.0}]})
     sim.step(4)
     compare(sim, RATE * 0.3125, 0.0)
+
+
+# --- any motion of the frame -----------------------------------------------------------------------------------------
+
+MILL = [
+    {"axis": [0, 0, 1], "origin": [0.5, 0, 0.25], "rate": 16.0},
+    {"axis": AXIS.tolist(), "origin": ORIGIN.tolist(), "rate": -40.0},
+]
+SHAKER = {"amplitude": [0.25, 0, 0.125], "frequency": 8, "phase": 1}
+STOP = {"axis": AXIS.tolist(), "origin": ORIGIN.tolist(), "schedule": [{"until": 0.75, "rate": 16.0}]}
+FRAMES = {
+    "planetary mill": MILL,
+    "shaker": [SHAKER],
+    "drum on a shaker that stops": [SHAKER, STOP],
+    "shaker in a swinging drum": [
+        {"axis": [0, 1, 0], "sinusoid": {"amplitude": 8, "frequency": 2}},
+        SHAKER | {"velocity": [0.5, 0, -0.25]},
+    ],
+}
+
+
+def compare_paths(sim, gravity, tolerance=1e-12):
+    """Position, velocity and spin in the laboratory against the parabola, relative to the path as the frame sees it."""
+    t, g, p = sim.time, np.array(gravity), sim.particles
+    exact = POSITION + VELOCITY * t + 0.5 * g * t**2
+    size = max(1.0, np.abs(exact).max(), np.abs(p.position).max())
+    speed = np.abs(VELOCITY).max() + np.linalg.norm(g) * t + np.abs(p.velocity).max()
+    assert np.max(np.abs(p.position_lab - exact)) < tolerance * size
+    assert np.max(np.abs(p.velocity_lab - VELOCITY - g * t)) < tolerance * speed
+    assert np.max(np.abs(p.spin_lab - SPIN)) < tolerance * (np.abs(SPIN).max() + np.abs(p.spin).max())
+
+
+def fly(make_simulation, frame, gravity, steps=20_000, step=2.0**-14):
+    sim = make_simulation(
+        POSITION, velocities=VELOCITY, spins=SPIN, velocities_in="laboratory", step=step, gravity=gravity,
+        frame=frame, **SOFT,
+    )  # fmt: skip
+    compare_paths(sim, gravity)
+    for _ in range(4):
+        sim.step(steps // 4)
+        compare_paths(sim, gravity)
+    return sim
+
+
+@pytest.mark.parametrize("frame", FRAMES.values(), ids=FRAMES)
+def test_a_free_grain_keeps_its_parabola_in_the_laboratory_whatever_the_frame_does(make_simulation, frame):
+    sim = fly(make_simulation, frame, (1.0, 2.0, -9.75))
+    assert np.abs(sim.particles.position - sim.particles.position_lab).max() > 0.1, "the frame has not moved"
+
+
+def test_a_free_grain_keeps_its_parabola_in_a_sampled_frame(make_simulation, tmp_path):
+    """Kinks at the samples, which lie between the instants; held before the first and after the last."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "path.usda"))
+    stage.SetTimeCodesPerSecond(24)
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    xform = UsdGeom.Xform.Define(stage, "/Arm")
+    shift, turn = xform.AddTranslateOp(), xform.AddRotateXYZOp(UsdGeom.XformOp.PrecisionDouble)
+    rng = np.random.default_rng(0)
+    for code in range(2, 26):
+        shift.Set(Gf.Vec3d(*rng.uniform(-20, 20, 3)), code)
+        turn.Set(Gf.Vec3d(*rng.uniform(-60, 60, 3)), code)
+    stage.Save()
+    frame = {"usd": str(tmp_path / "path.usda"), "prim": "/Arm"}
+    sim = fly(make_simulation, frame, (1.0, 2.0, -9.75))
+    assert sim.time > 26 / 24
+    assert np.abs(sim.particles.position - sim.particles.position_lab).max() > 0.1, "the frame has not moved"
+
+
+def test_velocities_relative_to_a_nested_frame_are_those_of_its_points(make_simulation):
+    """A grain with the velocity of a point of the frame is at rest there: eq. 8 of the paper and its spin counterpart."""
+    sim = make_simulation(POSITION, step=2.0**-14, frame=[SHAKER, *MILL], **SOFT)
+    pose = sim.schedule.pose(0.0)
+    np.testing.assert_allclose(sim.particles.velocity, 0.0, atol=1e-14)
+    np.testing.assert_allclose(sim.particles.velocity_lab, pose.velocity_at(POSITION), atol=1e-13)
+    outer = np.array([0, 0, 16.0])
+    inner = -40.0 * AXIS
+    spin = outer + inner
+    swing = 16 * np.pi * np.cos(1) * np.array([0.25, 0, 0.125])
+    velocity = swing + np.cross(outer, POSITION - [0.5, 0, 0.25]) + np.cross(inner, POSITION - ORIGIN)
+    np.testing.assert_allclose(sim.particles.velocity_lab, velocity, atol=1e-12)
+    spun = make_simulation(POSITION, spins=SPIN, step=2.0**-14, frame=[SHAKER, *MILL], **SOFT)
+    np.testing.assert_allclose(spun.particles.spin_lab, SPIN + spin, atol=1e-12)
+    np.testing.assert_allclose(spun.particles.spin, SPIN, atol=1e-12)

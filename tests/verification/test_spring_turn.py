@@ -49,7 +49,7 @@ def test_two_grains_turned_about_their_normal_carry_their_spring(make_simulation
 
 def test_a_grain_on_a_turning_wall_carries_its_spring(make_simulation, frame):
     wall = {"name": "disk", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
-    wall |= {"fixed_to": "laboratory", "rotation": {"axis": [0, 0, 1], "rate": OMEGA}}
+    wall |= {"fixed_to": "laboratory", "motion": {"axis": [0, 0, 1], "rate": OMEGA}}
     sim = make_simulation(
         [[0, 0, R - DEPTH]], radius=R, velocities=[[CREEP, 0, 0]], spins=[[0, 0, OMEGA]],
         velocities_in="laboratory", frame=frame, walls=(wall,), step=DT, **SOFT,
