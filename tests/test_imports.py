@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ORDER = (
     "errors", "snapshot", "rigid", "units", "models", "scene_base", "usd_motion", "motion", "scene", "scene_file",
     "geometry", "packing", "grain_source",
-    "plan", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours", "stepper",
+    "plan", "impact", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours", "stepper",
     "observers", "dimensionless", "summary", "write_tables", "checkpoint", "simulation",
     "write_vtk", "write_usd", "render", "runner", "cli",
     "__init__", "__main__",

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from warpdem import Scene, SceneError, timestep
 from warpdem.grain_source import load_grains
+from warpdem.impact import impact
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
@@ -54,13 +55,13 @@ def test_hertz_contact_time_is_that_of_the_trajectory(speed):
         return y[0]
 
     apart.terminal, apart.direction = True, -1
-    start = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed) / speed
+    start = impact("hertz", stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed).overlap / speed
     path = solve_ivp(
         motion, (0.0, 10.0 * start), [0.0, speed], events=apart, rtol=1e-10, atol=1e-16, max_step=start / 50
     )
     limits = found(scene(time={"end": 1, "max_speed": speed}))
     assert limits.contact_time == pytest.approx(path.t_events[0][-1], rel=1e-6)
-    deepest = timestep.impact_overlap(stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed)
+    deepest = impact("hertz", stiffness / math.sqrt(0.5 * RADIUS), 0.5 * MASS, 0.5 * RADIUS, speed).overlap
     assert path.y[0].max() == pytest.approx(deepest, rel=1e-3)
 
 

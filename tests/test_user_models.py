@@ -1,11 +1,13 @@
 """Models from a user's own file: found beside the scene, checked against their role, run like those of the package."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warpdem import SceneError, Simulation, models
+from warpdem.impact import impact
 from warpdem.scene_file import scene_from_dict
 
 KERNELS = Path(__file__).resolve().parent.parent / "kernels"
@@ -235,3 +237,20 @@ def test_wrong_field_file_is_answered_by_file_and_what_is_allowed(tmp_path, old,
     answer = message(tmp_path, fields=[field])
     for word in ["fields[0]", *words]:
         assert word in answer
+
+
+def test_time_step_limits_know_a_law_by_its_energy_alone(tmp_path):
+    """A copy of hertz under another name gets hertz's limits; one whose force is ten times stiffer gets shorter ones."""
+    text = (KERNELS / "normal" / "hertz.py").read_text()
+    (tmp_path / "same.py").write_text(text)
+    (tmp_path / "stiffer.py").write_text(text.replace("0.4 * stiffness", "4.0 * stiffness"))
+    hertz, same, stiffer = (
+        impact(law, 1e7, 1e-6, 1e-3, 0.5) for law in ("hertz", str(tmp_path / "same.py"), str(tmp_path / "stiffer.py"))
+    )
+    depth = (5.0 * 1e-6 * 0.5**2 / (4.0 * 1e7 * math.sqrt(1e-3))) ** 0.4
+    assert hertz.overlap == pytest.approx(depth, rel=1e-12)
+    assert hertz.time == pytest.approx(2.943275184 * depth / 0.5, rel=1e-9)
+    assert hertz.tangent == pytest.approx(1.5 * hertz.secant, rel=1e-6)
+    assert hertz.secant == pytest.approx(1e7 * math.sqrt(1e-3 * depth), rel=1e-7)
+    assert same == hertz
+    assert stiffer.time == pytest.approx(hertz.time * 10**-0.4, rel=1e-9)

@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpdem.impact import secant, stiffness
 from warpdem.kernels import grain
 from warpdem.models import model
 from warpdem.plan import field_numbers
+
+LEAST_OVERLAP = 1.0e-300  # [m]: a law that acts beyond contact has contacts of none, whose springs are zero
 
 
 class Particles:
@@ -165,7 +168,7 @@ def read_contacts(sim) -> Contacts:
         table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
         material = sim.walls.surface.material.numpy()[wall]
         which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
-        base = table[which, 0] * (np.sqrt(radius[g]) if plan.normal == "hertz" else 1.0)
+        base = stiffness(plan.normal, table[which, 0], radius[g])
         parts.append(
             (
                 ids[g], -1 - wall.astype(np.int64), overlap, normal, rows.place_force.numpy()[slot], spring,
@@ -192,7 +195,7 @@ def energy(sim) -> dict[str, float]:
     normal = model("normal", sim.plan.normal)
     elastic = float(np.sum(normal.energy(contacts.overlap, contacts.stiffness)))
     if sim.plan.memory:
-        k_n = contacts.stiffness * (np.sqrt(contacts.overlap) if sim.plan.normal == "hertz" else 1.0)
+        k_n = secant(sim.plan.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts.stiffness)
         shear = _shear_ratios(sim, contacts)
         elastic += float(np.sum(0.5 * shear * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)))
     velocity, spin = p.velocity_lab, p.spin_lab

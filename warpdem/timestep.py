@@ -1,7 +1,7 @@
 """Characteristic times of a scene and the time step chosen from them.
 
 Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
-contact time      Hertz: t_c = 2.9433 d_max/v with d_max = (15 m* v^2 / (16 E* sqrt(R*)))^(2/5); Hooke: pi sqrt(m*/k)
+contact time      of an undamped impact at max_speed, from the law's energy (Hertz: 2.9433 d_max/v; Hooke: pi sqrt(m*/k))
 spectral limit    2/w_max x (sqrt(1 + 4 z^2) - 2 z),   w_max^2 = (Z/m) max((2/3)(k_n + 2 k_t), (10/3) k_t)
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.impact import impact
 from warpdem.motion import frame_chain, wall_chain
 from warpdem.plan import coefficient_table
 
@@ -69,17 +70,14 @@ def damped_contact_factor(restitution: float) -> float:
     return float(np.interp(restitution, e, factor))
 
 
-def contact_time(scene, stiffness: float, mass: float, radius: float, speed: float) -> float:
-    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``stiffness`` is the base of the normal law."""
-    if scene.contact.normal == "hooke":
-        return math.pi * math.sqrt(mass / stiffness)
-    depth = impact_overlap(stiffness, mass, radius, speed)
-    return 2.943275184 * depth / speed
+def damping_ratio(restitution: float) -> float:
+    """Share of critical damping [-] of a linear contact that returns ``restitution``."""
+    return -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
 
 
-def impact_overlap(stiffness: float, mass: float, radius: float, speed: float) -> float:
-    """Largest overlap [m] of an undamped Hertz impact; ``stiffness`` is (4/3) E* [Pa]."""
-    return (5.0 * mass * speed**2 / (4.0 * stiffness * math.sqrt(radius))) ** 0.4
+def contact_time(scene, base: float, mass: float, radius: float, speed: float) -> float:
+    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``base`` is the stiffness base of the normal law."""
+    return impact(scene.located(scene.contact.normal), base, mass, radius, speed).time
 
 
 def fall_speed(scene, start, meshes: dict) -> float:
@@ -109,6 +107,7 @@ def limits(scene, start, meshes: dict) -> Limits:
     frame = FRAME_ANGLE / rate if rate > 0 else math.inf
     speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
     rayleigh = contact = packed = math.inf
+    law = scene.located(scene.contact.normal)
     materials = list(scene.materials.values())
     names = list(scene.materials)
     table = coefficient_table(scene).reshape(len(names), len(names), -1)
@@ -124,15 +123,13 @@ def limits(scene, start, meshes: dict) -> Limits:
         partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type)]
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
-            base, _, shear_ratio, shear_damping, friction, *_ = table[t, other]
-            k_n, gamma = base, 0.0
+            base, _, shear_ratio, _, friction, *_ = table[t, other]
+            met = impact(law, base, reduced_mass, reduced_radius, max(speed, 1e-6))
             if speed > 0:
-                contact = min(contact, contact_time(scene, base, reduced_mass, reduced_radius, speed))
-            if scene.contact.normal == "hertz":
-                depth = impact_overlap(base, reduced_mass, reduced_radius, max(speed, 1e-6))
-                k_n = 1.5 * base * math.sqrt(reduced_radius * depth)
-            k_t = shear_ratio * k_n / (1.5 if scene.contact.normal == "hertz" else 1.0) if friction > 0 else 0.0
-            beta = table[t, other, 1] / (math.sqrt(5.0) if scene.contact.normal == "hertz" else 2.0)
+                contact = min(contact, met.time)
+            k_n = met.tangent
+            k_t = shear_ratio * met.secant if friction > 0 else 0.0
+            beta = damping_ratio(scene.pair(names[t], names[other]).restitution)
             # damping ratio of the mode that governs: rolling at a contact (k_t, m* 2/7) with friction, else the normal one
             gamma = math.sqrt(3.5) * math.sqrt(5.0 / 6.0) * beta if k_t > 0 else beta
             omega = math.sqrt(PACKED / mass * max(2.0 / 3.0 * (k_n + 2.0 * k_t), 10.0 / 3.0 * k_t))

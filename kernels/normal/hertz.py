@@ -54,6 +54,11 @@ def build(real):
     return constants, force
 
 
+def stiffness(base, radius):
+    """K [N/m^1.5] of contacts from the pair's base [Pa] and R* [m]: what ``constants`` computes, for readers."""
+    return base * radius**0.5
+
+
 def energy(overlap, stiffness):
     """Elastic energy of the normal contact, (2/5) K d^(5/2) [J]."""
     return 0.4 * stiffness * overlap**2.5
