@@ -28,9 +28,13 @@ def build(spins: bool):
         return wp.vec3d(g[0], g[1], g[2])
 
     @wp.func
-    def separation(a: Record, b: Record) -> wp.vec3d:
-        """Vector from the centre of b to that of a [m]; lists and forces ask only here, the place for periodic images."""
-        return position(a) - position(b)
+    def placed(g: Record, q: wp.vec3d) -> Record:
+        """The same grain at another position [m]."""
+        out = g
+        out[0] = q[0]
+        out[1] = q[1]
+        out[2] = q[2]
+        return out
 
     @wp.func
     def velocity(g: Record) -> wp.vec3d:
@@ -77,7 +81,7 @@ def build(spins: bool):
     return Built(
         Record=Record,
         position=position,
-        separation=separation,
+        placed=placed,
         velocity=velocity,
         acceleration=acceleration,
         spin=spin,

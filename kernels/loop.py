@@ -13,6 +13,7 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.barrier import meet
 from warpdem.kernels.field import Numbers
+from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK
 from warpdem.kernels.schedule import FrameRow, Placement, Row, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
@@ -22,7 +23,7 @@ SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads 
 
 
 @functools.cache
-def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stages: int, spins: bool, walls: bool):
+def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border, *, stages: int, spins: bool, walls: bool):
     """Return the CPU kernel ``run``, the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``, and ``read``.
 
     Args:
@@ -30,6 +31,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stag
         touch: wall function of ``wall.contact.build``, and ``Rows``, its struct.
         load: sum over contacts, ``acceleration`` and ``travelled`` of ``motion``.
         integrator: (advance, reading) of the scheme.
+        border: periodic images, of ``border.build``.
         stages: force calls per step.
         spins: grains spin.
         walls: there are wall rows.
@@ -73,6 +75,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stag
         frame: wp.array(dtype=FrameRow)  # per force call
         field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
+        outlet: wp.array(dtype=Box)  # where grains leave
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
@@ -154,9 +157,14 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stag
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
             state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
+            if wp.static(border.images > 1):
+                if stage == wp.static(stages - 1):
+                    state = g.placed(state, border.wrapped(g.position(state)))
             grains.record[i] = state
             if stage == wp.static(stages - 1):
-                far = travelled(i, state, grains.reference, control.placement, (s + 2) * wp.static(stages), dt, reach)
+                far = travelled(
+                    i, state, grains.reference, control.placement, control.outlet, (s + 2) * wp.static(stages), dt, reach
+                )
                 moved = wp.max(moved, far)
         return moved
 
@@ -182,6 +190,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stag
         base: int,  # row of the present step
         count: int,
         forces_first: int,
+        hold: int,  # 1: leave the forces of the last step to the next call
         parity: int,  # of the present step
         grains: Grains,
         packs: Packs,
@@ -226,7 +235,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, *, stag
                         stop = wp.max(stop, control.moved[t * wp.static(SPAN)])
                     if thread == 0:
                         control.done[0] = s
-                if stop == 0 and (s > 0 or forces_first == 1):
+                if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):
                     force_phase(
                         thread, base + s, 0, grains, packs, rows, surface, control, coefficients, materials,
                         (parity + s) & 1, dt, at,

@@ -24,6 +24,8 @@ from warpdem.kernels.schedule import (
     local,
 )
 
+Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
+
 
 @functools.cache
 def build_load(real, *, spins: bool, walls: bool):
@@ -112,10 +114,12 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 
 @functools.cache
-def build_travel(*, spins: bool, moving: int, ahead: float):
+def build_travel(border, *, spins: bool, moving: int, outlets: int, ahead: float):
     """Return ``travelled``.
 
     Args:
+        border: periodic images, of ``border.build``.
+        outlets: number of boxes in which a grain has left the domain.
         spins: grains spin.
         moving: number of wall motions relative to the frame (they come first among the placements).
         ahead: steps at the present velocity that the lists must hold beyond the present place.
@@ -128,16 +132,17 @@ def build_travel(*, spins: bool, moving: int, ahead: float):
         state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
         placements: wp.array2d(dtype=Placement),
+        outlet: wp.array(dtype=Box),
         next_row: int,
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """1 when the grain is further than ``reach`` [m] from its reference, or not finite."""
+        """1 when the grain is further than ``reach`` [m] from its reference, is in an outlet, or is not finite."""
         q = g.position(state)
         left = reach
         if wp.static(ahead > 0.0):
             left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
-        way = q - reference[i, 0]
+        way = border.nearest(q - reference[i, 0])
         moved = 1
         if wp.dot(way, way) <= left * left:  # false for NaN, so that a broken state is noticed here
             moved = 0
@@ -145,6 +150,11 @@ def build_travel(*, spins: bool, moving: int, ahead: float):
             for m in range(wp.static(moving)):
                 gone = local(placements[next_row, m], q) - reference[i, m + 1]
                 if wp.dot(gone, gone) > left * left:
+                    moved = 1
+        if wp.static(outlets > 0):
+            for e in range(wp.static(outlets)):
+                b = outlet[e]
+                if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
                     moved = 1
         return moved
 

@@ -18,7 +18,9 @@ NEAR, TOUCHING = 1, 2  # classes of listed pairs
 
 
 @functools.cache
-def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float):
+def build(
+    real, constants, border, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float
+):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``."""
     g = grain.build(spins)
     Coefficients = wp.types.vector(7, wp.float64)
@@ -41,22 +43,27 @@ def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: i
         """Partners of each grain; a count above ``width`` says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        query = wp.hash_grid_query(grid, g.position(me), me[3] + largest + wp.float64(wp.static(gap)) + skin)
-        j = int(0)
+        reach = me[3] + largest + wp.float64(wp.static(gap)) + skin
         n = int(0)
         at = i * width
-        while wp.hash_grid_query_next(query, j):
-            other = grains[j]
-            way = g.separation(me, other)
-            far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
-            if wp.dot(way, way) < far * far and j != i:
-                if n < width:
-                    s = at + n  # insertion by partner id: rows are short
-                    while s > at and id[slot_out[s - 1]] > id[j]:
-                        slot_out[s] = slot_out[s - 1]
-                        s -= 1
-                    slot_out[s] = j
-                n += 1
+        for image in range(wp.static(border.images)):
+            place = border.image(g.position(me), image)
+            if border.within(place, reach):
+                query = wp.hash_grid_query(grid, place, reach)
+                j = int(0)
+                while wp.hash_grid_query_next(query, j):
+                    other = grains[j]
+                    seen = place - g.position(other)  # the grid wraps around and shows other images too
+                    way = border.nearest(g.position(me) - g.position(other))
+                    far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
+                    if wp.dot(way, way) < far * far and j != i and wp.dot(seen, seen) < wp.float64(1.01) * far * far:
+                        if n < width:
+                            s = at + n  # insertion by partner id: rows are short
+                            while s > at and id[slot_out[s - 1]] > id[j]:
+                                slot_out[s] = slot_out[s - 1]
+                                s -= 1
+                            slot_out[s] = j
+                        n += 1
         count_out[i] = n
 
     @kernel
@@ -66,7 +73,7 @@ def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: i
         width: int,
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list
+        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list, -1 if it is new
         old_id: wp.array(dtype=wp.int64),
         old_width: int,
         old_count: wp.array(dtype=wp.int32),
@@ -80,7 +87,7 @@ def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: i
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             found = int(-1)
-            if id[j] > id[i]:
+            if id[j] > id[i] and o >= 0:
                 for f in range(o * old_width, o * old_width + old_count[o]):
                     if old_id[old_partner[f]] == id[j]:
                         found = old_contact[f]
@@ -109,7 +116,7 @@ def build(real, constants, lanes: int, *, spins: bool, rolling: bool, history: i
         for e in range(i * width, i * width + count[i]):
             j = slot[e]
             other = grains[j]
-            way = g.separation(me, other)
+            way = border.nearest(g.position(me) - g.position(other))
             square = wp.dot(way, way)
             reach = me[3] + other[3] + wp.float64(wp.static(gap))
             far = reach + margin

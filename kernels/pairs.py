@@ -43,12 +43,15 @@ def result_width(spins: bool) -> int:
 
 
 @functools.cache
-def build(real, law, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float):
+def build(
+    real, law, border, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float
+):  # fmt: skip
     """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows).
 
     Args:
         real: precision of the law, its results and its memory; geometry and motion are always float64.
         law: law function of ``law.build``.
+        border: periodic images, of ``border.build``.
         lanes: contacts side by side.
         spins: grains spin (there is a tangential or rolling model).
         rolling: a rolling model acts (two more constants per contact).
@@ -95,7 +98,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, history: int, tu
         dt: wp.float64,
     ) -> Result:
         """Force, torques and memory of one contact, with overlap share and approach speed for the guards."""
-        across = g.separation(gi, gj)
+        across = border.nearest(g.position(gi) - g.position(gj))
         moved = (g.velocity(gi) - g.velocity(gj)) * slip_time
         before = across - moved
         distance = wp.sqrt(wp.dot(across, across))
@@ -169,7 +172,7 @@ def build(real, law, lanes: int, *, spins: bool, rolling: bool, history: int, tu
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
-            across = g.separation(gi, gj)
+            across = border.nearest(g.position(gi) - g.position(gj))
             reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
             deepest = wp.max(deepest, reach * reach * wp.float64(1.000001) - wp.dot(across, across))
         if deepest < wp.float64(0.0):  # nobody is in reach, by more than round-off: what the full law would make zero

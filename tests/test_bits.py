@@ -133,7 +133,7 @@ def test_what_is_read_does_not_depend_on_the_lists(reference, box, rolling):
 def test_rebuild_at_every_refresh_changes_no_bit(reference, box, rolling):
     sim = Simulation(bed(box, rolling), device="cpu", threads=1)
     update = sim.lists.update
-    sim.lists.update = lambda: update(force_rebuild=True)
+    sim.lists.update = lambda grown: update(force_rebuild=True)
     sim.step(STEPS)
     assert sim.lists.rebuilds == sim.lists.refreshes > reference.lists.rebuilds
     assert sim.state_hash() == reference.state_hash()

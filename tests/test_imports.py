@@ -10,8 +10,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 ORDER = (
-    "errors", "snapshot", "rigid", "units", "models", "scene_base", "usd_motion", "motion", "scene", "scene_file",
-    "geometry", "packing", "grain_source",
+    "errors", "snapshot", "rigid", "units", "models", "scene_base", "usd_motion", "motion", "borders", "scene", "scene_file",
+    "geometry", "packing", "grain_source", "domain", "streams",
     "plan", "impact", "timestep", "compiled", "schedule", "state", "walls", "threads", "neighbours", "stepper",
     "observers", "dimensionless", "summary", "write_tables", "checkpoint", "simulation",
     "write_vtk", "write_usd", "render", "runner", "cli",

@@ -15,7 +15,7 @@ from warpdem.kernels import grain
 from warpdem.summary import scene_hash
 from warpdem.write_tables import replaced
 
-FORMAT = "warpdem checkpoint 2"
+FORMAT = "warpdem checkpoint 3"
 
 
 def save(sim, path: Path) -> None:
@@ -36,6 +36,9 @@ def save(sim, path: Path) -> None:
             for name in ("record", "inverse", "id", "kind"):
                 file[name] = getattr(sim.state, name).numpy()[sim.state.rank]
             file["extreme"] = sim.stepper.extreme
+            file.attrs["left"] = json.dumps(sim.left)
+            file.attrs["feeders"] = json.dumps([feeder.state() for feeder in sim.feeders])
+            file.attrs["next_id"] = sim._next_id
             for name, values in {**sim.lists.pair_contacts(), **sim.lists.wall_contacts()}.items():
                 file[name] = values
     except OSError as error:
@@ -72,7 +75,7 @@ def _check(sim, data: dict, path: Path) -> None:
     """Refuse what does not fit ``sim``, before anything is changed."""
     if data.get("scene_hash") != scene_hash(sim.scene) or data.get("dt") != sim.dt:
         raise SceneError(f"{path}: belongs to another scene or time step than {sim.scene.source}; nothing was changed")
-    n, plan = len(sim.state), sim.plan
+    n, plan = len(data.get("id", ())), sim.plan
     shapes = {"record": (n, grain.WIDTH[plan.spins]), "inverse": (n, 2), "id": (n,), "kind": (n,), "extreme": (4,)}
     pairs, places = len(data.get("pair", ())), len(data.get("place_grain", ()))
     shapes |= {"pair": (pairs, 2), "pair_memory": (pairs, max(plan.memory, 1)), "pair_share_i": None, "pair_share_j": None}
@@ -98,5 +101,8 @@ def restore(sim, path: Path) -> None:
     sim.state.restore(data)
     sim.step_number = int(data["step"])
     sim.stepper.restore(data["extreme"])
+    sim.left, sim._next_id, sim._grown = json.loads(data["left"]), int(data["next_id"]), False
+    for feeder, state in zip(sim.feeders, json.loads(data["feeders"]), strict=True):
+        feeder.restore(state)
     sim.lists.restore(data)
     sim._forces_ready = True

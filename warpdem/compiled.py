@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warpdem.kernels import Built, law, loop, motion, neighbours, pairs
+from warpdem.kernels import Built, border, law, loop, motion, neighbours, pairs
 from warpdem.kernels.wall import candidates, contact
 from warpdem.models import model
 from warpdem.plan import Plan
@@ -32,9 +32,10 @@ def compile_plan(plan: Plan) -> Built:
     # a scheme with frame-relative velocities sees contacts as if the frame were at rest
     turning = plan.turning_frame and not scheme.RELATIVE
     shifting = plan.moving_frame and not scheme.RELATIVE
-    pair_pack = pairs.build(plan.real, pair_law, plan.lanes, **shared, turning_frame=turning)
+    images = border.build(plan.period, plan.lower)
+    pair_pack = pairs.build(plan.real, pair_law, images, plan.lanes, **shared, turning_frame=turning)
     Rows, touch = contact.build(
-        wall_law, constants, **shared, turning_frame=turning, moving_frame=shifting, lag=plan.lag, moving=plan.moving
+        wall_law, constants, images, **shared, turning_frame=turning, moving_frame=shifting, lag=plan.lag, moving=plan.moving
     )
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)
@@ -45,13 +46,14 @@ def compile_plan(plan: Plan) -> Built:
         motion.build_load(plan.real, **spins, walls=plan.walls),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
         # a stage may look ahead of the step's beginning by about a step
-        motion.build_travel(**spins, moving=plan.moving, ahead=1.5 if stages > 1 else 0.0),
+        motion.build_travel(images, **spins, moving=plan.moving, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0),
         scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
+        images,
         **spins,
         stages=stages,
         walls=plan.walls,
     )
-    lists = neighbours.build(plan.real, constants, plan.lanes, **shared, lag=plan.lag)
+    lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag)
     walls = None
     if plan.walls:
         walls = candidates.build(

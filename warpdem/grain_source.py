@@ -52,6 +52,11 @@ class Grains0:
         return len(self.id)
 
 
+def joined(first: Grains0, second: Grains0) -> Grains0:
+    """The grains of both."""
+    return Grains0(*(np.concatenate([a, b]) for a, b in zip(vars(first).values(), vars(second).values(), strict=True)))
+
+
 def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     """All grains of a scene, group after group in the scene's order.
 
@@ -66,6 +71,8 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
         SceneError: A state file is missing, unreadable or holds no grains; a filling does not fit; an id comes twice.
     """
     names = list(scene.materials)
+    if not scene.grains:
+        return Grains0(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
     groups = []
     for number, group in enumerate(scene.grains):
         grains = _group(scene, meshes, group, f"{scene.source}: grains[{number}]")
@@ -90,6 +97,8 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None
         SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
             centre is on the wrong side of a wall.
     """
+    if len(grains) == 0:
+        return
     _check_overlaps(grains, scene)
     for number, wall in enumerate(scene.walls):
         if wall.plane is not None:

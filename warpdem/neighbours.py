@@ -72,10 +72,13 @@ class Lists:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.real = sim.plan.real
-        radius = sim.state.record.numpy()[:, grain.RADIUS]
+        radius = sim.expected.radius
         mean = float(radius.mean()) if len(radius) else 1.0
         skin = sim.scene.engine.skin
         self._skin_bounds = (0.4 * mean, 2.0 * mean) if skin == "auto" else (skin, skin)
+        longest = min((length for length in sim.plan.period if length), default=np.inf)
+        room = 0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - sim.plan.gap  # beyond, a grain meets two images
+        self._skin_bounds = tuple(min(bound, 0.95 * room) for bound in self._skin_bounds)
         self.skin = self._skin_bounds[0]
         self.margin = 0.2 * self.skin
         self.rebuilds = 0
@@ -84,6 +87,7 @@ class Lists:
         n = len(sim.state)
         self.largest = float(radius.max(initial=0.0))
         self._near = None  # width, count, slot, contact
+        self._known = n  # grains that the lists were made for
         self._width = 12  # room per row of the near list
         self._near_reference = None
         self._grid = None
@@ -119,11 +123,13 @@ class Lists:
         return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self.sim.device)
 
     def update(self, force_rebuild: bool = False) -> None:
-        """Make the lists valid for the present positions."""
+        """Make the lists valid for the present positions, without the grains that have left the domain."""
         sim = self.sim
         position = sim.state.record.numpy()[:, grain.POSITION]
         if not np.isfinite(position).all():
             sim.stop_not_finite()
+        kept = sim.stay(position)
+        force_rebuild |= len(kept) < len(position)
         steps = sim.step_number - self._last_refresh
         if self.refreshes and not force_rebuild:
             if steps < REFRESH_STEPS[0]:
@@ -138,17 +144,18 @@ class Lists:
                 self.skin = min(1.25 * self.skin, self._skin_bounds[1])
             self._last_rebuild = sim.step_number
             with sim.clock("lists"):
-                self._rebuild(placement)
+                self._rebuild(placement, kept)
+            if not len(kept):
+                return
         with sim.clock("refresh"):
             self._refresh(placement)
 
     def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
         """Largest way of a grain since the near lists were made, in frame axes and in those of moving walls [m]."""
-        ways = [position, *self._bodies(position, placement)]
-        return max(
-            float(np.sqrt(np.einsum("ij,ij->i", now - then, now - then).max(initial=0.0)))
-            for now, then in zip(ways, self._near_reference, strict=True)
-        )
+        frame, *bodies = self._near_reference
+        ways = [self.sim.domain.nearest(position - frame)]
+        ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
+        return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0))) for way in ways)
 
     def _bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
@@ -158,15 +165,22 @@ class Lists:
 
     # -- near list ------------------------------------------------------------------------------
 
-    def _rebuild(self, placement: np.ndarray) -> None:
+    def _rebuild(self, placement: np.ndarray, kept: np.ndarray) -> None:
+        """New near lists of the grains in slots ``kept``, the others are dropped."""
         sim, lists = self.sim, self.sim.kernels.lists
-        state, n = sim.state, len(sim.state)
+        state = sim.state
         cell = 2.0 * self.largest + sim.plan.gap + self.skin
         position = state.record.numpy()[:, grain.POSITION]
-        order = morton_order(position, cell)
         old_id = wp.clone(state.id)
+        known = self._known
+        order = kept[morton_order(position[kept], cell)] if len(kept) else kept
         state.reorder(order)
-        old_place = self._upload(order.astype(np.int32), wp.int32)
+        n = self._known = len(order)
+        if n == 0:
+            self.contact_count = self.row_count = 0
+            self._near = None
+            return
+        old_place = self._upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
         position = np.ascontiguousarray(state.record.numpy()[:, grain.POSITION])
         self._near_reference = [position.copy(), *self._bodies(position, placement)]
         points = self._upload(position, wp.vec3d)
@@ -346,7 +360,8 @@ class Lists:
             self._restore_places(data, n)
         placement = sim.stepper.placements()
         self._last_refresh = self._last_rebuild = sim.step_number
-        self._rebuild(placement)
+        self._known = n
+        self._rebuild(placement, np.arange(n))
         self._refresh(placement)
         self._restore_forces(data)
 

@@ -145,7 +145,7 @@ def read_contacts(sim) -> Contacts:
             return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
 
         a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
-        way = position[a] - position[b]
+        way = sim.domain.nearest(position[a] - position[b])
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
         on = overlap > -plan.gap

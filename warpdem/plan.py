@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import warp as wp
 
+from warpdem.domain import Domain
 from warpdem.kernels import grain, law, pairs
 from warpdem.kernels.field import NUMBERS
 from warpdem.models import digest, is_file, model
@@ -40,6 +41,12 @@ class Plan:
     """How far beyond contact the normal law acts [m]: lists and forces reach that much further."""
     lanes: int
     precision: str = "double"
+    period: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Length of the domain along each periodic axis [m], else 0."""
+    lower: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Lower border along each periodic axis [m]."""
+    outlets: int = 0
+    """Regions in which grains leave."""
     fields: tuple[tuple[str, str], ...] = ()
     """External fields: model, and the axes it lives in."""
     user_files: tuple[str, ...] = ()
@@ -179,6 +186,11 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
     if not fields:
         left_out["external fields"] = "the scene has none"
     chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
+    domain = Domain(scene)
+    if not any(domain.period):
+        left_out["periodic images"] = "no axis is periodic"
+    if not len(domain.boxes):
+        left_out["borders and outlets"] = "the scene has none"
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
@@ -201,5 +213,8 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
         fields=fields,
         user_files=tuple(digest(name) for name in chosen if is_file(name)),
         precision=scene.engine.precision,
+        period=domain.period,
+        lower=domain.lower,
+        outlets=len(domain.boxes),
         left_out=left_out,
     )

@@ -24,6 +24,7 @@ from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import core_schema
 
 from warpdem import models
+from warpdem.borders import Borders, Box, Outlet
 from warpdem.errors import SceneError
 from warpdem.motion import Motions
 from warpdem.scene_base import (
@@ -31,6 +32,7 @@ from warpdem.scene_base import (
     Duration,
     FileName,
     Length,
+    Name,
     Point,
     Problem,
     SceneModel,
@@ -43,7 +45,6 @@ from warpdem.units import Array, Quantity, Vector
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 
 Pair2 = tuple[float, float]
-Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 # strict: neither true, nor 5000.5, nor "5000" is a count
 Whole = Annotated[int, Field(strict=True, ge=0)]
 
@@ -126,19 +127,6 @@ class Pair(SceneModel):
     )
 
 
-class Box(SceneModel):
-    """Box along the frame axes."""
-
-    min: Point = Field(description="Lowest corner [m].")
-    max: Point = Field(description="Highest corner [m], above min along each axis.")
-
-    @model_validator(mode="after")
-    def _has_inside(self) -> "Box":
-        if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
-            raise wrong([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
-        return self
-
-
 class DiameterRange(SceneModel):
     """Distribution of diameters."""
 
@@ -182,6 +170,33 @@ class Fill(SceneModel):
         exactly_one(self, "count", "solid_fraction")
         if self.region is not None and self.wall is None:
             raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
+        return self
+
+
+class Stream(SceneModel):
+    """Grains that come in while the run goes on, at random free places of a region."""
+
+    material: str = Field(description="Name of the material.")
+    box: Box = Field(description="Region in which they appear, whole.")
+    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
+        (0.0, 0.0, 0.0), description="Their velocity relative to the frame [m/s], default 0."
+    )
+    mass_rate: Annotated[float, Quantity("kg/s", gt=0)] | None = Field(
+        None, description="Mass per time [kg/s], > 0; this or count_rate."
+    )
+    count_rate: Annotated[float, Quantity("1/s", gt=0)] | None = Field(
+        None, description="Grains per time [1/s], > 0; this or mass_rate."
+    )
+    start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="When it begins [s], >= 0, default 0.")
+    until: Duration | None = Field(None, description="When it ends [s], above start; default never.")
+    seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0.")
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "Stream":
+        exactly_one(self, "mass_rate", "count_rate")
+        if self.until is not None and self.until <= self.start:
+            raise wrong([(("until",), self.until, f"must be later than start = {self.start:g} s")])
         return self
 
 
@@ -451,12 +466,15 @@ class Scene(SceneModel):
     materials: dict[str, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
-    grains: Annotated[list[Grains], Field(min_length=1)] = Field(description="Groups of grains, at least one.")
+    grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
     frame: Motions | None = Field(
         None, description="Motion of the frame axes: one, or a list, outermost first; default none (inertial)."
     )
     fields: list[ExternalField] = Field([], description="External fields beside gravity, default none.")
+    borders: Borders | None = Field(None, description="Borders of the domain along the frame axes, default none.")
+    outlets: list[Outlet] = Field([], description="Regions that take grains out of the run and count them, default none.")
+    streams: list[Stream] = Field([], description="Grains that come in while the run goes on, default none.")
     time: Time = Field(description="Length and step of the run.")
     output: Output = Field(Output(), description="What is written, and how often.")
     engine: Engine = Field(Engine(), description="How the run is computed.")
@@ -514,12 +532,20 @@ def _name_problems(scene: Scene) -> Iterator[Problem]:
     """Names that stand for nothing, names and ids given twice."""
     uses = [(("grains", i, "material"), grains.material) for i, grains in enumerate(scene.grains)]
     uses += [(("walls", i, "material"), wall.material) for i, wall in enumerate(scene.walls)]
+    uses += [(("streams", i, "material"), stream.material) for i, stream in enumerate(scene.streams)]
     uses += [
         (("pairs", i, "materials", k), m) for i, pair in enumerate(scene.pairs) for k, m in enumerate(pair.materials)
     ]
     for loc, name in uses:
         if name not in scene.materials:
             yield loc, name, f"no such material; the scene has {_quoted(list(scene.materials))}"
+
+    if not scene.grains and not scene.streams:
+        yield ("grains",), None, "missing: give at least one group of grains, or a stream"
+    outlets = [outlet.name for outlet in scene.outlets]
+    for i, name in enumerate(outlets):
+        if name in outlets[:i]:
+            yield ("outlets", i, "name"), name, f"outlets[{outlets.index(name)}] has this name too: names must differ"
 
     names = [wall.name for wall in scene.walls]
     for i, name in enumerate(names):
@@ -550,7 +576,8 @@ def _pair_problems(scene: Scene) -> Iterator[Problem]:
         given.setdefault(key, i)
 
     # in the order of the scene, without repeats; unknown names have been named already
-    of_grains = [name for name in dict.fromkeys(g.material for g in scene.grains) if name in scene.materials]
+    sources = [*scene.grains, *scene.streams]
+    of_grains = [name for name in dict.fromkeys(g.material for g in sources) if name in scene.materials]
     of_walls = [name for name in dict.fromkeys(w.material for w in scene.walls) if name in scene.materials]
     meeting = [*itertools.combinations_with_replacement(of_grains, 2), *itertools.product(of_grains, of_walls)]
     missing = dict.fromkeys(key for a, b in meeting if (key := tuple(sorted((a, b)))) not in given)

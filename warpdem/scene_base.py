@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from warpdem.units import Quantity, Vector
@@ -21,6 +21,7 @@ def _unit_vector(vector: Vec3) -> Vec3:
     return vector if abs(norm - 1.0) < 1e-15 else tuple(x / norm for x in vector)
 
 
+Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 Point = Annotated[Vec3, Vector(Quantity("m"))]
 Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(_unit_vector)]
 Length = Annotated[float, Quantity("m", gt=0)]

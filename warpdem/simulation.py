@@ -4,14 +4,18 @@ import hashlib
 import math
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
 from warpdem import checkpoint, observers, timestep
 from warpdem.compiled import compile_plan
+from warpdem.domain import Domain
+from warpdem.domain import check as check_domain
 from warpdem.errors import SceneError, StabilityError
-from warpdem.grain_source import check_start, load_grains
+from warpdem.grain_source import check_start, joined, load_grains
+from warpdem.kernels import grain
 from warpdem.models import model
 from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
@@ -20,6 +24,7 @@ from warpdem.schedule import Schedule
 from warpdem.snapshot import Snapshot, WallMesh
 from warpdem.state import State
 from warpdem.stepper import Stepper
+from warpdem.streams import Feeder, representatives
 from warpdem.threads import Threads, available_threads
 from warpdem.walls import Walls, check_sizes, load_meshes, named_diameters
 
@@ -47,29 +52,34 @@ class Simulation:
             self.meshes = load_meshes(scene)
             check_sizes(scene, self.meshes, named_diameters(scene))
             start = load_grains(scene, self.meshes)
-            check_sizes(scene, self.meshes, 2.0 * start.radius)
             check_start(start, self.meshes, scene)
+            self.domain = Domain(scene)
+            start = replace(start, position=self.domain.wrapped(start.position))
+            self.expected = joined(start, representatives(scene))
+            check_sizes(scene, self.meshes, 2.0 * self.expected.radius)
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
             self.plan = make_plan(
                 scene,
-                start.type,
+                self.expected.type,
                 bool(np.any(start.spin)),
                 self.schedule.moving,
                 SIMD_LANES if self.device.is_cpu else 1,
             )
-            self.limits = timestep.limits(scene, start, self.meshes)
+            check_domain(scene, start, self.schedule.frame, self.plan.gap)
+            self.limits = timestep.limits(scene, self.expected, self.meshes)
             self.dt = timestep.choose(scene, self.limits)
             self.schedule.dt = self.dt
             self.kernels = compile_plan(self.plan)
             density = np.array([m.density for m in scene.materials.values()])
-            moving = type(start)(**{**vars(start), "velocity": start_velocity, "spin": start_spin})
+            moving = replace(start, velocity=start_velocity, spin=start_spin)
+            self.density = density
             self.state = State(moving, density, self.plan.spins, self.device)
             self.walls = (
                 Walls(scene, self.meshes, self.schedule.wall_motion, self.device) if self.plan.walls else None
             )
-            table = coefficient_table(scene) if self.plan.table else self._only_coefficients(start)
+            table = coefficient_table(scene) if self.plan.table else self._only_coefficients(self.expected)
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
             self.lists = Lists(self)
             self.stepper = Stepper(self)
@@ -77,6 +87,11 @@ class Simulation:
         self._forces_ready = False
         self.steps_done = 0
         self.noticed: dict[str, str] = {}
+        self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
+        self.feeders = [Feeder(stream, scene, self.dt) for stream in scene.streams]
+        self._next_id = int(start.id.max(initial=-1)) + 1
+        self._grown = False
+        self._let_in()
         if self.dt > self.limits.stable:
             self._notice("time step", timestep.over_limit(scene, self.limits))
 
@@ -89,9 +104,9 @@ class Simulation:
         rows = [table[first * len(names) + other] for other in others]
         return next((r for r in rows if np.isfinite(r).all()), rows[0])[None]
 
-    def _to_absolute(self, start) -> tuple[np.ndarray, np.ndarray]:
-        """Absolute spins [rad/s] and velocities [m/s] of grains given relative to the frame at time 0."""
-        pose = self.schedule.pose(0.0)
+    def _to_absolute(self, start, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Absolute spins [rad/s] and velocities [m/s] of grains given relative to the frame at ``time`` [s]."""
+        pose = self.schedule.pose(time)
         return start.spin + pose.spin, start.velocity + pose.velocity_at(start.position)
 
     @contextmanager
@@ -136,18 +151,70 @@ class Simulation:
 
     def _advance(self, count: int) -> int:
         """Make valid lists, evaluate the forces if they are not, and run up to ``count`` steps; returns how many."""
+        if len(self.state) and not self._forces_ready:
+            self.lists.update(self._grown)
+            self._grown = False
+        events = [event for feeder in self.feeders if (event := feeder.next_event(self.step_number)) is not None]
+        due = min(events, default=self.step_number + count + 1) - self.step_number
+        batch = min(count, due)
         if len(self.state) == 0:
-            self.step_number += count
-            return count
-        if not self._forces_ready:
-            self.lists.update()
-        batch = min(count, self.stepper.row()[1])
-        with self.clock("steps"):
-            done, moved = self.stepper.advance(batch, forces_first=not self._forces_ready)
+            done, moved = batch, False
+        else:
+            batch = min(batch, self.stepper.row()[1])
+            with self.clock("steps"):
+                done, moved = self.stepper.advance(batch, not self._forces_ready, hold=batch == due)
         self.step_number += done
         self.steps_done += done
-        self._forces_ready = not moved
+        self._forces_ready = not moved and done < due
+        if done == due:
+            self._let_in()
         return done
+
+    def stay(self, position: np.ndarray) -> np.ndarray:
+        """Slots of the grains at ``position`` (n, 3) [m] that are still in the domain; the others are counted.
+
+        Raises:
+            StabilityError: one is beyond a border that stops the run.
+        """
+        where = self.domain.left_by(position)
+        gone = where >= 0
+        if gone.any():
+            ids, mass = self.state.id.numpy(), 1.0 / self.state.inverse.numpy()[:, 0]
+            for number in np.unique(where[gone]):
+                name, through = self.domain.names[number], where == number
+                if self.domain.stops[number]:
+                    first = int(np.flatnonzero(through)[np.argmin(ids[through])])
+                    place = ", ".join(f"{x:.4g}" for x in position[first])
+                    raise StabilityError(
+                        f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {ids[first]} at ({place}) m is "
+                        f"beyond the border {name}, which the scene says stops the run"
+                    )
+                self.left[name][0] += int(through.sum())
+                self.left[name][1] += float(mass[through].sum())
+        return np.flatnonzero(~gone)
+
+    def _let_in(self) -> None:
+        """Add what the streams bring at the present step, before its forces are called."""
+        for feeder in self.feeders:
+            if not feeder.is_event(self.step_number):
+                continue
+            record = self.state.record.numpy()
+            there = record[:, grain.POSITION], record[:, grain.RADIUS]
+            position, radius = feeder.bring(self.step_number, *there, self.domain.nearest)
+            n = len(radius)
+            if n == 0:
+                continue
+            velocity = np.tile(np.array(feeder.stream.velocity, dtype=float), (n, 1))
+            ids = np.arange(self._next_id, self._next_id + n)
+            came = type(self.expected)(ids, np.full(n, feeder.type, np.int32), radius, position, velocity, np.zeros((n, 3)))
+            if not self.plan.scheme.RELATIVE:
+                spin, velocity = self._to_absolute(came, self.time)
+                if self.step_number > 0:  # the record holds the velocity of mid-step, and the next kick is a whole one
+                    velocity = velocity - 0.5 * self.dt * self.schedule.rows(self.step_number, 0)[0, 2:5]
+                came = replace(came, velocity=velocity, spin=spin)
+            self.state.add(came, self.density)
+            self._next_id += n
+            self._grown, self._forces_ready = True, False
 
     def new_rows(self, grains: int, slots: int):
         """Wall rows of ``grains`` grains with ``slots`` slots in all."""

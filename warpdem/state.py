@@ -40,6 +40,15 @@ class State:
     def __len__(self) -> int:
         return self.record.shape[0]
 
+    def add(self, start, density: np.ndarray) -> None:
+        """Append the grains ``start`` (absolute velocities and spins) after the others."""
+        more = State(start, density, self.spins, self.device)
+        for name in ("record", "inverse", "id", "kind"):
+            array = getattr(self, name)
+            both = np.concatenate([array.numpy(), getattr(more, name).numpy()])
+            setattr(self, name, wp.array(both, dtype=array.dtype, device=self.device))
+        self.rank = np.argsort(self.id.numpy(), kind="stable")
+
     def reorder(self, order: np.ndarray) -> None:
         """Put the grains into ``order``: slot s gets what was in slot order[s]."""
         for name in ("record", "inverse", "id", "kind"):

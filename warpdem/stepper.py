@@ -6,6 +6,7 @@ import warp as wp
 from warpdem.kernels import barrier
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.loop import SPAN
+from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
 from warpdem.kernels.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
@@ -22,7 +23,6 @@ class Stepper:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.stages = len(sim.plan.scheme.STAGES)
-        self.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         device, cpu = sim.device, sim.device.is_cpu
         slots = sim.threads.count if cpu else CUDA_THREADS
         control = self.control = sim.kernels.loop.Control()
@@ -31,6 +31,7 @@ class Stepper:
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(sim.scene), dtype=Numbers, device=device)
+        control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
@@ -83,7 +84,7 @@ class Stepper:
         grains, packs = loop.Grains(), loop.Packs()
         grains.record, grains.inverse, grains.kind = sim.state.record, sim.state.inverse, sim.state.kind
         grains.reference, grains.row_start = lists.reference, lists.row_start
-        grains.store = self.store
+        grains.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
@@ -95,16 +96,19 @@ class Stepper:
         self._arguments, self._arguments_of = (grains, packs, rows), lists.refreshes
         return self._arguments
 
-    def advance(self, count: int, forces_first: bool) -> tuple[int, bool]:
-        """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces."""
+    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, bool]:
+        """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces.
+
+        ``hold`` leaves the forces of the last step to the next call: grains come in there.
+        """
         sim = self.sim
         base, _ = self.row()
         grains, packs, rows = self.arguments()
         surface = sim.walls.surface if sim.walls else Surface()
         run = self._on_cpu if sim.device.is_cpu else self._on_gpu
-        return run(base, count, forces_first, sim.step_number & 1, grains, packs, rows, surface)
+        return run(base, count, forces_first, hold, sim.step_number & 1, grains, packs, rows, surface)
 
-    def _on_cpu(self, base, count, forces_first, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """One launch per thread for the whole batch."""
         sim, control, n = self.sim, self.control, self.sim.threads.count
         kernel = sim.kernels.loop.run
@@ -116,7 +120,7 @@ class Stepper:
         shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
 
         def job(thread: int):
-            inputs = [thread, n, base, count, int(forces_first), parity, *shared, self._yield_to]
+            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared, self._yield_to]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=sim.device)
 
         sim.threads.together([job(t) for t in range(n)])
@@ -124,7 +128,7 @@ class Stepper:
             return 0, False
         return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
 
-    def _on_gpu(self, base, count, forces_first, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def _on_gpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """One launch per phase, and a look at the flags after each step."""
         sim, loop, control, n = self.sim, self.sim.kernels.loop, self.control, len(self.sim.state)
 
@@ -148,5 +152,6 @@ class Stepper:
             if control.moved.numpy()[::SPAN].any():
                 control.moved.zero_()
                 return s, True
-            forces(s)
+            if s < count or not hold:
+                forces(s)
         return count, False

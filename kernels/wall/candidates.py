@@ -107,14 +107,16 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
     def carry_places(
         first: int,
         parity: int,
-        old_slot: wp.array(dtype=wp.int32),  # memory slot of this grain in the lists that are being replaced
+        old_slot: wp.array(dtype=wp.int32),  # its slot in the lists that are being replaced, -1 if it is new
         before: Rows,
         now: Rows,
     ):
         """Hand the places of the last force call over to the grain's new slots."""
         i = first + wp.tid()
         o = old_slot[i]
-        n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])
+        n = int(0)
+        if o >= 0:
+            n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])
         now.place_count[parity, i] = n
         for k in range(n):
             s = before.first[o] + k

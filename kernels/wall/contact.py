@@ -73,7 +73,7 @@ def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64
 
 @functools.cache
 def build(
-    law, constants, *, spins: bool, rolling: bool, history: int, turning_frame: bool, moving_frame: bool, table: bool,
+    law, constants, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool, moving_frame: bool, table: bool,
     lag: float, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
@@ -185,7 +185,7 @@ def build(
         nearest = radius * radius
         for s in range(first, first + rows.place_count[old, i]):
             if rows.place_wall[old, s] == wall:
-                way = rows.place_point[old, s] - point
+                way = border.nearest(rows.place_point[old, s] - point)
                 square = wp.dot(way, way)
                 taken = int(0)
                 for k in range(first, first + count):
@@ -260,7 +260,7 @@ def build(
                 if s >= 0:
                     n_before = rows.place_normal[old, s]
                     overlap_before = rows.place_overlap[old, s]
-                    midway = (body_point + rows.place_point[old, s]) * wp.float64(0.5)
+                    midway = body_point + border.nearest(rows.place_point[old, s] - body_point) * wp.float64(0.5)
                     arm = radius - wp.float64(0.5) * (overlap + overlap_before)
                     if wp.static(turning_frame):
                         n_before = n_before + turn * n_before

@@ -1,0 +1,87 @@
+"""Periodic borders: the nearest image of a difference of two places, and the place of a grain within the domain.
+
+Along a periodic axis of length L and lower border a, grains are kept in [a, a + L] by one wrap per step, so two of them differ
+by less than L, and the nearest image is
+
+    d - L if d > L/2,   d + L if d < -L/2,   else d.
+
+Straight-line code, as contacts need it; nothing is compiled for axes that are not periodic.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built
+
+
+@functools.cache
+def build(period: tuple[float, float, float], lower: tuple[float, float, float]):
+    """Return ``nearest`` and ``wrapped``.
+
+    Args:
+        period: length of the domain along each axis [m], 0 where it is not periodic.
+        lower: lower border along each axis [m].
+    """
+    x, y, z = period
+    a, b, c = lower
+    steps = [(0,) if length == 0.0 else (0, 1, -1) for length in period]
+    every = [(i * x, j * y, k * z) for i in steps[0] for j in steps[1] for k in steps[2]]
+    shifts = wp.types.vector(3 * len(every), wp.float64)(*[number for shift in every for number in shift])
+
+    @wp.func
+    def axis_nearest(d: wp.float64, length: wp.float64) -> wp.float64:
+        half = length * wp.float64(0.5)
+        return d - length if d > half else (d + length if d < -half else d)
+
+    @wp.func
+    def nearest(d: wp.vec3d) -> wp.vec3d:
+        """The shortest of the differences between images of two places [m]."""
+        dx = d[0]
+        dy = d[1]
+        dz = d[2]
+        if wp.static(x > 0.0):
+            dx = axis_nearest(d[0], wp.float64(wp.static(x)))
+        if wp.static(y > 0.0):
+            dy = axis_nearest(d[1], wp.float64(wp.static(y)))
+        if wp.static(z > 0.0):
+            dz = axis_nearest(d[2], wp.float64(wp.static(z)))
+        return wp.vec3d(dx, dy, dz)
+
+    @wp.func
+    def axis_wrapped(q: wp.float64, low: wp.float64, length: wp.float64) -> wp.float64:
+        return q + length if q < low else (q - length if q >= low + length else q)
+
+    @wp.func
+    def wrapped(q: wp.vec3d) -> wp.vec3d:
+        """The image within the domain of a place that left it by less than a period [m]."""
+        qx = q[0]
+        qy = q[1]
+        qz = q[2]
+        if wp.static(x > 0.0):
+            qx = axis_wrapped(q[0], wp.float64(wp.static(a)), wp.float64(wp.static(x)))
+        if wp.static(y > 0.0):
+            qy = axis_wrapped(q[1], wp.float64(wp.static(b)), wp.float64(wp.static(y)))
+        if wp.static(z > 0.0):
+            qz = axis_wrapped(q[2], wp.float64(wp.static(c)), wp.float64(wp.static(z)))
+        return wp.vec3d(qx, qy, qz)
+
+    @wp.func
+    def image(q: wp.vec3d, number: int) -> wp.vec3d:
+        """Image ``number`` of a place, 0 the place itself [m]."""
+        return q + wp.vec3d(
+            wp.static(shifts)[3 * number], wp.static(shifts)[3 * number + 1], wp.static(shifts)[3 * number + 2]
+        )
+
+    @wp.func
+    def within(q: wp.vec3d, reach: wp.float64) -> bool:
+        """Whether a place is closer than ``reach`` [m] to the domain."""
+        near = True
+        if wp.static(x > 0.0):
+            near = near and q[0] > wp.float64(wp.static(a)) - reach and q[0] < wp.float64(wp.static(a + x)) + reach
+        if wp.static(y > 0.0):
+            near = near and q[1] > wp.float64(wp.static(b)) - reach and q[1] < wp.float64(wp.static(b + y)) + reach
+        if wp.static(z > 0.0):
+            near = near and q[2] > wp.float64(wp.static(c)) - reach and q[2] < wp.float64(wp.static(c + z)) + reach
+        return near
+
+    return Built(nearest=nearest, wrapped=wrapped, image=image, within=within, images=len(every))

@@ -1,0 +1,268 @@
+"""Borders of the domain: periodic images, open and stopping borders, outlets, and streams of grains that come in."""
+
+import numpy as np
+import pytest
+
+from warpdem import Scene, SceneError, Simulation, StabilityError
+
+R = 1e-3
+SIDE = 0.02
+
+
+def scene(positions=(), **keys):
+    grains = [{"material": "g", "positions": positions, "radius": R, **keys.pop("grain", {})}] if len(positions) else []
+    return Scene.model_validate(
+        {
+            "gravity": [0, 0, 0],
+            "materials": {"g": {"density": 2500.0, "young_modulus": 1e7, "poisson_ratio": 0.3}},
+            "contact": {"normal": "hertz", "tangential": "mindlin", "rolling": "none"},
+            "pairs": [{"materials": ["g", "g"], "restitution": 0.7, "friction": 0.5}],
+            "grains": grains,
+            "time": {"end": 1.0, "step": 2e-6, "max_speed": 2.0},
+            **keys,
+        }
+    )
+
+
+def simulated(*args, device="cpu", threads=1, **keys):
+    return Simulation(scene(*args, **keys), device=device, threads=threads)
+
+
+def around(axes="xyz", lower=0.0):
+    return {axis: {"min": lower, "max": lower + SIDE, "kind": "periodic"} for axis in axes}
+
+
+def gas():
+    """216 grains at 40 % of the volume, with random velocities of 0.3 m/s and no net momentum."""
+    rng = np.random.default_rng(1)
+    grid = np.stack(np.meshgrid(*[np.arange(6)] * 3), -1).reshape(-1, 3) + 0.5
+    velocity = rng.normal(scale=0.3, size=grid.shape)
+    return grid * SIDE / 6 + rng.uniform(-2e-4, 2e-4, grid.shape), velocity - velocity.mean(axis=0)
+
+
+# -- periodic ------------------------------------------------------------------------------------
+
+
+def test_a_collision_across_the_border_is_the_one_in_the_middle(device):
+    """Two grains that meet at a corner of the domain, and the same two in its middle."""
+    velocity = [[0.2, 0.15, 0.1], [-0.2, -0.1, -0.15]]
+    apart = np.array([[-1.0, -0.6, -0.7], [1.0, 0.6, 0.7]]) * 0.8 * R
+    ends = []
+    for middle in (0.5 * SIDE, 0.0):
+        sim = simulated((middle + apart) % SIDE, grain={"velocities": velocity}, borders=around(), device=device)
+        sim.step(1500)
+        ends.append((sim.domain.nearest(sim.particles.position - middle), sim.particles.velocity, sim.particles.spin))
+    assert np.abs(ends[0][2]).max() > 5.0, "they did not meet"
+    for a, b, size in zip(*ends, (R, 0.2, 100.0), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9 * size)
+
+
+def test_a_periodic_gas_keeps_its_momentum_and_its_grains_inside(device):
+    position, velocity = gas()
+    sim = simulated(position, grain={"velocities": velocity}, borders=around(lower=-0.001), device=device)
+    before = simulated(position, grain={"velocities": velocity}, borders=around(lower=-0.001)).particles.position
+    sim.step(6000)
+    p = sim.particles
+    assert ((p.position >= -0.001) & (p.position < SIDE - 0.001)).all()
+    assert (np.abs(p.position - before) > 0.5 * SIDE).any(), "no grain came round"
+    speed = np.linalg.norm(p.velocity, axis=1).mean()
+    assert speed < 0.8 * np.linalg.norm(velocity, axis=1).mean(), "nothing was lost: they do not meet"
+    np.testing.assert_allclose(p.mass @ p.velocity, 0.0, atol=1e-14 * p.mass.sum())
+
+
+def test_bits_of_a_periodic_run():
+    position, velocity = gas()
+    hashes = set()
+    for threads, skin in ((1, "auto"), (2, "auto"), (1, 2e-4)):
+        sim = simulated(
+            position, grain={"velocities": velocity}, borders=around(), engine={"skin": skin}, threads=threads
+        )
+        sim.step(1500)
+        hashes.add(sim.state_hash())
+    assert len(hashes) == 1
+
+
+def test_friction_on_a_plane_goes_on_across_the_border(device):
+    """A grain that slides, then rolls over a periodic floor does the same as on an endless one."""
+    floor = [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}]
+    keys = {"grain": {"velocities": [[0.3, 0.2, 0]]}, "walls": floor, "gravity": [0, 0, -9.81], "device": device}
+    ends = []
+    for borders in ({}, {"borders": around("xy")}):
+        sim = simulated([[0.001, 0.003, R]], **keys, **borders)
+        sim.step(60_000)
+        ends.append((sim.particles.velocity[0], sim.particles.spin[0], sim.particles.position[0]))
+    assert ends[0][2][0] > SIDE
+    assert ends[1][2][0] < SIDE
+    np.testing.assert_allclose(ends[1][0], ends[0][0], atol=1e-9)
+    np.testing.assert_allclose(ends[1][1], ends[0][1], atol=1e-6)
+    np.testing.assert_allclose(ends[1][2], np.r_[ends[0][2][:2] % SIDE, ends[0][2][2]], atol=1e-10)
+
+
+def test_a_frame_may_turn_about_a_periodic_axis_only(device):
+    position, velocity = gas()
+    keys = {"grain": {"velocities": velocity, "velocities_in": "laboratory"}, "borders": around("z")}
+    still, framed = (simulated(position, **keys, frame=f, device=device) for f in (None, {"axis": [0, 0, 1], "rate": 30.0}))
+    for sim in (still, framed):
+        sim.step(400)
+    way = still.particles.position_lab - framed.particles.position_lab
+    assert np.abs(still.domain.nearest(way)).max() < 1e-10
+    with pytest.raises(SceneError, match=r"borders\.x: periodic, but the frame turns about another axis"):
+        simulated([[R, R, R]], borders=around("x"), frame={"axis": [0, 0, 1], "rate": 1.0})
+
+
+def test_too_short_a_period_is_refused():
+    short = {"x": {"min": 0, "max": 8 * R, "kind": "periodic"}}
+    with pytest.raises(SceneError, match=r"borders\.x: its length of 0\.008 m is below 4\.4 diameters"):
+        simulated([[R, R, R]], borders=short)
+
+
+def test_overlap_across_the_border_at_the_start_is_refused():
+    with pytest.raises(SceneError, match=r"grain [01] overlaps another across the periodic borders of x"):
+        simulated([[0.2 * R, 0, 0], [SIDE - 0.5 * R, 0, 0]], borders=around("x"))
+
+
+# -- open, stop, outlets -------------------------------------------------------------------------
+
+
+def test_grains_beyond_an_open_border_are_taken_out_at_the_step_they_cross(device):
+    start = np.array([[0.0, 0, 0], [0.004, 0.01, 0], [-0.01, 0.02, 0]])
+    sim = simulated(
+        start, grain={"velocities": [[1.0, 0, 0]] * 3, "ids": [4, 2, 9]}, borders={"x": {"max": 0.01, "kind": "open"}},
+        device=device,
+    )  # fmt: skip
+    assert sim.particles.id.tolist() == [2, 4, 9]
+    sim.step(2999)  # 5.998 mm: the first at 9.998 mm
+    assert sim.left == {"x max": [0, 0.0]}
+    sim.step(1)
+    assert sim.particles.id.tolist() == [4, 9]
+    sim.step(2000)
+    assert sim.particles.id.tolist() == [9]
+    assert sim.left["x max"][0] == 2
+    assert sim.left["x max"][1] == pytest.approx(2 * 2500 * 4 / 3 * np.pi * R**3)
+    sim.step(10_000)
+    assert len(sim.state) == 0
+    assert sim.particles.position.shape == (0, 3)
+    assert sim.energy()["kinetic"] == 0.0
+    assert sim.time == pytest.approx(15_000 * 2e-6)
+
+
+def test_a_border_that_stops_the_run_names_grain_place_and_border(device):
+    borders = {"z": {"min": -0.01, "max": 0.01, "kind": ["stop", "open"]}}
+    sim = simulated([[0, 0, 0]], grain={"velocities": [[0, 0, -1.0]]}, borders=borders, device=device)
+    sim.step(4999)
+    with pytest.raises(StabilityError, match=r"step 500[01]\): grain 0 at \(0, 0, -0\.01\d*\) m is beyond the border z min"):
+        sim.step(5)
+
+
+def test_outlets_and_periodic_borders_side_by_side(device):
+    """What leaves does not change the rest: the grains that stay move on as if alone."""
+    hole = [{"name": "hole", "box": {"min": [0.008, -1, -1], "max": [0.009, 1, 1]}}]
+    keys = {"borders": around("y"), "device": device}
+    both = simulated(
+        [[0, 0.01, 0], [0.002, 0.001, 0.005]], grain={"velocities": [[0.5, 0, 0], [-0.5, -0.7, 0]]}, outlets=hole, **keys
+    )
+    alone = simulated([[0.002, 0.001, 0.005]], grain={"velocities": [[-0.5, -0.7, 0]], "ids": [1]}, **keys)
+    for sim in (both, alone):
+        sim.step(10_000)
+    assert both.left == {"hole": [1, pytest.approx(2500 * 4 / 3 * np.pi * R**3)]}
+    np.testing.assert_array_equal(both.particles.position, alone.particles.position)
+
+
+def test_grains_that_start_beyond_a_border_are_refused():
+    with pytest.raises(SceneError, match=r"grain 1 at \(0\.02, 0, 0\) m starts in x max \(1 of 2 grains do\)"):
+        simulated([[0, 0, 0], [0.02, 0, 0]], borders={"x": {"max": 0.01, "kind": "open"}})
+
+
+@pytest.mark.parametrize(
+    ("border", "words"),
+    [
+        ({"kind": "open"}, "give min, max or both"),
+        ({"min": 0, "kind": "periodic"}, "a periodic axis needs min and max"),
+        ({"min": 1, "max": 0, "kind": "open"}, "must be above min = 1 m"),
+        ({"min": 0, "max": 1, "kind": ["open", "periodic"]}, "kind"),
+    ],
+)
+def test_wrong_borders(border, words):
+    with pytest.raises(ValueError, match=words):
+        scene([[0, 0, 0]], borders={"x": border})
+
+
+# -- streams -------------------------------------------------------------------------------------
+
+STREAM = {
+    "material": "g",
+    "box": {"min": [0, 0, 0.03], "max": [0.02, 0.02, 0.04]},
+    "diameter": {"uniform": [1e-3, 2e-3]},
+    "velocity": [0, 0, -0.5],
+    "count_rate": 3000.0,
+    "until": 0.05,
+    "seed": 4,
+}
+
+
+def chute(**keys):
+    """A stream onto a tilted floor with a hole at its foot."""
+    return scene(
+        streams=[STREAM],
+        walls=[{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0.3, 0, 1]}}],
+        outlets=[{"name": "hole", "box": {"min": [0.012, -1, -1], "max": [1, 1, 0.002]}}],
+        borders={"y": {"min": 0, "max": 0.02, "kind": "periodic"}},
+        gravity=[0, 0, -9.81],
+        time={"end": 1.0, "step": 1e-5, "max_speed": 1.0},
+        **keys,
+    )
+
+
+def test_a_stream_brings_what_is_due_and_the_books_balance(tmp_path):
+    hashes, resumed = set(), None
+    for threads, skin in ((1, "auto"), (2, "auto"), (1, 2e-4)):
+        sim = Simulation(chute(engine={"skin": skin}), device="cpu", threads=threads)
+        sim.step(4000)
+        assert sim.feeders[0].count == pytest.approx(3000 * 0.04, abs=8)
+        if resumed is None:
+            sim.save_checkpoint(tmp_path / "c.h5")
+            resumed = Simulation.from_checkpoint(tmp_path / "c.h5", threads=2)
+        sim.step(6000)
+        count, mass = sim.left["hole"]
+        feeder = sim.feeders[0]
+        assert feeder.count == 150
+        assert len(sim.state) + count == feeder.count
+        assert sim.particles.mass.sum() + mass == pytest.approx(feeder.mass, rel=1e-12)
+        assert count > 10
+        hashes.add(sim.state_hash())
+    resumed.step(6000)
+    assert hashes == {resumed.state_hash()}
+
+
+def test_streamed_grains_fly_exactly(device):
+    sim = Simulation(
+        scene(streams=[{**STREAM, "count_rate": 100.0}], gravity=[0, 0, -9.81], frame={"axis": [0, 1, 0], "rate": 3.0}),
+        device=device, threads=1,
+    )  # fmt: skip
+    sim.step(6000)
+    first, p0, v0 = sim.step_number, sim.particles.position_lab, sim.particles.velocity_lab
+    assert len(p0) == 1
+    sim.step(2000)
+    t = (sim.step_number - first) * sim.dt
+    np.testing.assert_allclose(sim.particles.position_lab[0], p0[0] + v0[0] * t + [0, 0, -0.5 * 9.81 * t**2], atol=1e-15)
+
+
+def test_a_stream_by_mass_waits_where_there_is_no_room(device):
+    """A closed region fills up: what has no place waits, and nothing overlaps."""
+    box = {"min": [0, 0, 0], "max": [0.01, 0.01, 0.01]}
+    crowd = {"material": "g", "box": box, "diameter": 2e-3, "mass_rate": 1.0}
+    sim = Simulation(scene(streams=[crowd]), device=device, threads=1)
+    sim.step(2000)
+    assert 30 < len(sim.state) < 90
+    assert sim.extremes["pair_overlap_share"] == 0.0
+    assert sim.feeders[0].waiting == 2e-3
+
+
+def test_a_scene_needs_grains_or_a_stream():
+    with pytest.raises(ValueError, match="give at least one group of grains, or a stream"):
+        scene()
+
+
+def test_rates_of_a_stream():
+    with pytest.raises(ValueError, match="exactly one of mass_rate, count_rate"):
+        scene(streams=[{**STREAM, "mass_rate": 1.0}])
