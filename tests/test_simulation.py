@@ -257,3 +257,23 @@ def test_wrong_device_and_thread_count_are_refused():
         Simulation(scene, device="tpu:7")
     with pytest.raises(SceneError, match="threads = 0"):
         Simulation(scene, device="cpu", threads=0)
+
+
+def test_guards_record_instead_of_stopping(make_scene):
+    """For studies of schemes that are meant to fail: noted once, with grain, place and time, and the run goes on."""
+    crash = {"positions": [[0, 0, 0], [2.1e-3, 0, 0]], "velocities": [[5.0, 0, 0], [-5.0, 0, 0]], "step": 1e-6}
+    with pytest.raises(StabilityError, match=r"stopped at t = .* grains overlap by"):
+        Simulation(make_scene(**crash), device="cpu", threads=1).step(200)
+    sim = Simulation(make_scene(**crash, engine={"guards": "record"}), device="cpu", threads=1)
+    sim.step(200)
+    assert list(sim.noticed) == ["overlap"]
+    assert "grain 0 with grain 1 at (0.00105" in sim.noticed["overlap"]
+    assert sim.step_number == 200
+
+
+def test_a_step_over_the_limit_is_recorded_too(make_scene):
+    keys = {"positions": [[0, 0, 0]], "step": 1e-2, "max_speed": 1.0}
+    with pytest.raises(SceneError, match="over the stability limit"):
+        Simulation(make_scene(**keys), device="cpu", threads=1)
+    sim = Simulation(make_scene(**keys, engine={"guards": "record"}), device="cpu", threads=1)
+    assert "over the stability limit" in sim.noticed["time step"]

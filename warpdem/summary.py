@@ -66,6 +66,13 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     table.add_row("steps per contact", f"{steps_per_contact(sim):.1f} at these speeds (damped contact, lightest grain)")
     if turning is not None:
         table.add_row("turning", turning_line(turning))
+    for feeder in sim.feeders:
+        waits = "" if feeder.waiting is None else "; the next waits for room"
+        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {feeder.stream.material}{waits}")
+    for name, (count, mass) in sim.left.items():
+        table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
+    for guard, message in sim.noticed.items():
+        table.add_row("[bold red]noticed[/]", f"{guard}: {message}")
     for name, why in sim.plan.left_out.items():
         table.add_row("left out", f"{name}: {why}")
     table.add_row("state hash", sim.state_hash())
