@@ -114,14 +114,18 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 
 @functools.cache
-def build_travel(border, *, spins: bool, moving: int, outlets: int, ahead: float):
+def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float):
     """Return ``travelled``.
+
+    Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
+    where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
 
     Args:
         border: periodic images, of ``border.build``.
         outlets: number of boxes in which a grain has left the domain.
         spins: grains spin.
         moving: number of wall motions relative to the frame (they come first among the placements).
+        in_frame: ways in frame axes count: a wall rests there, or none moves.
         ahead: steps at the present velocity that the lists must hold beyond the present place.
     """
     g = grain.build(spins)
@@ -142,14 +146,15 @@ def build_travel(border, *, spins: bool, moving: int, outlets: int, ahead: float
         left = reach
         if wp.static(ahead > 0.0):
             left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
-        way = border.nearest(q - reference[i, 0])
-        moved = 1
-        if wp.dot(way, way) <= left * left:  # false for NaN, so that a broken state is noticed here
-            moved = 0
+        moved = int(0)
+        if wp.static(in_frame):
+            way = border.nearest(q - reference[i, 0])
+            if not (wp.dot(way, way) <= left * left):  # so that a broken state, NaN, is noticed here
+                moved = 1
         if wp.static(moving > 0):
             for m in range(wp.static(moving)):
                 gone = local(placements[next_row, m], q) - reference[i, m + 1]
-                if wp.dot(gone, gone) > left * left:
+                if not (wp.dot(gone, gone) <= left * left):
                     moved = 1
         if wp.static(outlets > 0):
             for e in range(wp.static(outlets)):

@@ -2,10 +2,11 @@
 
 One Jacobi step moves grain i by
 
-    dx_i = relaxation * sum_j  r_j / (r_i + r_j) * overlap_ij * n_ij / sqrt(contacts of i)
+    dx_i = sum_j  r_j / (r_i + r_j) * overlap_ij * n_ij / sqrt(contacts of i)
 
-with n_ij from j to i. A pair alone is parted to just touching at relaxation 1 whatever the sizes; the square root lies
-between the full sum, which overshoots in a dense packing, and the mean, which creeps.
+with n_ij from j to i; a grain that is held fast moves its partner by the whole overlap. A pair alone is parted to just
+touching whatever the sizes; the square root lies between the full sum, which overshoots in a dense packing, and the
+mean, which creeps.
 
 A packing is geometry, not mechanics: no forces, no friction, and no float atomics, so equal input gives equal bits.
 """
@@ -15,6 +16,7 @@ import warp as wp
 
 @wp.kernel(enable_backward=False, module="unique")
 def list_neighbours(
+    first: wp.int32,
     grid: wp.uint64,
     # grains, read [m]
     position: wp.array[wp.vec3d],
@@ -29,7 +31,7 @@ def list_neighbours(
     partner_out: wp.array[wp.int32],
 ):
     """List the neighbours of each grain and find its worst overlap."""
-    i = wp.tid()
+    i = first + wp.tid()
     x = position[i]
     r = radius[i]
     count = wp.int32(0)
@@ -40,15 +42,17 @@ def list_neighbours(
     while wp.hash_grid_query_next(query, j):
         if j != i:
             touch = r + radius[j]
-            distance = wp.length(x - position[j])
-            if distance < touch + skin:
+            apart = x - position[j]
+            square = wp.dot(apart, apart)
+            # most candidates are out of reach: they need no square root
+            if square < (touch + skin) * (touch + skin):
                 if count < neighbour_out.shape[1]:
                     neighbour_out[i, count] = j
                 count += 1
-            overlap = (touch - distance) / wp.min(r, radius[j])
-            if overlap > worst:
-                worst = overlap
-                partner = j
+                overlap = (touch - wp.sqrt(square)) / wp.min(r, radius[j])
+                if overlap > worst:
+                    worst = overlap
+                    partner = j
     count_out[i] = count
     overlap_out[i] = worst
     partner_out[i] = partner
@@ -56,11 +60,12 @@ def list_neighbours(
 
 @wp.kernel(enable_backward=False, module="unique")
 def push_apart(
-    # grains, read [m]; `growth` scales all radii [-], `relaxation` all moves [-]
+    first: wp.int32,
+    # grains, read [m]; those from number `loose` on are held fast; `growth` scales all radii [-]
     position: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
+    loose: wp.int32,
     growth: wp.float64,
-    relaxation: wp.float64,
     neighbour: wp.array2d[wp.int32],
     count: wp.array[wp.int32],
     # written: move [m], and largest overlap of the grown grains as a share of the smaller grown radius [-]
@@ -68,7 +73,7 @@ def push_apart(
     overlap_out: wp.array[wp.float64],
 ):
     """Move of each grain that parts it from those it overlaps."""
-    i = wp.tid()
+    i = first + wp.tid()
     x = position[i]
     r = radius[i] * growth
     move = wp.vec3d()
@@ -78,17 +83,19 @@ def push_apart(
         j = neighbour[i, k]
         r_j = radius[j] * growth
         apart = x - position[j]
-        distance = wp.length(apart)
-        overlap = r + r_j - distance
-        if overlap > wp.float64(0.0):
+        square = wp.dot(apart, apart)
+        if square < (r + r_j) * (r + r_j):
+            distance = wp.sqrt(square)
+            overlap = r + r_j - distance
             # grains that coincide are parted along x, the lower number to the left
             normal = wp.vec3d(wp.where(i < j, wp.float64(-1.0), wp.float64(1.0)), wp.float64(0.0), wp.float64(0.0))
             if distance > wp.float64(0.0):
                 normal = apart / distance
-            move += normal * (overlap * r_j / (r + r_j))
+            share = wp.where(j < loose, r_j / (r + r_j), wp.float64(1.0))
+            move += normal * (overlap * share)
             contacts += wp.float64(1.0)
             worst = wp.max(worst, overlap / wp.min(r, r_j))
     if contacts > wp.float64(0.0):
-        move *= relaxation / wp.sqrt(contacts)
+        move /= wp.sqrt(contacts)
     move_out[i] = move
     overlap_out[i] = worst

@@ -226,6 +226,7 @@ def test_a_stream_brings_what_is_due_and_the_books_balance(tmp_path):
         count, mass = sim.left["hole"]
         feeder = sim.feeders[0]
         assert feeder.count == 150
+        assert not feeder.blocked
         assert len(sim.state) + count == feeder.count
         assert sim.particles.mass.sum() + mass == pytest.approx(feeder.mass, rel=1e-12)
         assert count > 10
@@ -255,6 +256,7 @@ def test_a_stream_by_mass_waits_where_there_is_no_room(device):
     sim.step(2000)
     assert 30 < len(sim.state) < 90
     assert sim.extremes["pair_overlap_share"] == 0.0
+    assert sim.feeders[0].blocked
     assert sim.feeders[0].waiting == 2e-3
 
 

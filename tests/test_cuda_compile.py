@@ -28,6 +28,7 @@ MAIN_JOB = Plan(
     meshes=1,
     planes=0,
     moving=0,
+    in_frame=True,
     materials=1,
     table=False,
     gap=0.0,

@@ -7,8 +7,12 @@ import trimesh
 
 from warpdem.errors import SceneError
 from warpdem.geometry import build_mesh
-from warpdem.grain_source import Grains0, check_start, load_grains, read_state
+from warpdem.grain_source import Grains0, check_start, joined, load_grains, read_state
 from warpdem.motion import Rotation
+from warpdem.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.scene import Wall
+from warpdem.sizes import DiameterDistribution
+from warpdem.wall_shapes import Plane
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
 
@@ -25,13 +29,15 @@ def explicit(positions, radii, **more):
 
 
 def filled(**fields):
-    asked = {"wall": None, "box": None, "region": None, "count": None, "solid_fraction": None, "seed": 0, **fields}
+    keys = ("wall", "box", "region", "height", "count", "mass", "solid_fraction")
+    asked = {**dict.fromkeys(keys), "seed": 0, **fields}
     return SimpleNamespace(**{**vars(REST), "fill": SimpleNamespace(**asked)})
 
 
 def make_scene(*groups, walls=(), frame=None, base="."):
     return SimpleNamespace(
-        materials={"steel": None, "glass": None},
+        materials={"steel": None, "glass": SimpleNamespace(density=2500.0)},
+        gravity=(0.0, 0.0, -9.81),
         grains=list(groups),
         walls=list(walls),
         frame=frame,
@@ -100,8 +106,8 @@ def test_laboratory_velocities_lose_the_motion_of_the_frame():
 def test_fill_of_a_wall_within_a_region():
     mesh = container([0, 0, 0], [8, 8, 8])
     region = SimpleNamespace(min=(0.0, 0.0, 0.0), max=(8.0, 8.0, 4.0))
-    group = filled(wall="vessel", region=region, count=60, diameter=SimpleNamespace(uniform=(0.8, 1.2)), seed=2)
-    wall = SimpleNamespace(name="vessel", plane=None, mesh="box.stl")
+    group = filled(wall="vessel", region=region, count=60, diameter=DiameterDistribution(uniform=(0.8, 1.2)), seed=2)
+    wall = Wall(name="vessel", material="steel", mesh="box.stl")
     scene = make_scene(group, walls=[wall])
     grains = load_grains(scene, {"vessel": mesh})
     assert len(grains) == 60
@@ -115,6 +121,46 @@ def test_fill_of_a_box_with_one_diameter():
     grains = load_grains(make_scene(filled(box=box, solid_fraction=0.3, diameter=1.0)), {})
     assert abs(len(grains) - 0.3 * 64 * 6 / np.pi) <= 0.5
     np.testing.assert_array_equal(grains.radius, 0.5)
+
+
+def box_of(low, high):
+    return SimpleNamespace(min=tuple(map(float, low)), max=tuple(map(float, high)))
+
+
+def test_fill_to_a_mass_and_to_a_height_against_gravity():
+    scene = make_scene(filled(box=box_of([0, 0, 0], [4, 4, 9]), mass=30_000.0, diameter=0.5, height=4.0))
+    grains = load_grains(scene, {})
+    mass = 2500.0 * 4.0 / 3.0 * np.pi * (grains.radius**3).sum()
+    assert abs(mass - 30_000.0) <= 0.5 * 2500.0 * np.pi / 6.0 * 0.5**3
+    assert (grains.position[:, 2] + grains.radius <= 4.0).all()
+    # a height alone is filled densely; gravity that points up fills from the top
+    scene = make_scene(filled(box=box_of([0, 0, 0], [4, 4, 9]), diameter=0.4, height=3.0))
+    scene.gravity = (0.0, 0.0, 9.81)
+    grains = load_grains(scene, {})
+    solid = 4.0 / 3.0 * np.pi * (grains.radius**3).sum()
+    np.testing.assert_allclose(solid, HEIGHT_FRACTION * 48.0, rtol=2e-3)
+    assert (grains.position[:, 2] - grains.radius >= 6.0).all()
+
+
+def test_groups_that_share_a_space_do_not_overlap():
+    box = box_of([0, 0, 0], [6, 6, 6])
+    scene = make_scene(
+        filled(box=box, solid_fraction=0.2, diameter=1.0),
+        explicit([[3, 3, 3], [20, 0, 0]], [1.2, 0.5], material="steel", ids=[5, 9]),
+        filled(box=box, solid_fraction=0.2, diameter=0.6),
+    )
+    grains = load_grains(scene, {})
+    assert worst_overlaps(grains.position, grains.radius)[0].max() <= OVERLAP
+    steel = np.isin(grains.id, [5, 9])
+    np.testing.assert_array_equal(grains.position[steel], [[3, 3, 3], [20, 0, 0]])
+    # in the order of the scene
+    first = int(np.argmax(steel))
+    np.testing.assert_array_equal(grains.radius[:first], 0.5)
+    np.testing.assert_array_equal(grains.radius[first + 2 :], 0.3)
+    assert (grains.packings[0].grains, len(grains.packings)) == (len(grains) - 2, 1)
+    assert grains.packings[0].keys == ("scene.toml: grains[0].fill", "scene.toml: grains[2].fill")
+    assert len(joined(grains, grains).packings) == 2
+    check_start(grains, {}, scene)
 
 
 STATE = {
@@ -262,9 +308,9 @@ def test_coinciding_grains_are_named():
 
 
 def test_grain_behind_a_plane_is_named():
-    plane = SimpleNamespace(point=(0.0, 0.0, 1.0), normal=(0.0, 0.0, -1.0))
+    plane = Plane(point=(0.0, 0.0, 1.0), normal=(0.0, 0.0, -1.0))
     scene, grains = start([[0, 0, 0], [3, 0, 2.5]], ids=[0, 8])
-    scene.walls = [SimpleNamespace(name="lid", plane=plane, mesh=None)]
+    scene.walls = [Wall(name="lid", material="steel", plane=plane)]
     with pytest.raises(SceneError, match=r"walls\[0\]\.plane: grain 8 at \(3, 0, 2\.5\) m is 1\.5 m behind .*'lid'"):
         check_start(grains, {}, scene)
     scene, grains = start([[0, 0, 0], [3, 0, 0.9]])
@@ -272,7 +318,7 @@ def test_grain_behind_a_plane_is_named():
 
 
 def mesh_wall(name):
-    return SimpleNamespace(name=name, plane=None, mesh="x.stl")
+    return Wall(name=name, material="steel", mesh="x.stl")
 
 
 def test_grain_outside_the_container_of_most_is_named():

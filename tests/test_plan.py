@@ -210,7 +210,7 @@ def test_explain_names_what_runs():
         "tangential: mindlin",
         "rolling: spring",
         "in a moving frame",
-        "0 meshes, 1 planes",
+        "walls: 1 planes",
         "48 B",
     ):
         assert what in lines

@@ -163,3 +163,18 @@ def test_each_field_is_described_with_unit_and_range():
                 for key, sign in (("exclusiveMinimum", ">"), ("minimum", ">="), ("maximum", "<=")):
                     if key in number:
                         assert f"{sign} {number[key]:g}" in field.description, f"{model.__name__}.{name}: {key}"
+
+
+def test_a_fill_takes_one_amount_and_a_height_stands_for_one():
+    def fill(**keys):
+        box = {"min": [0, 0, 0], "max": [1, 1, 1]}
+        data = minimal()
+        data["grains"] = [{"material": "glass", "fill": {"box": box, "diameter": "1 cm", **keys}}]
+        return Scene.model_validate(data).grains[0].fill
+
+    assert fill(mass="2 kg").mass == 2.0
+    assert fill(height="20 cm").height == 0.2
+    assert fill(height=0.2, count=3).count == 3
+    for keys in ({}, {"count": 3, "mass": 2.0}, {"height": 0.2, "solid_fraction": 0.5, "count": 3}):
+        with pytest.raises(ValidationError, match="exactly one of count, mass, solid_fraction"):
+            fill(**keys)

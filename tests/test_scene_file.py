@@ -60,6 +60,7 @@ interval = "20 ms"
 def scene_path(tmp_path):
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box().export(tmp_path / "meshes" / "box.stl")
+    (tmp_path / "box.stl").mkdir()
     (tmp_path / "box.toml").write_text(GOOD)
     return tmp_path / "box.toml"
 
@@ -198,7 +199,7 @@ BAD = [
     ("pairs.0.rolling_friction=0.1", ["pairs[0].rolling_friction", "rolling_friction = 0", "rolling law"]),
     ("pairs.0.rolling_damping=0.1", ["pairs[0].rolling_damping", '"spring"']),
     # groups and sources
-    ("grains=[]", ["grains", "1 or more"]),
+    ("grains=[]", ["grains", "give at least one group of grains, or a stream"]),
     ("grains.0={material='glass'}", ["grains[0]", "exactly one of positions, file, fill", "none"]),
     ("grains.0.file=a.npz", ["grains[0]", "exactly one", "positions and file"]),
     ("grains.0.diameter=1", ["grains[0]", "exactly one", "radius and diameter"]),
@@ -208,7 +209,10 @@ BAD = [
     ("grains.0.positions=[[0, 0], [1, 1]]", ["grains[0].positions", "rows of 3"]),
     ("grains.0.velocities=[[0, 0, 1]]", ["grains[0].velocities", "positions (2)"]),
     ("grains.0.ids=[4, 4]", ["grains[0].ids", "unique", "4"]),
-    ("grains.1.fill.solid_fraction=0.5", ["grains[1].fill", "exactly one of count, solid_fraction"]),
+    ("grains.1.fill.solid_fraction=0.5", ["grains[1].fill", "exactly one of count, mass, solid_fraction"]),
+    ("grains.1.fill.mass='3 mm'", ["grains[1].fill.mass", "must be a mass"]),
+    ("grains.1.fill.diameter={table=[[1, 1], ['2 kg', 3]]}", ["grains[1].fill.diameter.table[1][0]", "length"]),
+    ("grains.1.fill.diameter={uniform=[1, 2], normal={mean=1, deviation=1, min=1, max=2}}", ["exactly one of uniform, normal"]),
     ("grains.1.fill.count=1.5", ["grains[1].fill.count = 1.5", "whole number"]),
     ("grains.1.fill.count=0", ["grains[1].fill.count = 0", ">= 1"]),
     ("grains.1.fill.seed=-1", ["grains[1].fill.seed = -1", ">= 0"]),
@@ -222,7 +226,10 @@ BAD = [
     # files
     ("walls.0.mesh=meshes/bx.stl", ["walls[0].mesh", "bx.stl", "no such file", "similar files there: box.stl"]),
     ("walls.0.mesh=mesh/box.stl", ["walls[0].mesh", "no folder"]),
-    ("walls.0.mesh=meshes", ["walls[0].mesh", "folder"]),
+    ("walls.0.mesh=box.stl", ["walls[0].mesh", "is a folder"]),
+    ("walls.0.mesh=meshes", ["walls[0].mesh", "must be a file ending in .stl, .obj, .ply, .usd, .usda, .usdc, .usdz"]),
+    ("walls.0.prim=/World/Drum", ["walls[0].prim", "only for a mesh from USD", ".usdz"]),
+    ("walls.0.prim=World", ["walls[0].prim"]),
     ("grains.0={material='glass', file='bed.npz'}", ["grains[0].file", "bed.npz", "no such file"]),
 ]
 

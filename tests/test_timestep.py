@@ -152,6 +152,7 @@ def test_speed_of_a_sampled_frame_counts(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     stage.SetTimeCodesPerSecond(1)
     UsdGeom.SetStageMetersPerUnit(stage, 1)
+    UsdGeom.SetStageUpAxis(stage, "Z")
     xform = UsdGeom.Xform.Define(stage, "/A")
     shift, turn = xform.AddTranslateOp(), xform.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
     for code, x, angle in ((0, 0.0, 0.0), (2, 0.5, 90.0)):

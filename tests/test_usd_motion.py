@@ -12,16 +12,18 @@ ANGLES = (0.0, 90.0, 150.0, 150.0)
 PLACES = ((1, 2, 3), (1, 2, 4), (3, 2, 4), (3, 2, 4))
 
 
-def stage_at(path, metres=1.0, rate=10.0):
+def stage_at(path, metres=1.0, rate=10.0, up="Z"):
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageMetersPerUnit(stage, metres)
+    UsdGeom.SetStageUpAxis(stage, up)
     stage.SetTimeCodesPerSecond(rate)
     return stage
 
 
-@pytest.fixture
-def file(tmp_path):
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
     """A prim that turns about z and shifts, in a parent that is turned and shifted once for all; centimetres."""
+    tmp_path = tmp_path_factory.mktemp("usd")
     stage = stage_at(tmp_path / "arm.usda", metres=0.01)
     parent = UsdGeom.Xform.Define(stage, "/World")
     parent.AddTranslateOp().Set(Gf.Vec3d(0, 0, 100))
@@ -43,6 +45,19 @@ def place_by_hand(time):
     parent = Turn.from_euler("x", 90, degrees=True)
     turn = parent * Turn.from_euler("z", angle, degrees=True)
     return turn.as_matrix(), 0.01 * (parent.apply(place) + np.array([0, 0, 100]))
+
+
+def test_stage_with_y_upwards_is_turned(file, tmp_path):
+    """What is along y on the stage is along z in the laboratory; units and times are as they were."""
+    text = file.read_text()
+    assert 'upAxis = "Z"' in text
+    (tmp_path / "y.usda").write_text(text.replace('upAxis = "Z"', 'upAxis = "Y"'))
+    z_up, y_up = (usd_motion.read(f, "/World/Arm", "frame").pose(TIMES, TIMES) for f in (file, tmp_path / "y.usda"))
+    up = Turn.from_euler("x", 90, degrees=True).as_matrix()
+    for name in ("origin", "velocity"):
+        given, turned = (getattr(pose, name).astype(float) for pose in (z_up, y_up))
+        np.testing.assert_allclose(turned, given @ up.T, atol=1e-15)
+    np.testing.assert_allclose(y_up.axes.astype(float), up @ z_up.axes.astype(float) @ up.T, atol=1e-15)
 
 
 TIMES = np.array([0.0, 0.99, 1.0, 1.25, 2.0, 3.7, 4.0, 4.5, 5.0, 77.0])
@@ -123,7 +138,7 @@ def message(file, prim) -> str:
 
 
 def test_wrong_prims_are_refused_by_name(file, tmp_path):
-    assert "frame[1].prim = '/World/Leg': no such prim" in message(file, "/World/Leg")
+    assert "frame[1]: arm.usda: prim = '/World/Leg': no such prim" in message(file, "/World/Leg")
     assert "/World, /World/Arm" in message(file, "/World/Leg")
     assert "neither it nor what it stands in has time samples" in message(file, "/World")
     stage = stage_at(tmp_path / "other.usda")
@@ -131,7 +146,7 @@ def test_wrong_prims_are_refused_by_name(file, tmp_path):
     stage.Save()
     assert "nothing that can move" in message(tmp_path / "other.usda", "/Words")
     (tmp_path / "broken.usda").write_text("#usda 1.0\n(")
-    assert "frame[1].usd" in message(tmp_path / "broken.usda", "/World")
+    assert "broken.usda: cannot be read as USD" in message(tmp_path / "broken.usda", "/World")
 
 
 @pytest.mark.parametrize("factors", [(2, 2, 2), (1, 1, 1.001), (1, 1, -1)])

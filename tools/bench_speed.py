@@ -31,10 +31,12 @@ from rich.table import Table
 
 import warpdem
 from warpdem.packing import fill
+from warpdem.sizes import DiameterDistribution
 from warpdem.threads import available_threads
 
 ROOT = Path(__file__).resolve().parent.parent
 DIAMETER = (0.3e-3, 0.6e-3)  # [m], uniform by number (Table 2 of the paper)
+SIZES = DiameterDistribution(uniform=DIAMETER)
 MEAN_VOLUME = np.pi / 6.0 * sum(DIAMETER) * (DIAMETER[0] ** 2 + DIAMETER[1] ** 2) / 4.0  # [m3]
 BED_FRACTION = 0.57  # solid fraction at which a bed of one's own is filled [-]
 OWN_GLASS = (5000, 0.45e-3, "hourglass.stl")  # grains [-], scale [m] and mesh of the hourglass made without --states
@@ -143,7 +145,7 @@ def own_bed(count: int, folder: Path, settings: Settings, settle: int) -> Start:
     width = (count * MEAN_VOLUME / BED_FRACTION) ** (1.0 / 3.0) + 0.15 * sum(DIAMETER)
     start = Start(f"bed_{count}", folder / f"bed_{count}_{settle}.npz", width=width)
     if not start.file.exists():
-        position, radius = fill(None, ((0.0,) * 3, (width,) * 3), DIAMETER, seed=1, count=count)
+        position, radius = fill(None, ((0.0,) * 3, (width,) * 3), SIZES, seed=1, count=count)
         rest = np.zeros_like(position)
         raw = Start(start.name, folder / f"bed_{count}_raw.npz", width=width)
         np.savez(raw.file, x=position, r=radius, v=rest, w=rest)
@@ -185,7 +187,7 @@ def mid_discharge(
             from warpdem.geometry import load_mesh
 
             upper = ((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
-            position, radius = fill(load_mesh(turned_mesh), upper, DIAMETER, seed=1, count=count)
+            position, radius = fill(load_mesh(turned_mesh), upper, SIZES, seed=1, count=count)
             state = {"x": position, "r": radius, "v": np.zeros_like(position), "w": np.zeros_like(position)}
         else:
             state = Start("", find(states, f"glass_{count}.npz")).state

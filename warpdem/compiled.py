@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warpdem.kernels import Built, border, law, loop, motion, neighbours, pairs
-from warpdem.kernels.wall import candidates, contact
+from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.models import model
 from warpdem.plan import Plan
 
@@ -34,9 +34,13 @@ def compile_plan(plan: Plan) -> Built:
     shifting = plan.moving_frame and not scheme.RELATIVE
     images = border.build(plan.period, plan.lower)
     pair_pack = pairs.build(plan.real, pair_law, images, plan.lanes, **shared, turning_frame=turning)
+    shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
+    meshes = plan.meshes > 0
+    closest_on_feature = feature.build(meshes, *shapes)
     Rows, touch = contact.build(
-        wall_law, constants, images, **shared, turning_frame=turning, moving_frame=shifting, lag=plan.lag, moving=plan.moving
-    )
+        wall_law, constants, closest_on_feature, images, **shared, turning_frame=turning, moving_frame=shifting,
+        lag=plan.lag, meshes=meshes, moving=plan.moving,
+    )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)
     step = loop.build(
@@ -46,7 +50,14 @@ def compile_plan(plan: Plan) -> Built:
         motion.build_load(plan.real, **spins, walls=plan.walls),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
         # a stage may look ahead of the step's beginning by about a step
-        motion.build_travel(images, **spins, moving=plan.moving, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0),
+        motion.build_travel(
+            images,
+            **spins,
+            moving=plan.moving,
+            in_frame=plan.in_frame,
+            outlets=plan.outlets,
+            ahead=1.5 if stages > 1 else 0.0,
+        ),
         scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
         images,
         **spins,
@@ -57,11 +68,11 @@ def compile_plan(plan: Plan) -> Built:
     walls = None
     if plan.walls:
         walls = candidates.build(
-            contact.closest_on_feature,
+            closest_on_feature,
             Rows,
             spins=plan.spins,
-            meshes=plan.meshes,
-            planes=plan.planes,
+            meshes=meshes,
+            shapes=any(shapes),
             history=plan.memory,
             gap=plan.gap,
         )

@@ -1,7 +1,6 @@
-"""Mesh files to triangles: read, weld, place, and find what belongs together (smooth pieces, flat pieces).
+"""Mesh files to triangles in metres, mended and taken apart into smooth and flat pieces; distance and volume of closed ones.
 
-Everything after the file is float64. The file itself is usually float32 (binary STL), so two triangles of one flat
-floor differ by the rounding of their corners; the tolerance within which they count as one plane follows from that.
+Everything after the file is float64.
 """
 
 import functools
@@ -12,22 +11,15 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warpdem import mesh_file, usd_geometry
 from warpdem.errors import SceneError
 from warpdem.kernels.wall import distance as distance_kernel
+from warpdem.mesh_check import first_of_each, wrongly_wound
+from warpdem.mesh_pieces import ROUNDING, Edges, Shape, find_pieces, first_and_group, fit_planes, renumber, split_bent
+from warpdem.usd_stage import USD_SUFFIXES
 
-SMOOTH_ANGLE = math.radians(30.0)
-"""Triangles that meet at a smaller angle belong to one smooth piece [rad]."""
-ANGLE_ROUNDING = 1e-5
-"""An angle so near to `SMOOTH_ANGLE` counts as equal [rad]: a tube of twelve facets must not fall into random parts."""
-ROUNDING = 2.0**-21
-"""Rounding of a corner in the file relative to the largest coordinate [-]: four units in the last place of float32,
-which also covers ASCII files written with seven digits."""
-SLIVER = 8.0
-"""A triangle thinner than this many roundings has no direction of its own [-]."""
-LARGEST_MESH = 20_000.0
-"""Largest mesh size in mean grain diameters [-]: more grains abreast than that never fit into a computer."""
-SMALLEST_MESH = 2.0
-"""Smallest mesh size in mean grain diameters [-]."""
+LARGEST_NUMBER = 1e30
+"""Largest coordinate that is taken for one [-]: its square still fits into a float64, and float32 holds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +34,18 @@ class TriangleMesh:
     """Corner numbers of each triangle, shape (t, 3), int32."""
     dropped: int
     """Triangles without area that the file held and that were left out."""
+    duplicates: int
+    """Triangles that the file held a second time and that were left out."""
+    turned: int
+    """Triangles of a closed mesh that were wound the wrong way and were turned round."""
     open_edges: int
-    """Edges that are not used by exactly two triangles."""
-    open_at: tuple[float, float, float] | None
-    """Middle of one of these edges [m]."""
+    """Edges that only one triangle has."""
+    forked_edges: int
+    """Edges at which three or more triangles meet."""
     twisted_edges: int
     """Edges whose two triangles are wound against each other."""
+    notes: tuple[str, ...]
+    """What was mended, left out or is odd, each with its count and the place of the first, for people."""
     volume: float
     """Enclosed volume [m3]; negative when the normals of a closed mesh point inwards, without meaning when open."""
     bounds: np.ndarray
@@ -64,7 +62,7 @@ class TriangleMesh:
     @property
     def is_closed(self) -> bool:
         """Whether each edge is used by exactly two triangles."""
-        return self.open_edges == 0
+        return self.open_edges == self.forked_edges == 0
 
     @property
     def corners(self) -> np.ndarray:
@@ -76,26 +74,32 @@ class TriangleMesh:
         return _DistanceQuery(self)
 
 
-def load_mesh(path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), key: str = "mesh") -> TriangleMesh:
-    """Read a mesh file (STL binary or ASCII, OBJ, PLY), weld its corners, then scale, rotate and translate it.
+def load_mesh(path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh") -> TriangleMesh:
+    """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh_check`).
 
     Args:
-        path: File.
+        path: STL (binary or ASCII), OBJ, PLY or USD file; of a USD file the lengths are metres and z is upwards already.
         scale: Metres per unit of the file [m], one number.
         rotate: None, or an object with `axis` (any length) and `angle` [rad] (turn about the origin).
         translate: Shift after scaling and turning [m].
+        prim: Path of a prim of a USD file; "" if the file holds one surface only.
         key: Scene key, for messages.
 
     Raises:
         SceneError: File missing, unreadable, empty, or with a corner that is not a finite number.
     """
-    path = Path(path)
-    corners = _read(path, key)
+    path, notes = Path(path), ()
+    if path.suffix.lower() in USD_SUFFIXES:
+        corners, notes = usd_geometry.read_triangles(path, prim, key)
+    else:
+        corners = mesh_file.read_triangles(path, key)
     pose = (_rotation_matrix(rotate) * float(scale), np.asarray(translate, float))
-    return build_mesh(corners, pose, path.name, key)
+    return build_mesh(corners, pose, path.name, key, notes)
 
 
-def build_mesh(corners: np.ndarray, pose=None, name: str = "mesh", key: str = "mesh") -> TriangleMesh:
+def build_mesh(
+    corners: np.ndarray, pose=None, name: str = "mesh", key: str = "mesh", notes: tuple[str, ...] = ()
+) -> TriangleMesh:
     """Mesh of loose triangles.
 
     Args:
@@ -103,17 +107,18 @@ def build_mesh(corners: np.ndarray, pose=None, name: str = "mesh", key: str = "m
         pose: None, or matrix (3, 3) and shift (3,) that take the file's coordinates to metres.
         name: Shown in messages.
         key: Scene key, for messages.
+        notes: What reading the file has noted already.
 
     Raises:
         SceneError: No triangle with an area, or a corner that is not a finite number.
     """
     corners = np.asarray(corners, np.float64)
-    bad = ~np.isfinite(corners).all(axis=(1, 2))
+    bad = ~(np.abs(corners) <= LARGEST_NUMBER).all(axis=(1, 2))
     if bad.any():
         first = int(np.argmax(bad))
         raise SceneError(
-            f"{key}: {name}: {bad.sum()} of {len(corners)} triangles have a corner that is not a finite number, "
-            f"the first is triangle {first}: {corners[first].tolist()}"
+            f"{key}: {name}: {bad.sum()} of {len(corners)} triangles have a corner that is not a finite number up to "
+            f"{LARGEST_NUMBER:g}, the first is triangle {first}: {corners[first].tolist()}"
         )
     vertices, triangles = _weld(corners)
     rounding = ROUNDING * np.abs(vertices).max(initial=0.0)
@@ -121,31 +126,43 @@ def build_mesh(corners: np.ndarray, pose=None, name: str = "mesh", key: str = "m
         matrix, shift = pose
         rounding *= np.cbrt(abs(np.linalg.det(matrix)))
         vertices = vertices @ matrix.T + shift
-    # a triangle whose corners coincide cancels itself; one with three corners on a line still joins its neighbours
-    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-    if len(triangles) == 0:
-        raise SceneError(f"{key}: {name}: the mesh is empty ({len(corners)} triangles in the file, none with an area)")
-    shape = _Shape(vertices, triangles, rounding)
-    edges = _Edges(triangles)
-    keep = shape.area > 0.0
-    if not keep.any():
+    solid, single = Shape(vertices, triangles, rounding).area > 0.0, first_of_each(triangles)
+    if not solid.any():
         raise SceneError(f"{key}: {name}: the mesh is empty: none of its {len(corners)} triangles has an area")
-    piece, plane = _pieces(shape, edges)
-    plane = _split_bent(shape, plane)
-    piece, plane = _renumber(piece[keep]), _renumber(plane[keep])
-    normal, offset = _fit_planes(shape.select(keep), plane)
+    report = _Report(vertices, list(notes))
+    dropped = report.triangles(triangles[~solid], "without area left out")
+    duplicates = report.triangles(triangles[solid & ~single], "that are there twice left out")
+    # a triangle whose corners coincide cancels itself; one with three corners on a line still joins its neighbours
+    triangles = triangles[np.where(solid, single, (triangles != np.roll(triangles, 1, axis=1)).all(axis=1))]
+    shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
+    turned = 0
+    if edges.is_closed:
+        wrong = wrongly_wound(vertices, triangles, edges, shape.area)
+        turned = report.triangles(triangles[wrong], "wound the wrong way turned round")
+    if turned:
+        triangles = np.where(wrong[:, None], triangles[:, ::-1], triangles)
+        shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
+    report.edges(edges.border, "open edges (of one triangle only)")
+    report.edges(edges.forked, "edges at which three or more triangles meet")
+    report.edges(edges.ends[edges.twisted], "edges whose two triangles are wound against each other")
+    keep = shape.area > 0.0
+    piece, plane = find_pieces(shape, edges)
+    plane = split_bent(shape, plane)
+    piece, plane = renumber(piece[keep]), renumber(plane[keep])
+    normal, offset = fit_planes(shape.select(keep), plane)
     p = vertices[triangles]
-    middle = p.mean(axis=(0, 1))
-    at = None if edges.open_count == 0 else tuple(float(v) for v in vertices[edges.an_open_edge].mean(axis=0))
     return TriangleMesh(
         name=name,
         vertices=vertices,
         triangles=triangles[keep].astype(np.int32),
-        dropped=int(len(corners) - keep.sum()),
-        open_edges=edges.open_count,
-        open_at=at,
+        dropped=dropped,
+        duplicates=duplicates,
+        turned=turned,
+        open_edges=len(edges.border),
+        forked_edges=len(edges.forked),
         twisted_edges=int(edges.twisted.sum()),
-        volume=float(np.linalg.det(p - middle).sum() / 6.0),
+        notes=tuple(report.notes),
+        volume=float(np.linalg.det(p - p.mean(axis=(0, 1))).sum() / 6.0),
         bounds=np.stack([p.min(axis=(0, 1)), p.max(axis=(0, 1))]),
         piece=piece,
         plane=plane,
@@ -154,49 +171,41 @@ def build_mesh(corners: np.ndarray, pose=None, name: str = "mesh", key: str = "m
     )
 
 
+class _Report:
+    """Collects notes about triangles and edges: how many, and where the first is."""
+
+    def __init__(self, vertices: np.ndarray, notes: list[str]):
+        self._vertices = vertices
+        self.notes = notes
+
+    def triangles(self, which: np.ndarray, what: str) -> int:
+        """Note triangles (k, 3), if there are any; returns how many."""
+        self._add(which, "triangle" if len(which) == 1 else "triangles", what)
+        return len(which)
+
+    def edges(self, ends: np.ndarray, what: str) -> None:
+        """Note edges (k, 2), if there are any."""
+        self._add(ends, "", what)
+
+    def _add(self, corners: np.ndarray, noun: str, what: str) -> None:
+        if len(corners):
+            where = ", ".join(f"{v:.6g}" for v in self._vertices[corners[0]].mean(axis=0))
+            self.notes.append(f"{len(corners)} {noun}{' ' if noun else ''}{what}, the first at ({where}) m")
+
+
 def require_closed(mesh: TriangleMesh, key: str) -> None:
     """Refuse a mesh that has no inside.
 
     Raises:
-        SceneError: Some edge is not shared by exactly two triangles, or the two are wound against each other.
+        SceneError: Some edge is not shared by exactly two triangles, or the two are wound against each other and cannot
+            be mended since the surface has only one side.
     """
-    if not mesh.is_closed:
-        where = ", ".join(f"{v:.6g}" for v in mesh.open_at)
-        raise SceneError(
-            f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, but has {mesh.open_edges} open "
-            f"edges (not shared by exactly two triangles), one of them at ({where}) m"
-        )
-    if mesh.twisted_edges:
-        raise SceneError(
-            f"{key}: {mesh.name}: the triangles must all face outwards, but at {mesh.twisted_edges} edges the two "
-            "triangles are wound against each other; mend the normals in the program the mesh came from"
-        )
-
-
-def check_size(mesh: TriangleMesh, diameters, key: str) -> None:
-    """Refuse a mesh whose size cannot belong to the grains, as when millimetres are read as metres.
-
-    Args:
-        mesh: Placed mesh.
-        diameters: Grain diameters [m], any shape.
-        key: Scene key of the mesh, for messages.
-
-    Raises:
-        SceneError: The mesh is more than `LARGEST_MESH` or less than `SMALLEST_MESH` mean grain diameters large.
-    """
-    diameter = float(np.mean(diameters))
-    size = float((mesh.bounds[1] - mesh.bounds[0]).max())
-    ratio = size / diameter
-    if SMALLEST_MESH <= ratio <= LARGEST_MESH:
+    if mesh.is_closed and not mesh.twisted_edges:
         return
-    factor = 0.001 if ratio > LARGEST_MESH else 1000.0
-    advice = "check scale and the diameters"
-    if SMALLEST_MESH <= ratio * factor <= LARGEST_MESH:
-        unit = "millimetres" if factor < 1.0 else "kilometres, or was scaled twice"
-        advice = f"is the file in {unit}? Then multiply its scale by {factor:g} (scale = {factor:g} if it had none)"
+    found = "; ".join(note for note in mesh.notes if "edges" in note)
     raise SceneError(
-        f"{key}: {mesh.name}: the mesh is {size:.6g} m large and the grains are {diameter:.6g} m in diameter: "
-        f"{ratio:.3g} diameters, allowed {SMALLEST_MESH:g} to {LARGEST_MESH:g}; {advice}"
+        f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, each edge shared by exactly two "
+        f"triangles, but has {found}"
     )
 
 
@@ -240,25 +249,6 @@ def clipped_volume(mesh: TriangleMesh, box) -> float:
     return abs(float((height * area_z).sum()))
 
 
-def _read(path: Path, key: str) -> np.ndarray:
-    """Corners of all triangles of a file in its own units, shape (t, 3, 3)."""
-    import trimesh  # slow to import: only scenes with meshes pay
-
-    if not path.is_file():
-        raise SceneError(f"{key}: no such mesh file: {path}")
-    try:
-        mesh = trimesh.load_mesh(path, process=False, validate=False)
-        corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
-    except Exception as error:  # trimesh raises whatever its parsers run into
-        raise SceneError(
-            f"{key}: {path.name} ({path.stat().st_size} bytes) cannot be read as a mesh ({error}); "
-            "allowed: STL (binary or ASCII), OBJ, PLY"
-        ) from error
-    if len(corners) == 0:
-        raise SceneError(f"{key}: {path.name}: the mesh is empty (0 triangles)")
-    return corners
-
-
 def _rotation_matrix(rotate) -> np.ndarray:
     """Matrix of a turn by `rotate.angle` about `rotate.axis` (Rodrigues' formula), shape (3, 3)."""
     if rotate is None:
@@ -272,163 +262,9 @@ def _weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and corner numbers: corners equal in float32 become one, in the order of the file."""
     flat = corners.reshape(-1, 3)
     rough = flat.astype(np.float32) + np.float32(0.0)  # makes -0 and 0 alike
-    first, group = _first_and_group(rough.view(np.uint32))
+    first, group = first_and_group(rough.view(np.uint32))
     # text files hold more digits than float32: the first corner of a group keeps them
     return flat[first] + 0.0, group.reshape(-1, 3)
-
-
-def _first_and_group(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First row of each set of equal rows (ascending) and the set each row belongs to; faster than `np.unique`."""
-    order = np.lexsort(keys.T)  # stable: the first row of a set comes first
-    new = np.ones(len(keys), bool)
-    new[1:] = (keys[order[1:]] != keys[order[:-1]]).any(axis=1)
-    first = order[new]
-    rank = np.argsort(np.argsort(first))
-    group = np.empty(len(keys), np.int64)
-    group[order] = rank[np.cumsum(new) - 1]
-    return np.sort(first), group
-
-
-class _Edges:
-    """Which triangles meet at each edge."""
-
-    def __init__(self, triangles: np.ndarray):
-        ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-        key = np.sort(ends, axis=1)
-        first, group = _first_and_group(key)
-        uses = np.bincount(group)
-        open_edge = uses != 2
-        self.open_count = int(open_edge.sum())
-        self.an_open_edge = key[first[np.argmax(open_edge)]]
-        """Ends of the first open edge; meaningless when none is open."""
-        order = np.argsort(group, kind="stable")
-        paired = order[~open_edge[group[order]]].reshape(-1, 2)
-        self.sides = paired // 3
-        """The two triangles at each edge shared by exactly two, shape (e, 2)."""
-        self.opposite = paired % 3
-        """Number 0..2 of the edge within each of the two triangles (edge k runs from corner k to k + 1)."""
-        self.twisted = ends[paired[:, 0], 0] == ends[paired[:, 1], 0]
-        """Whether the two triangles run through the edge in the same direction, shape (e,)."""
-
-
-class _Shape:
-    """Normal, area and thickness of triangles; all that deciding about pieces needs."""
-
-    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, rounding: float):
-        p = vertices[triangles]
-        cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-        double_area = np.linalg.norm(cross, axis=1)
-        length = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)
-        # a thousandth of the corners' own rounding is no area: the corners lie on a line
-        on_line = double_area <= 1e-3 * rounding * length.max(axis=1)
-        self.corners = p
-        self.rounding = rounding
-        self.area = np.where(on_line, 0.0, 0.5 * double_area)
-        self.normal = cross / np.where(double_area > 0.0, double_area, 1.0)[:, None]
-        self.longest = length.argmax(axis=1)
-        self.height = double_area / length.max(axis=1)
-        self.is_sliver = self.height < SLIVER * rounding
-
-    def select(self, keep: np.ndarray) -> "_Shape":
-        """The same of some triangles."""
-        part = object.__new__(_Shape)
-        part.__dict__.update({k: v[keep] if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()})
-        return part
-
-
-def _pieces(shape: _Shape, edges: _Edges) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the smooth and of the flat piece of each triangle.
-
-    A sliver's normal is rounding noise. It belongs to the neighbour at its longest edge, and its neighbours there and
-    at its other edges are judged as if they touched each other.
-    """
-    count = len(shape.area)
-    sides, sign = edges.sides, np.where(edges.twisted, -1.0, 1.0)
-    sliver = shape.is_sliver[sides]
-    neighbour = np.full((count, 3), -1)
-    for near, far in ((0, 1), (1, 0)):
-        neighbour[sides[:, near], edges.opposite[:, near]] = sides[:, far]
-    thin = np.flatnonzero(shape.is_sliver)
-    across = neighbour[thin, shape.longest[thin]]
-    follow = np.stack([thin, across], axis=1)[across >= 0]
-    bridge = np.concatenate(
-        [np.stack([across, neighbour[thin, (shape.longest[thin] + turn) % 3]], axis=1) for turn in (1, 2)]
-    )
-    bridge = bridge[(bridge >= 0).all(axis=1)]
-    bridge = bridge[~shape.is_sliver[bridge].any(axis=1)]
-    clear = ~sliver.any(axis=1)
-    pairs = np.concatenate([sides[clear], bridge])
-    sign = np.concatenate([sign[clear], np.ones(len(bridge))])
-    first, second = shape.normal[pairs[:, 0]], shape.normal[pairs[:, 1]]
-    cosine = sign * (first * second).sum(axis=1)
-    sine = np.linalg.norm(np.cross(first, second), axis=1)
-    smooth = np.arctan2(sine, cosine) < SMOOTH_ANGLE - ANGLE_ROUNDING
-    # rounding of the corners turns a normal by up to rounding / height
-    loose = shape.rounding * (1.0 / shape.height[pairs]).sum(axis=1)
-    flat = smooth & (sine <= loose)
-    return tuple(_components(count, np.concatenate([pairs[joined], follow])) for joined in (smooth, flat))
-
-
-def _components(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Label of the connected component of each of `count` nodes: its least node, shape (count,).
-
-    Labels sink along the pairs and along themselves (pointer jumping) until none changes; about log(count) rounds.
-    """
-    label = np.arange(count)
-    a, b = pairs.T
-    while True:
-        low = np.minimum(label[a], label[b])
-        before = label.copy()
-        # hook the root of each end, not only the end itself, to the lower label
-        np.minimum.at(label, before[a], low)
-        np.minimum.at(label, before[b], low)
-        label = label[label]
-        while (label != label[label]).any():
-            label = label[label]
-        if (label == before).all():
-            return label
-
-
-def _renumber(label: np.ndarray) -> np.ndarray:
-    """Numbers 0, 1, ... in the order in which the labels first appear, int32."""
-    return _first_and_group(label[:, None])[1].astype(np.int32)
-
-
-def _fit_planes(shape: _Shape, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normal (p, 3) and offset (p,) of each flat piece: area-weighted means over its triangles."""
-    count = int(plane.max()) + 1
-    first = np.full(count, len(plane))
-    np.minimum.at(first, plane, np.arange(len(plane)))
-    # triangles wound the other way would cancel: count all as their piece's first one
-    turn = np.where((shape.normal * shape.normal[first][plane]).sum(axis=1) < 0.0, -1.0, 1.0)
-    weight = shape.area / np.bincount(plane, shape.area, count)[plane]
-
-    def mean(values):
-        return np.stack([np.bincount(plane, weight * values[:, k], count) for k in range(3)], axis=1)
-
-    normal = mean(shape.normal * turn[:, None])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    return normal, (normal * mean(shape.corners.mean(axis=1))).sum(axis=1)
-
-
-def _split_bent(shape: _Shape, plane: np.ndarray) -> np.ndarray:
-    """Flat pieces that are not flat as a whole fall apart into their triangles.
-
-    On a surface tessellated so finely that neighbours differ by no more than rounding, joining neighbours would go on
-    around the bend.
-    """
-    plane = _renumber(plane)
-    solid = shape.area > 0.0
-    flat = np.unique(plane[solid])
-    number = np.searchsorted(flat, plane[solid])
-    normal, offset = _fit_planes(shape.select(solid), number.astype(np.int64))
-    corners = shape.corners[solid]
-    gap = np.abs((corners * normal[number][:, None]).sum(axis=2) - offset[number][:, None]).max(axis=1)
-    worst = np.zeros(len(flat))
-    np.maximum.at(worst, number, gap)
-    bent = np.zeros(int(plane.max()) + 1, bool)
-    bent[flat] = worst > 4.0 * shape.rounding
-    return np.where(bent[plane], len(plane) + np.arange(len(plane)), plane)
 
 
 def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,10 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.geometry import TriangleMesh, signed_distance
 from warpdem.motion import Chain, frame_chain
-from warpdem.packing import fill, worst_overlaps
+from warpdem.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
+from warpdem.region import region
+from warpdem.sizes import size_law
+from warpdem.wall_shapes import SHAPES, Cylinder, Sphere
 
 NPZ_KEYS = {
     "position": ("position", "x"),
@@ -47,6 +50,8 @@ class Grains0:
     """Velocity relative to the frame [m/s], shape (n, 3)."""
     spin: np.ndarray
     """Angular velocity relative to the frame [rad/s], shape (n, 3)."""
+    packings: tuple[Packing, ...] = ()
+    """What packing the fillings took."""
 
     def __len__(self) -> int:
         return len(self.id)
@@ -54,14 +59,15 @@ class Grains0:
 
 def joined(first: Grains0, second: Grains0) -> Grains0:
     """The grains of both."""
-    return Grains0(*(np.concatenate([a, b]) for a, b in zip(vars(first).values(), vars(second).values(), strict=True)))
+    both = zip(vars(first).values(), vars(second).values(), strict=True)
+    return Grains0(*(np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b for a, b in both))
 
 
 def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     """All grains of a scene, group after group in the scene's order.
 
-    Grains without ids get the least numbers that no other grain has, running on from group to group. A filling knows
-    its own wall or box only, no other group and no other wall: `check_start` finds what overlaps.
+    Grains without ids get the least numbers that no other grain has, running on from group to group. Fillings
+    keep clear of all other grains, but know their own wall or box only: `check_start` finds grains beyond other walls.
 
     Args:
         scene: Validated scene.
@@ -73,17 +79,15 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     names = list(scene.materials)
     if not scene.grains:
         return Grains0(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
-    groups = []
-    for number, group in enumerate(scene.grains):
-        grains = _group(scene, meshes, group, f"{scene.source}: grains[{number}]")
+    groups, packings = _placed(scene, meshes)
+    for number, (group, grains) in enumerate(zip(scene.grains, groups, strict=True)):
         if group.velocities_in == "laboratory":
-            grains = _relative_to_frame(grains, frame_chain(scene))
+            grains = groups[number] = _relative_to_frame(grains, frame_chain(scene))
         grains["type"] = np.full(len(grains["radius"]), names.index(group.material), np.int32)
-        groups.append(grains)
     fields = {
         key: np.concatenate([g[key] for g in groups]) for key in ("type", "radius", "position", "velocity", "spin")
     }
-    return Grains0(id=_unique_ids(groups, scene.source), **fields)
+    return Grains0(id=_unique_ids(groups, scene.source), **fields, packings=packings)
 
 
 def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None:
@@ -101,13 +105,38 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None
         return
     _check_overlaps(grains, scene)
     for number, wall in enumerate(scene.walls):
-        if wall.plane is not None:
-            _check_plane(grains, wall, f"{scene.source}: walls[{number}]")
+        if wall.shape is not None:
+            _check_shape(grains, wall, f"{scene.source}: walls[{number}]")
     _check_closed_meshes(grains, meshes, scene)
 
 
-def _group(scene, meshes: dict[str, TriangleMesh], group, key: str) -> dict[str, np.ndarray]:
-    """Fields of one group by name, without type; id None when the source has none."""
+def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], tuple[Packing, ...]]:
+    """Fields of all groups by name, without type, fillings among the grains of all others; and what packing took."""
+    keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
+    fillings = {k: _filling(scene, meshes, g, f"{keys[k]}.fill") for k, g in enumerate(scene.grains) if g.fill is not None}
+    groups = {k: _given(scene, g, keys[k]) for k, g in enumerate(scene.grains) if g.fill is None}
+    held = [np.concatenate([g[name] for g in groups.values()]) for name in ("position", "radius")] if groups else None
+    places, packings = pack(list(fillings.values()), held)
+    for (k, asked), position in zip(fillings.items(), places, strict=True):
+        rest = np.zeros_like(position)
+        groups[k] = {"position": position, "radius": asked.radius, "velocity": rest, "spin": rest, "id": None}
+    return [groups[k] for k in range(len(scene.grains))], tuple(packings)
+
+
+def _filling(scene, meshes: dict[str, TriangleMesh], group, key: str) -> Filling:
+    """Region and sizes that a filling asks for."""
+    asked = group.fill
+    mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
+    corners = None if box is None else (box.min, box.max)
+    # frame axes and laboratory axes coincide at time 0
+    space = region(mesh, corners, key, asked.height, up=-np.asarray(scene.gravity, float))
+    volume = None if asked.mass is None else asked.mass / scene.materials[group.material].density
+    fraction = HEIGHT_FRACTION if (asked.count, volume, asked.solid_fraction) == (None,) * 3 else asked.solid_fraction
+    return filling(space, size_law(asked.diameter), asked.seed, asked.count, fraction, volume, key)
+
+
+def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
+    """Fields of a group given by positions or a file, by name, without type; id None when the source has none."""
     if group.positions is not None:
         return {
             "position": np.array(group.positions, float),
@@ -116,21 +145,7 @@ def _group(scene, meshes: dict[str, TriangleMesh], group, key: str) -> dict[str,
             "spin": np.array(group.explicit_spins, float),
             "id": None if group.ids is None else np.array(group.ids, np.int64),
         }
-    if group.file is not None:
-        return read_state(scene.resolve(group.file), f"{key}.file")
-    asked = group.fill
-    mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
-    position, radius = fill(
-        mesh,
-        None if box is None else (box.min, box.max),
-        getattr(asked.diameter, "uniform", asked.diameter),
-        asked.seed,
-        count=asked.count,
-        solid_fraction=asked.solid_fraction,
-        key=f"{key}.fill",
-    )
-    rest = np.zeros_like(position)
-    return {"position": position, "radius": radius, "velocity": rest, "spin": rest, "id": None}
+    return read_state(scene.resolve(group.file), f"{key}.file")
 
 
 def read_state(path: Path, key: str) -> dict[str, np.ndarray | None]:
@@ -313,14 +328,27 @@ def _check_overlaps(grains: Grains0, scene) -> None:
     )
 
 
-def _check_plane(grains: Grains0, wall, key: str) -> None:
-    height = (grains.position - np.asarray(wall.plane.point, float)) @ np.asarray(wall.plane.normal, float)
-    below = height < 0.0
-    if below.any():
+def _check_shape(grains: Grains0, wall, key: str) -> None:
+    kind = next(name for name in SHAPES if getattr(wall, name) is not None)
+    shape = wall.shape
+    if isinstance(shape, (Cylinder, Sphere)):
+        tight = shape.holds(grains.position) & (grains.radius >= shape.radius)
+        if tight.any():
+            i = int(np.argmax(tight))
+            raise SceneError(
+                f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
+                f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
+            )
+    height = shape.nearest(grains.position)[1]
+    behind = height < 0.0
+    if behind.any():
         i = int(np.argmin(height))
+        asked = "whose normal must point to the grains"
+        if kind != "plane":
+            asked = f"whose grains are {'inside' if shape.inside else 'outside'} (inside = {str(shape.inside).lower()})"
         raise SceneError(
-            f"{key}.plane: {_place(grains, i)} is {-height[i]:.6g} m behind the plane {wall.name!r}, whose normal must "
-            f"point to the grains ({int(below.sum())} of {len(grains)} grains are behind it)"
+            f"{key}.{kind}: {_place(grains, i)} is {-height[i]:.6g} m behind the {kind} {wall.name!r}, {asked} "
+            f"({int(behind.sum())} of {len(grains)} grains are behind it)"
         )
 
 

@@ -151,9 +151,9 @@ class Lists:
             self._refresh(placement)
 
     def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
-        """Largest way of a grain since the near lists were made, in frame axes and in those of moving walls [m]."""
+        """Largest way of a grain since the near lists were made, in the axes that count [m]."""
         frame, *bodies = self._near_reference
-        ways = [self.sim.domain.nearest(position - frame)]
+        ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
         ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
         return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0))) for way in ways)
 
@@ -216,7 +216,7 @@ class Lists:
         count = self._array(n, wp.int32)
         nothing = self._array(0, wp.int32)
         placements = self._upload(placement, wp.types.vector(18, wp.float64))
-        shared = [sim.state.record, self.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
+        shared = [sim.state.record, 0.5 * self.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
         sim.threads.split(near, n, [0, *shared, nothing, count, nothing], sim.device)
         start_host = starts(count.numpy())
         start = self._upload(start_host, wp.int32)
@@ -283,7 +283,7 @@ class Lists:
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
         placements = self._upload(placement, wp.types.vector(18, wp.float64))
-        inputs = [sim.state.record, self.margin, sim.walls.surface, placements, self._near_feature, rows]
+        inputs = [sim.state.record, 0.5 * self.margin, sim.walls.surface, placements, self._near_feature, rows]
         sim.threads.split(sim.kernels.walls.close_features, len(sim.state), inputs, sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
         self.row_count = len(near)
@@ -316,7 +316,11 @@ class Lists:
 
     def _place_names(self) -> list[str]:
         memory = self.sim.plan.memory
-        return ["wall", "point", "normal", "overlap"] + ["spring"] * (memory >= 3) + ["angle"] * (memory == 6)
+        return ["wall", "point", "normal", "overlap", "weight"] + ["spring"] * (memory >= 3) + ["angle"] * (memory == 6)
+
+    def result_names(self) -> list[str]:
+        """What the last force call left of each place, besides its memory."""
+        return ["force", "feature"] + ["moment"] * bool(self.sim.plan.rolling)
 
     def wall_contacts(self) -> dict[str, np.ndarray]:
         """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
@@ -326,7 +330,8 @@ class Lists:
         parity, g = sim.step_number & 1, rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
         slot, holder = self.place_slots(parity, g)
         out = {f"place_{name}": getattr(rows, f"place_{name}").numpy()[parity, slot] for name in self._place_names()}
-        out["place_force"] = rows.place_force.numpy()[slot]
+        for name in self.result_names():
+            out[f"place_{name}"] = getattr(rows, f"place_{name}").numpy()[slot]
         out["place_grain"] = sim.state.id.numpy()[holder]
         load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
         out["wall_load"] = load[sim.state.rank]
@@ -400,6 +405,8 @@ class Lists:
         slot, holder = self.place_slots(self._force_parity, g)
         order = np.argsort(data["place_grain"], kind="stable")
         mine = np.argsort(state.id.numpy()[holder], kind="stable")
-        force = self.rows.place_force.numpy()
-        force[slot[mine]] = data["place_force"][order]
-        self.rows.place_force.assign(force)
+        for name in self.result_names():
+            array = getattr(self.rows, f"place_{name}")
+            values = array.numpy()
+            values[slot[mine]] = data[f"place_{name}"][order]
+            array.assign(values)

@@ -168,7 +168,8 @@ def read_contacts(sim) -> Contacts:
         table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
         material = sim.walls.surface.material.numpy()[wall]
         which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
-        base = stiffness(plan.normal, table[which, 0], radius[g])
+        # the law is linear in its constant: a place that carries part of a force has that part of it
+        base = stiffness(plan.normal, table[which, 0], radius[g]) * rows.place_weight.numpy()[parity, slot]
         parts.append(
             (
                 ids[g], -1 - wall.astype(np.int64), overlap, normal, rows.place_force.numpy()[slot], spring,

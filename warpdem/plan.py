@@ -34,12 +34,17 @@ class Plan:
     planes: int
     moving: int
     """Wall motions relative to the frame."""
+    in_frame: bool
+    """Whether the lists look at ways in frame axes: a wall rests there, or none moves."""
     materials: int
     table: bool
     """Coefficients differ between contacts."""
     gap: float
     """How far beyond contact the normal law acts [m]: lists and forces reach that much further."""
     lanes: int
+    revolutions: int = 0
+    """Cylinder and cone walls."""
+    spheres: int = 0
     precision: str = "double"
     period: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Length of the domain along each periodic axis [m], else 0."""
@@ -57,7 +62,7 @@ class Plan:
     @property
     def walls(self) -> bool:
         """Whether there are walls."""
-        return self.meshes + self.planes > 0
+        return self.meshes + self.planes + self.revolutions + self.spheres > 0
 
     @cached_property
     def memory(self) -> int:
@@ -102,7 +107,9 @@ class Plan:
         runs += [f"rolling: {self.rolling}" + (" with torsion" if self.torsion else "")] if self.rolling else []
         runs += [f"integrator: {self.integrator}" + (" in a moving frame" if self.moving_frame else "")]
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
-        runs += [f"walls: {self.meshes} meshes, {self.planes} planes, {self.moving} of their motions relative to the frame"]
+        shapes = {"meshes": self.meshes, "planes": self.planes, "cylinders and cones": self.revolutions, "spheres": self.spheres}
+        present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
+        runs += [f"walls: {present}, {self.moving} of their motions relative to the frame"]
         runs = runs if self.walls else runs[:-1]
         runs += [f"contacts side by side: {self.lanes}", f"memory per contact: {8 * self.memory} B"]
         return [f"runs      {line}" for line in runs] + [f"left out  {k}: {why}" for k, why in self.left_out.items()]
@@ -142,7 +149,7 @@ def law_gap(scene) -> float:
     return max((float(gap(*(materials[m] for m in pair.materials), pair)) for pair in scene.pairs), default=0.0)
 
 
-def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes: int = SIMD_LANES) -> Plan:
+def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resting: int, lanes: int = SIMD_LANES) -> Plan:
     """Decide what ``scene`` needs.
 
     Args:
@@ -150,6 +157,7 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
         grain_types: material index per grain, shape (n,).
         has_spin: whether some grain spins at the start.
         moving: number of wall motions relative to the frame.
+        resting: number of wall motions that rest in it.
         lanes: contacts side by side.
     """
     names = list(scene.materials)
@@ -205,7 +213,10 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, lanes
         moving_frame=frame.moves,
         meshes=sum(w.mesh is not None for w in scene.walls),
         planes=sum(w.plane is not None for w in scene.walls),
+        revolutions=sum(w.cylinder is not None or w.cone is not None for w in scene.walls),
+        spheres=sum(w.sphere is not None for w in scene.walls),
         moving=moving,
+        in_frame=moving == 0 or resting > 0 or any(domain.period),
         materials=len(names),
         table=not one_kind,
         gap=law_gap(scene),

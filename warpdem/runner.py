@@ -57,8 +57,15 @@ def check_folder(folder: Path, overwrite: bool) -> None:
         raise SceneError(f"--out {folder}: cannot be written ({error.strerror})") from error
 
 
+def history_columns(scene: Scene) -> list[str]:
+    """Header of history.csv: loads on each wall come last, in laboratory axes."""
+    vectors = [f"{name} {axis} {unit}" for name, unit in (("force", "[N]"), ("torque", "[N m]")) for axis in "xyz"]
+    return [*HISTORY_COLUMNS, *(f"{wall.name} {column}" for wall in scene.walls for column in (*vectors, "power [W]"))]
+
+
 def history_row(sim: Simulation) -> list[float]:
     """One row of history.csv."""
+    loads = sim.wall_loads(lab=True).values()
     energy, particles, met = sim.energy(), sim.particles, sim.extremes
     mass, position = particles.mass, particles.position_lab
     centre = mass @ position / mass.sum() if len(mass) else np.full(3, np.nan)
@@ -67,6 +74,7 @@ def history_row(sim: Simulation) -> list[float]:
         energy["elastic"], energy["potential"], *centre,
         max(met["pair_overlap_share"], met["wall_overlap_share"]),
         max(met["pair_approach_speed"], met["wall_approach_speed"]),
+        *(number for load in loads for number in (*load.force, *load.torque, load.power)),
     ]  # fmt: skip
 
 
@@ -85,7 +93,7 @@ class Outputs:
             from warpdem.write_usd import UsdWriter
 
             self.writers.append(UsdWriter(folder, walls, resume=resume))
-        self.history = HistoryWriter(folder / "history.csv", HISTORY_COLUMNS, resume=resume)
+        self.history = HistoryWriter(folder / "history.csv", history_columns(sim.scene), resume=resume)
         self.turning = TurningNumbers(sim)
 
     def frame(self) -> None:
@@ -125,6 +133,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "device": str(sim.device),
         "threads": sim.threads.count,
         "plan": sim.plan.explain(),
+        "notes": sim.notes,
         "grains": len(sim.state),
         "time": sim.time,
         "steps": sim.step_number,
@@ -135,6 +144,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "left": {name: {"grains": count, "mass": mass} for name, (count, mass) in sim.left.items()},
         "came": [{"grains": feeder.count, "mass": feeder.mass} for feeder in sim.feeders],
         "turning": asdict(turning) if turning is not None else None,
+        "packings": [asdict(packing) for packing in sim.expected.packings],
         "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
         "seconds": {**sim.seconds, "total": wall_seconds},
         "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
@@ -203,6 +213,8 @@ def run_scene(
     if not quiet:
         console.print(f"[bold]{scene.title or scene.source}[/]: {len(sim.state)} grains, {last} steps of {sim.dt:.3g} s "
                       f"on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
+        for note in sim.notes:
+            console.print(f"note: {note}", markup=False)
     outputs = Outputs(sim, folder, resume)
     write_run_record(folder / "run.json", {"status": "running", "scene": scene.source})
     saved = time.perf_counter()

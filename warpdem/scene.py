@@ -12,10 +12,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
-    Discriminator,
     Field,
     StrictBool,
-    Tag,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -40,11 +38,14 @@ from warpdem.scene_base import (
     exactly_one,
     wrong,
 )
+from warpdem.sizes import Diameter
 from warpdem.units import Array, Quantity, Vector
+from warpdem.usd_stage import USD_SUFFIXES
+from warpdem.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES)
 
-Pair2 = tuple[float, float]
 # strict: neither true, nor 5000.5, nor "5000" is a count
 Whole = Annotated[int, Field(strict=True, ge=0)]
 
@@ -127,47 +128,39 @@ class Pair(SceneModel):
     )
 
 
-class DiameterRange(SceneModel):
-    """Distribution of diameters."""
-
-    uniform: Annotated[Pair2, Vector(Quantity("m", gt=0), length=2)] = Field(
-        description="Smallest and largest diameter [m], > 0; diameters are spread evenly between them."
-    )
-
-    @field_validator("uniform")
-    @classmethod
-    def _rises(cls, value: Pair2) -> Pair2:
-        if value[0] > value[1]:
-            raise ValueError("the first diameter must not be above the second")
-        return value
-
-
-# The tags steer validation and show up in the places of errors; "~" lets the messages leave them out.
-Diameter = Annotated[
-    Annotated[Length, Tag("~number")] | Annotated[DiameterRange, Tag("~range")],
-    Discriminator(lambda value: "~range" if isinstance(value, (dict, DiameterRange)) else "~number"),
-]
-
-
 class Fill(SceneModel):
-    """Grains placed at random without overlap inside a mesh wall or a box, to a count or a share of the volume."""
+    """Grains placed at random, dense and without overlap, inside a mesh wall or a box.
+
+    How many follows from their number, their mass, or their share of the volume. Fillings keep clear of each other and of
+    the grains given by positions or files.
+    """
 
     wall: str | None = Field(None, description="Name of the closed mesh wall to fill; this or box.")
     box: Box | None = Field(None, description="Box to fill; this or wall.")
     region: Box | None = Field(None, description="With wall: only the part of its inside that lies in this box.")
+    height: Length | None = Field(
+        None,
+        description="Only what lies less than this above the lowest point, against gravity [m], > 0; without count, mass and "
+        "solid_fraction it is filled to 0.55 of its volume, as a poured bed.",
+    )
     count: Annotated[int, Field(strict=True, ge=1)] | None = Field(
-        None, description="Number of grains [-], >= 1; this or solid_fraction."
+        None, description="Number of grains [-], >= 1; this, mass or solid_fraction."
+    )
+    mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
+        None, description="Mass of the grains [kg], > 0, met within half a grain; this, count or solid_fraction."
     )
     solid_fraction: Annotated[float, Quantity("-", gt=0, le=0.74)] | None = Field(
-        None, description="Volume of the grains over volume filled [-], > 0 and <= 0.74; this or count."
+        None, description="Volume of the grains over volume filled [-], > 0 and <= 0.74; about 0.6 is within reach."
     )
-    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or {uniform = [smallest, largest]}.")
+    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
     seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0: same seed, same grains.")
 
     @model_validator(mode="after")
     def _groups(self) -> "Fill":
         exactly_one(self, "wall", "box")
-        exactly_one(self, "count", "solid_fraction")
+        amounts = ("count", "mass", "solid_fraction")
+        if self.height is None or any(getattr(self, key) is not None for key in amounts):
+            exactly_one(self, *amounts)
         if self.region is not None and self.wall is None:
             raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
         return self
@@ -189,7 +182,7 @@ class Stream(SceneModel):
         None, description="Grains per time [1/s], > 0; this or mass_rate."
     )
     start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="When it begins [s], >= 0, default 0.")
-    until: Duration | None = Field(None, description="When it ends [s], above start; default never.")
+    until: Duration | None = Field(None, description="When it ends [s], > 0 and above start; default never.")
     seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0.")
 
     @model_validator(mode="after")
@@ -322,15 +315,6 @@ class Grains(SceneModel):
     __hash__ = None
 
 
-class Plane(SceneModel):
-    """Infinite plane; grains are on the side to which the normal points."""
-
-    point: Point = Field(description="A point of the plane [m].")
-    normal: Direction = Field(
-        description="Direction towards the grains [-], any length but zero; held as a unit vector."
-    )
-
-
 class Turn(SceneModel):
     """A turn by an angle about an axis through the origin."""
 
@@ -339,12 +323,24 @@ class Turn(SceneModel):
 
 
 class Wall(SceneModel):
-    """Wall: the triangles of a mesh file, placed by scale, then rotate, then translate; or an infinite plane."""
+    """Wall: the triangles of a mesh file, placed by scale, then rotate, then translate; or one analytic shape."""
 
     name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
     material: str = Field(description="Name of the material.")
-    mesh: FileName | None = Field(None, description="Mesh file (.stl), relative to the scene file; this or plane.")
-    plane: Plane | None = Field(None, description="Infinite plane; this or mesh.")
+    mesh: FileName | None = Field(
+        None,
+        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file; this or one shape. "
+        "USD comes in metres with z upwards, whatever the stage's own units and upAxis.",
+    )
+    prim: Annotated[str, Field(pattern=r"^(/\S+)?$")] = Field(
+        "",
+        description='With a USD mesh: path of the prim whose surfaces are the wall, such as "/World/Drum"; not needed if the '
+        "file holds one surface only.",
+    )
+    plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
+    cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
+    cone: Cone | None = Field(None, description="Cone; this, mesh or another shape.")
+    sphere: Sphere | None = Field(None, description="Sphere; this, mesh or another shape.")
     scale: Annotated[float, Quantity("-", gt=0)] = Field(
         1.0,
         description="Factor from the file's lengths to metres [-], > 0, default 1; 0.001 for a mesh in millimetres.",
@@ -358,20 +354,43 @@ class Wall(SceneModel):
         None,
         description="The wall's own motion relative to what it is fixed to: one, or a list, outermost first; default none.",
     )
+    torque_about: Point | None = Field(
+        None,
+        description="Point that the torque on the wall refers to [m]: of the wall's body, given where it is at time 0, and "
+        "moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to that, else (0, 0, 0).",
+    )
     open: StrictBool = Field(
         False, description="Whether the mesh has borders on purpose; a closed mesh is required otherwise, default false."
     )
 
+    @field_validator("mesh")
+    @classmethod
+    def _known_suffix(cls, value: str | None) -> str | None:
+        if value is not None and Path(value).suffix.lower() not in MESH_SUFFIXES:
+            raise ValueError(f"must be a file ending in {', '.join(MESH_SUFFIXES)}")
+        return value
+
     @model_validator(mode="after")
-    def _mesh_or_plane(self) -> "Wall":
-        exactly_one(self, "mesh", "plane")
-        if self.plane is not None:
-            pose = ("scale", "translate", "rotate", "open")
+    def _prim_is_of_usd(self) -> "Wall":
+        if self.prim and self.mesh is not None and not self.mesh.lower().endswith(USD_SUFFIXES):
+            raise wrong([(("prim",), self.prim, f"only for a mesh from USD, a file ending in {', '.join(USD_SUFFIXES)}")])
+        return self
+
+    @model_validator(mode="after")
+    def _mesh_or_shape(self) -> "Wall":
+        exactly_one(self, "mesh", *SHAPES)
+        if self.mesh is None:
+            pose = ("prim", "scale", "translate", "rotate", "open")
             stray = [key for key in pose if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
-                reason = "only for a mesh; a plane is placed by its point and normal"
+                reason = "only for a mesh; a shape is placed by its own keys"
                 raise wrong([((key,), getattr(self, key), reason) for key in stray])
         return self
+
+    @property
+    def shape(self) -> Shape | None:
+        """The analytic shape; None for a mesh."""
+        return next((shape for key in SHAPES if (shape := getattr(self, key)) is not None), None)
 
 
 class Time(SceneModel):
@@ -414,6 +433,11 @@ class Output(SceneModel):
     )
     formats: list[Literal["vtk", "usd"]] = Field(
         ["vtk", "usd"], description='File formats of the frames: "vtk", "usd", default both.'
+    )
+    wall_loads: StrictBool = Field(
+        True,
+        description="Whether the frames hold the loads on mesh walls and their triangles, default true; VTK then writes a wall "
+        "at rest in every frame, not once: some 25 bytes per triangle. history.csv has those of whole walls in any case.",
     )
     picture: StrictBool = Field(True, description="Whether a preview picture is drawn at the end, default true.")
     history_interval: Duration | None = Field(

@@ -118,16 +118,20 @@ class Schedule:
 
     def placements(self, step: int, count: int) -> np.ndarray:
         """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 18)."""
-        return self._placements(self._times(step - 1, step + count + 1))
+        return self._placements(self._times(step - 1, step + count + 1), self.relative)
 
-    def _placements(self, time: np.ndarray) -> np.ndarray:
+    def bodies(self, time: float) -> np.ndarray:
+        """Placement of each wall's body at ``time`` [s], with absolute velocities, shape (w, 18)."""
+        return self._placements(np.array([time]), relative=False)[0, self.wall_motion]
+
+    def _placements(self, time: np.ndarray, relative: bool) -> np.ndarray:
         frame = self.frame.pose(time)
         out = np.zeros((len(time), max(len(self.motions), 1), 18))
         for number, motion in enumerate(self.motions):
-            out[:, number] = self._placement(motion, time, frame)
+            out[:, number] = self._placement(motion, time, frame, relative)
         return out
 
-    def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose) -> np.ndarray:
+    def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool) -> np.ndarray:
         """The 18 numbers of one motion at ``time`` [s], shape (k, 18)."""
         own = motion.own.pose(time) if motion.own.moves else still(len(time))
         if motion.fixed_to == "frame":
@@ -137,15 +141,13 @@ class Schedule:
             body, turn, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)
         spin = apply(turn, body.spin)
         velocity = apply(turn, body.velocity) - cross(spin, shift)
-        if self.relative:
+        if relative:
             spin, velocity = spin - frame.spin, velocity - frame.velocity
         return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity], axis=1).astype(float)
 
     def wall_placements(self, scene, time: float) -> dict[str, Placement]:
-        """Placement of every mesh wall at ``time`` [s], by name."""
-        numbers = self._placements(np.array([time]))[0]
+        """Placement of every wall at ``time`` [s], by name."""
         return {
-            wall.name: Placement(numbers[m, :9].reshape(3, 3), numbers[m, 9:12])
-            for wall, m in zip(scene.walls, self.wall_motion, strict=True)
-            if wall.mesh is not None
+            wall.name: Placement(body[:9].reshape(3, 3), body[9:12])
+            for wall, body in zip(scene.walls, self.bodies(time), strict=True)
         }

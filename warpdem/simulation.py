@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from warpdem import checkpoint, observers, timestep
+from warpdem import checkpoint, observers, timestep, wall_loads
 from warpdem.compiled import compile_plan
 from warpdem.domain import Domain
 from warpdem.domain import check as check_domain
@@ -21,12 +21,13 @@ from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
 from warpdem.scene import Scene
 from warpdem.schedule import Schedule
-from warpdem.snapshot import Snapshot, WallMesh
+from warpdem.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.state import State
 from warpdem.stepper import Stepper
 from warpdem.streams import Feeder, representatives
+from warpdem.tessellation import drawn, tessellated
 from warpdem.threads import Threads, available_threads
-from warpdem.walls import Walls, check_sizes, load_meshes, named_diameters
+from warpdem.walls import Walls, load_meshes, mesh_notes, named_diameters
 
 
 class Simulation:
@@ -36,6 +37,9 @@ class Simulation:
         scene: validated scene.
         device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one.
         threads: CPU threads; None takes all available cores.
+
+    Attributes:
+        notes: what is odd or was mended in the scene's meshes, for people.
 
     Raises:
         SceneError: if the scene cannot be run: no such device, a bad mesh, overlapping start, time step over its limit.
@@ -50,13 +54,13 @@ class Simulation:
         self.threads = Threads((threads or available_threads()) if self.device.is_cpu else 1)
         with self.clock("set-up"):
             self.meshes = load_meshes(scene)
-            check_sizes(scene, self.meshes, named_diameters(scene))
+            mesh_notes(scene, self.meshes, named_diameters(scene))
             start = load_grains(scene, self.meshes)
             check_start(start, self.meshes, scene)
             self.domain = Domain(scene)
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
-            check_sizes(scene, self.meshes, 2.0 * self.expected.radius)
+            self.notes = mesh_notes(scene, self.meshes, 2.0 * self.expected.radius)
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
@@ -65,6 +69,7 @@ class Simulation:
                 self.expected.type,
                 bool(np.any(start.spin)),
                 self.schedule.moving,
+                len(self.schedule.motions) - self.schedule.moving,
                 SIMD_LANES if self.device.is_cpu else 1,
             )
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
@@ -224,13 +229,17 @@ class Simulation:
         rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
         for name, dtype in (
             ("feature", wp.int32), ("hit_state", wp.int32), ("hit_mask", wp.int32), ("hit_distance", wp.float64),
-            ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("place_force", wp.vec3d), ("place_from", wp.int32),
+            ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("hit_weight", wp.float64), ("place_force", wp.vec3d),
+            ("place_feature", wp.int32),
         ):  # fmt: skip
             setattr(rows, name, wp.zeros(slots, dtype=dtype, device=device))
+        if self.plan.rolling:
+            rows.place_moment = wp.zeros(slots, dtype=wp.vec3d, device=device)
         generations = 2 if len(self.plan.scheme.STAGES) == 1 else 3
         rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
         rows.place_wall = wp.zeros((generations, slots), dtype=wp.int32, device=device)
         rows.place_overlap = wp.zeros((generations, slots), dtype=wp.float64, device=device)
+        rows.place_weight = wp.zeros((generations, slots), dtype=wp.float64, device=device)
         names = ["place_point", "place_normal"]
         names += ["place_spring"] if self.plan.memory >= 3 else []
         names += ["place_angle"] if self.plan.memory == 6 else []
@@ -333,6 +342,15 @@ class Simulation:
         """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
         return self.readings()[:2]
 
+    def wall_loads(self, lab: bool = False) -> dict[str, WallLoad]:
+        """What the grains do to each wall at the present time, by wall name; vectors in frame axes or in the laboratory."""
+        self._prepare()
+        loads = wall_loads.read_loads(self)
+        if not lab:
+            return loads
+        pose = self.schedule.pose(self.time)
+        return {name: load.in_laboratory(pose) for name, load in loads.items()}
+
     def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
 
@@ -366,11 +384,14 @@ class Simulation:
             spin=p.spin,
             force=self.loads()[0],
             walls=self.schedule.wall_placements(self.scene, self.time),
+            loads=self.wall_loads() if self.scene.output.wall_loads else {},
         )
 
     def wall_meshes(self) -> list[WallMesh]:
-        """The mesh walls in their body axes."""
-        return [WallMesh(name, m.vertices, m.triangles) for name, m in self.meshes.items()]
+        """The walls to draw, in their body axes: meshes as they are, analytic ones cut into triangles, no planes."""
+        around = np.concatenate([self.expected.position, *(mesh.vertices for mesh in self.meshes.values())])
+        meshes = [WallMesh(name, m.vertices, m.triangles) for name, m in self.meshes.items()]
+        return meshes + [tessellated(wall.name, wall.shape, around) for wall in self.scene.walls if drawn(wall.shape)]
 
     def state_hash(self) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal hashes."""

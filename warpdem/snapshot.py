@@ -1,6 +1,6 @@
 """What a run shows at one instant: all that writers and pictures see of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -88,6 +88,29 @@ class FramePose:
 
 
 @dataclass(frozen=True)
+class WallLoad:
+    """What the grains do to a wall at one instant; vectors in frame axes, or in the laboratory."""
+
+    force: np.ndarray
+    """Force [N], shape (3,)."""
+    torque: np.ndarray
+    """Torque about ``about`` [N m], shape (3,)."""
+    about: np.ndarray
+    """Point of the wall's body that the torque refers to [m], shape (3,)."""
+    power: float
+    """Work that the wall's motion does on the grains in the laboratory, per time [W]: drive power when positive."""
+    triangle_force: np.ndarray
+    """Force on each triangle of a mesh [N], shape (t, 3); no rows for other walls."""
+    pressure: np.ndarray
+    """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive when grains push."""
+
+    def in_laboratory(self, frame: FramePose) -> "WallLoad":
+        """The same load, vectors turned from frame axes to the laboratory."""
+        turned = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
+        return replace(self, **turned, about=frame.to_laboratory(self.about))
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """State of a run at time t_k, ordered by grain id; vectors in frame axes, motion relative to the frame."""
 
@@ -112,7 +135,9 @@ class Snapshot:
     force: np.ndarray
     """Contact force on each grain [N], shape (n, 3)."""
     walls: dict[str, Placement] = field(default_factory=dict)
-    """Placement of each mesh wall in frame axes, by wall name."""
+    """Placement of each wall in frame axes, by wall name."""
+    loads: dict[str, WallLoad] = field(default_factory=dict)
+    """Load on each wall in frame axes, by wall name; empty when the scene leaves them out."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from warpdem.grain_source import Grains0
+from warpdem.sizes import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
 LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each look makes new lists
@@ -11,7 +12,7 @@ LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each lo
 def representatives(scene) -> Grains0:
     """The smallest and the largest grain that each stream may bring, for what is decided before the run."""
     names = list(scene.materials)
-    rows = [(names.index(s.material), d, s) for s in scene.streams for d in extremes(s.diameter)]
+    rows = [(names.index(s.material), d, s) for s in scene.streams for d in size_law(s.diameter).extremes]
     n = len(rows)
     return Grains0(
         id=np.full(n, -1, dtype=np.int64),
@@ -30,6 +31,7 @@ class Feeder:
         count: grains that came in.
         mass: their mass [kg].
         every: steps between two looks.
+        blocked: whether a grain that is due found no room at the last look.
     """
 
     def __init__(self, stream, scene, dt: float) -> None:
@@ -38,12 +40,16 @@ class Feeder:
         self.density = scene.materials[stream.material].density
         self.generator = np.random.default_rng(stream.seed)
         self.count, self.mass = 0, 0.0
-        self.waiting: float | None = None  # diameter that has been drawn and has no place yet [m]
+        self.waiting: float | None = None  # diameter drawn for the next grain [m]
         speed = float(np.linalg.norm(stream.velocity))
         fall = float(np.linalg.norm(scene.gravity))
-        smallest, _ = extremes(stream.diameter)
-        times = [smallest / speed] if speed else [np.sqrt(2.0 * smallest / fall)] if fall else [1000.0 * dt]
-        self.every = max(LEAST_EVENT_STEPS, int(times[0] / dt))
+        self.sizes = size_law(stream.diameter)
+        smallest, _ = self.sizes.extremes
+        self.blocked = False
+        mass = self.density * np.pi / 6.0 * smallest**3
+        times = [10.0 / stream.count_rate if stream.count_rate else 10.0 * mass / stream.mass_rate]  # until ten are due
+        times += [smallest / speed] if speed else [np.sqrt(2.0 * smallest / fall)] if fall else []  # until there is room
+        self.every = max(LEAST_EVENT_STEPS, int(min(times) / dt))
         self.first = int(np.ceil(stream.start / dt - 1e-9))
 
     def next_event(self, step: int) -> int | None:
@@ -69,14 +75,15 @@ class Feeder:
         low, high = np.array(stream.box.min), np.array(stream.box.max)
         end = step * self.dt if stream.until is None else min(step * self.dt, stream.until)
         elapsed = max(0.0, end - stream.start)
-        _, largest = extremes(stream.diameter)
+        _, largest = self.sizes.extremes
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         beside = (np.abs(nearest(position - middle)) < half + 0.5 * largest + radius[:, None]).all(axis=1)
         near, size = [position[beside]], [radius[beside]]
         places, radii = [], []
+        self.blocked = False
         while True:
             if self.waiting is None:
-                self.waiting = float(draw(stream.diameter, self.generator))
+                self.waiting = float(self.sizes.draw(self.generator, 1)[0])
             r = 0.5 * self.waiting
             mass = self.density * 4.0 / 3.0 * np.pi * r**3
             due = stream.count_rate * elapsed - self.count if stream.count_rate else stream.mass_rate * elapsed - self.mass
@@ -89,7 +96,8 @@ class Feeder:
                 if (np.einsum("ij,ij->i", way, way) >= (sizes + r) ** 2).all():
                     break
             else:
-                break  # no room: it waits for the next look
+                self.blocked = True
+                break
             near.append(place[None])
             size.append(np.array([r]))
             places.append(place)
@@ -101,20 +109,11 @@ class Feeder:
         """What a checkpoint must hold of it, as JSON."""
         return {
             "generator": self.generator.bit_generator.state, "count": self.count, "mass": self.mass, "waiting": self.waiting,
+            "blocked": self.blocked,
         }  # fmt: skip
 
     def restore(self, state: dict) -> None:
         """Go on from ``state``."""
         self.generator.bit_generator.state = state["generator"]
         self.count, self.mass, self.waiting = state["count"], state["mass"], state["waiting"]
-
-
-def extremes(diameter) -> tuple[float, float]:
-    """Smallest and largest diameter [m] of a distribution."""
-    return diameter.uniform if hasattr(diameter, "uniform") else (diameter, diameter)
-
-
-def draw(diameter, generator: np.random.Generator) -> float:
-    """One diameter [m]."""
-    low, high = extremes(diameter)
-    return low + (high - low) * generator.random()
+        self.blocked = state["blocked"]

@@ -66,8 +66,11 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     table.add_row("steps per contact", f"{steps_per_contact(sim):.1f} at these speeds (damped contact, lightest grain)")
     if turning is not None:
         table.add_row("turning", turning_line(turning))
+    for packing in sim.expected.packings:
+        table.add_row("packing", f"{packing.grains} grains without overlap in {packing.seconds:.1f} s: {packing.steps} steps, "
+                                 f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
     for feeder in sim.feeders:
-        waits = "" if feeder.waiting is None else "; the next waits for room"
+        waits = "; the next waits for room" if feeder.blocked else ""
         table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {feeder.stream.material}{waits}")
     for name, (count, mass) in sim.left.items():
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
@@ -89,6 +92,7 @@ def describe(sim, probe: bool = True) -> dict:
         "device": str(sim.device),
         "threads": sim.threads.count,
         "plan": sim.plan.explain(),
+        "notes": sim.notes,
         "time_step": sim.dt,
         "time_step_from": "time.step" if sim.scene.time.step != "auto" else sim.limits.binding,
         "limits": {**sim.limits.candidates, "stability limit of one impact": sim.limits.stable},
@@ -113,6 +117,8 @@ def print_description(data: dict, console: Console) -> None:
     console.print(f"[bold]{data['scene']}[/]: {data['grains']} grains on {data['device']}, {data['threads']} threads")
     for line in data["plan"]:
         console.print("  " + line)
+    for note in data["notes"]:
+        console.print(f"  note: {note}", markup=False)
     console.print(f"time step {data['time_step']:.4g} s, from {data['time_step_from']}; {data['steps']} steps")
     for name, value in data["limits"].items():
         mark = " <- binds" if name == data["time_step_from"] else ""

@@ -86,10 +86,8 @@ def fall_speed(scene, start, meshes: dict) -> float:
         return 0.0
     points = [start.position, *(m.vertices for m in meshes.values())]
     for wall in scene.walls:
-        if wall.plane is not None:  # the feet of the grains: a plane has no extent of its own
-            normal = np.array(wall.plane.normal)
-            height = (start.position - np.array(wall.plane.point)) @ normal
-            points.append(start.position - height[:, None] * normal)
+        if wall.shape is not None:  # the feet of the grains: a plane has no extent of its own
+            points.append(wall.shape.nearest(start.position)[0])
     cloud = np.concatenate(points)
     extent = cloud.max(axis=0) - cloud.min(axis=0)
     gravity = np.array(scene.gravity)

@@ -31,6 +31,7 @@ DIMENSIONS = {
     "1/s": Dimension("a frequency", {"second": -1}, "50 Hz"),
     "m/s": Dimension("a speed", {"meter": 1, "second": -1}, "20 cm/s"),
     "m/s2": Dimension("an acceleration", {"meter": 1, "second": -2}, "9.81 m/s^2"),
+    "kg": Dimension("a mass", {"kilogram": 1}, "20 g"),
     "kg/m3": Dimension("a density", {"kilogram": 1, "meter": -3}, "2.6 g/cm^3"),
     "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa"),
     "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm"),

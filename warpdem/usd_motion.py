@@ -3,7 +3,8 @@
     M(t) = X(t) X(0)^-1,   X(t): x_world = B(t) x_prim + p(t)
 
 so that frame and laboratory coincide at time 0, as for every motion. Lengths are multiplied by the stage's metersPerUnit
-and time codes divided by its timeCodesPerSecond; upAxis is left alone: the world's axes are taken as the laboratory's.
+and time codes divided by its timeCodesPerSecond; a stage with Y upwards is turned by 90 degrees about x, so that z is
+upwards in the laboratory. A wall's mesh from the same prim is treated alike and so moves as on the stage.
 Between two samples B turns at a constant rate about a fixed axis, the short way round, and p moves along a straight line;
 before the first and after the last sample both rest. Samples must therefore be less than half a turn apart.
 """
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem import usd_stage
 from warpdem.errors import SceneError
 from warpdem.rigid import (
     WIDE,
@@ -151,34 +153,20 @@ def read(file: Path, prim: str, where: str) -> SampledMotion:
     Raises:
         SceneError: there is no such prim, it has no time samples, or a transform holds scale or shear.
     """
-    from pxr import Tf, Usd, UsdGeom
+    stamp = file.stat() if file.is_file() else None
+    return _read(file, prim, where, stamp and (stamp.st_mtime_ns, stamp.st_size))
 
-    try:
-        stage = Usd.Stage.Open(str(file))
-    except Tf.ErrorException as error:
-        raise SceneError(f"{where}.usd = {str(file)!r}: cannot be read as USD: {error}") from None
-    key = f"{where}.prim = {prim!r}"
-    body = stage.GetPrimAtPath(prim)
-    if not body or not body.IsA(UsdGeom.Xformable):
-        there = [str(p.GetPath()) for p in stage.Traverse() if p.IsA(UsdGeom.Xformable)][:8]
-        what = "is nothing that can move" if body else "no such prim"
-        raise SceneError(f"{key}: {what} in {file}; there is {', '.join(there) or 'none'}")
-    codes: set[float] = set()
-    above = body
-    while above and not above.IsPseudoRoot():
-        xform = UsdGeom.Xformable(above)
-        codes |= set(xform.GetTimeSamples()) if xform else set()
-        above = None if xform and xform.GetResetXformStack() else above.GetParent()
-    if not codes:
-        raise SceneError(f"{key}: neither it nor what it stands in has time samples in {file}: it never moves")
-    found = sorted(codes)
-    matrices = [np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(body)).T for code in found]
-    for code, matrix in zip(found, matrices, strict=True):
-        _check_rigid(matrix[:3, :3], f"{key}: time code {code:g}")
-    quaternion = np.array([_quaternion(matrix[:3, :3]) for matrix in matrices])
-    place = np.array([matrix[:3, 3] for matrix in matrices], dtype=WIDE) * WIDE(UsdGeom.GetStageMetersPerUnit(stage))
-    time = np.array(found, dtype=WIDE) / WIDE(stage.GetTimeCodesPerSecond())
-    return _relative(time, quaternion, place)
+
+@functools.lru_cache(maxsize=32)
+def _read(file: Path, prim: str, where: str, stamp: tuple[int, int] | None) -> SampledMotion:
+    """As `read`; ``stamp`` tells the states of a file apart. A scene asks for each of its motions several times."""
+    said, arrays = usd_stage.ask(file, "motion", prim, where)
+    up = usd_stage.TO_Z_UP[said["up"]]
+    for code, matrix in zip(arrays["codes"], arrays["matrices"], strict=True):
+        _check_rigid(matrix[:3, :3], f"{where}.prim = {prim!r}: time code {code:g}")
+    quaternion = np.array([_quaternion(up @ matrix[:3, :3]) for matrix in arrays["matrices"]])
+    place = (arrays["matrices"][:, :3, 3] @ up.T).astype(WIDE) * WIDE(said["metres"])
+    return _relative(arrays["codes"].astype(WIDE) / WIDE(said["rate"]), quaternion, place)
 
 
 def _relative(time: np.ndarray, quaternion: np.ndarray, place: np.ndarray) -> SampledMotion:

@@ -1,10 +1,18 @@
-"""The walls of a scene on the device: triangles in float64, their trees, planes, materials and motions."""
+"""The walls of a scene on the device: triangles in float64, their trees, analytic shapes, materials and motions."""
 
 import numpy as np
 import warp as wp
 
-from warpdem.geometry import TriangleMesh, check_size, load_mesh, require_closed
-from warpdem.kernels.wall.surface import Surface
+from warpdem.geometry import TriangleMesh, load_mesh, require_closed
+from warpdem.kernels.wall.surface import Ball, Revolved, Surface
+from warpdem.mesh_check import size_warning
+from warpdem.sizes import size_law
+from warpdem.wall_shapes import Cone, Cylinder, Plane, Sphere
+
+SHAPE_ORDER = (Plane, (Cylinder, Cone), Sphere)
+"""Kinds of analytic walls in the order of their features."""
+ROUNDING_REACH = 4.0
+"""Mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]: both sides, both ways."""
 
 
 def load_meshes(scene) -> dict[str, TriangleMesh]:
@@ -17,22 +25,31 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
     for number, wall in enumerate(scene.walls):
         if wall.mesh is not None:
             key = f"{scene.source}: walls[{number}].mesh"
-            mesh = load_mesh(scene.resolve(wall.mesh), wall.scale, wall.rotate, wall.translate, key=key)
+            mesh = load_mesh(scene.resolve(wall.mesh), wall.scale, wall.rotate, wall.translate, wall.prim, key)
             if not wall.open:
                 require_closed(mesh, key)
             meshes[wall.name] = mesh
     return meshes
 
 
-def check_sizes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> None:
-    """Compare every mesh with the grains' ``diameters`` [m]: a mesh in millimetres is a thousand times too large.
+def mesh_notes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
+    """What a user should know about the meshes: what was mended or is odd in their files, and odd sizes.
+
+    Every mesh is compared with the grains' ``diameters`` [m]: one in millimetres is a thousand times too large.
 
     Raises:
         SceneError: if a mesh and the grains cannot belong together.
     """
+    notes = []
     for number, wall in enumerate(scene.walls):
-        if wall.mesh is not None and len(diameters):
-            check_size(meshes[wall.name], diameters, f"{scene.source}: walls[{number}].mesh")
+        if wall.mesh is None:
+            continue
+        key, mesh = f"walls[{number}].mesh", meshes[wall.name]
+        # borders are meant where a scene says that a mesh is open
+        notes += [f"{key}: {mesh.name}: {note}" for note in mesh.notes if not (wall.open and "open edges" in note)]
+        if len(diameters) and (warning := size_warning(mesh.name, mesh.bounds, diameters, f"{scene.source}: {key}")):
+            notes.append(warning)
+    return notes
 
 
 def named_diameters(scene) -> np.ndarray:
@@ -40,8 +57,7 @@ def named_diameters(scene) -> np.ndarray:
     found = []
     for group in scene.grains:
         if group.fill is not None:
-            d = group.fill.diameter
-            found.append(np.atleast_1d(np.array(getattr(d, "uniform", d), dtype=float)))
+            found.append(np.array([size_law(group.fill.diameter).mean_diameter]))
         elif group.positions is not None:
             found.append(2.0 * group.explicit_radii)
     return np.concatenate(found) if found else np.zeros(0)
@@ -61,14 +77,19 @@ class Walls:
         self._trees = []
         vertex_count = piece_count = triangle_count = 0
         names = list(scene.materials)
+        rounding = np.zeros(len(scene.walls))
         for number, wall in enumerate(scene.walls):
             if wall.mesh is None:
                 continue
             mesh = meshes[wall.name]
-            corners.append(mesh.vertices[mesh.triangles])
+            normal, offset = mesh.plane_normal[mesh.plane], mesh.plane_offset[mesh.plane]
+            corner = mesh.corners
+            # the edges of one flat piece lie in its plane as its faces do, or they would show as ridges of rounding
+            height = np.einsum("tcx,tx->tc", corner, normal) - offset[:, None]
+            corners.append(corner - height[:, :, None] * normal[:, None])
+            rounding[number] = ROUNDING_REACH * np.abs(height).max()
             vertices.append(mesh.triangles + vertex_count)
             pieces.append(mesh.piece + piece_count)
-            normal, offset = mesh.plane_normal[mesh.plane], mesh.plane_offset[mesh.plane]
             planes.append(np.concatenate([normal, offset[:, None]], axis=1))
             owners.append(np.full(len(mesh.triangles), number))
             tree = wp.Mesh(
@@ -82,15 +103,15 @@ class Walls:
             vertex_count += len(mesh.vertices)
             piece_count += int(mesh.piece.max()) + 1
             triangle_count += len(mesh.triangles)
-        for number, wall in enumerate(scene.walls):
-            if wall.plane is None:
-                continue
-            normal = np.array(wall.plane.normal, dtype=float)
-            normal = normal / np.linalg.norm(normal)
-            planes.append(np.append(normal, normal @ np.array(wall.plane.point))[None])
-            pieces.append(np.array([piece_count]))
-            owners.append(np.array([number]))
-            piece_count += 1
+        shapes = [
+            (number, wall.shape)
+            for kind in SHAPE_ORDER
+            for number, wall in enumerate(scene.walls)
+            if isinstance(wall.shape, kind)
+        ]
+        planes += [np.array([[*s.normal, s.offset]]) for _, s in shapes if isinstance(s, Plane)]
+        owners.append(np.array([number for number, _ in shapes], dtype=int))
+        pieces.append(piece_count + np.arange(len(shapes)))
 
         def upload(parts, dtype, shape):
             data = np.concatenate(parts) if parts else np.zeros((0, *shape))
@@ -98,10 +119,16 @@ class Walls:
 
         surface = Surface()
         surface.triangles = triangle_count
+        surface.planes, surface.revolutions, surface.spheres = (
+            sum(isinstance(shape, kind) for _, shape in shapes) for kind in SHAPE_ORDER
+        )
         surface.corner = upload(corners, wp.mat33d, (3, 3))
         surface.vertex = upload([v.astype(np.int32) for v in vertices], wp.vec3i, (3,))
         surface.piece = upload([p.astype(np.int32) for p in pieces], wp.int32, ())
         surface.plane = upload(planes, wp.vec4d, (4,))
+        surface.revolved = upload([s.numbers[None] for _, s in shapes if isinstance(s, (Cylinder, Cone))], Revolved, (13,))
+        surface.ball = upload([s.numbers[None] for _, s in shapes if isinstance(s, Sphere)], Ball, (5,))
+        surface.rounding = wp.array(rounding, dtype=wp.float64, device=device)
         surface.wall = upload([o.astype(np.int32) for o in owners], wp.int32, ())
         surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
         material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)

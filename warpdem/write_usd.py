@@ -3,8 +3,10 @@
     result.usda              small root layer: units, frame motion, wall motion, list of chunks
     result_usd/walls.usdc    wall meshes, written once
     result_usd/manifest.usda names of what the chunks hold
-    result_usd/chunk_0000.usdc ...   grains, some frames each, joined by value clips
+    result_usd/chunk_0000.usdc ...   grains and loads on walls, some frames each, joined by value clips
 
+The load on a wall is the primvar ``pressure`` [Pa] of its triangles, and ``force`` [N], ``torque`` [N m] about the point
+``torqueAbout`` [m] and ``power`` [W] of the whole, vectors in frame axes.
 A time code is a fixed share of a second (a millisecond unless told otherwise). The variant set ``view`` of
 ``/World/Frame`` shows the motion in the laboratory (default) or in the frame's own axes. USD points are float32: these
 files are for looking at results, not for starting from them.
@@ -22,6 +24,7 @@ from warpdem.snapshot import (
     SampledPart,
     Snapshot,
     TranslationPart,
+    WallLoad,
     WallMesh,
 )
 from warpdem.write_tables import replaced
@@ -45,6 +48,15 @@ _GRAIN_ATTRIBUTES = {
     "ids": "int64[]",
     "primvars:omega": "vector3f[]",
     "extent": "float3[]",
+}
+_PRESSURE_BYTES = 4.0  # per triangle of a wall
+# attribute of a wall prim: its type, field of the load
+_LOAD_ATTRIBUTES = {
+    "primvars:pressure": ("float[]", "pressure"),
+    "force": ("vector3d", "force"),
+    "torque": ("vector3d", "torque"),
+    "torqueAbout": ("point3d", "about"),
+    "power": ("double", "power"),
 }
 _SAND = (0.85, 0.68, 0.42)
 _GLASS = (0.70, 0.78, 0.85)
@@ -82,6 +94,7 @@ class UsdWriter:
         self._frames_per_chunk = frames_per_chunk
         self._resume = resume and (self._folder / ROOT).exists()
         self._root = None
+        self._loaded: dict[str, str] = {}  # path of each wall that comes with loads
         self._chunk = None
         self._chunk_codes: list[float] = []
         self._clips: list[tuple[float, str]] = []
@@ -100,7 +113,7 @@ class UsdWriter:
             raise WarpdemError(
                 f"{self._folder / ROOT}: the frame's axes or motions changed at t = {snapshot.time} s, must be fixed"
             )
-        self._write_grains(snapshot, code)
+        self._write_sample(snapshot, code)
         for path, value in _frame_samples(snapshot.frame).items():
             self._root.SetTimeSample(path, code, value)
         for wall in self._walls:
@@ -122,9 +135,10 @@ class UsdWriter:
 
         parts = self._folder / _PARTS
         self._first_frame = snapshot.frame
+        self._loaded = {name: path for name, path in self._wall_paths.items() if name in snapshot.loads}
         for path, layer in [
-            (parts / "walls.usdc", _walls_layer(self._walls, self._wall_paths)),
-            (parts / "manifest.usda", _grains_layer(".usda")),
+            (parts / "walls.usdc", _walls_layer(self._walls, self._wall_paths, self._loaded)),
+            (parts / "manifest.usda", _chunk_layer(".usda", self._loaded)),
         ]:
             with replaced(path) as part:
                 _export(layer, part)
@@ -151,10 +165,12 @@ class UsdWriter:
         files = [asset.path for asset in clips["assetPaths"]]
         self._clips = [(t, files[int(k)]) for t, k in clips["active"] if t < code]
 
-    def _write_grains(self, snapshot: Snapshot, code: float) -> None:
-        room = max(2, min(self._frames_per_chunk, int(_CHUNK_BYTES / (_GRAIN_BYTES * max(1, len(snapshot.id))))))
+    def _write_sample(self, snapshot: Snapshot, code: float) -> None:
+        size = _GRAIN_BYTES * len(snapshot.id)
+        size += _PRESSURE_BYTES * sum(len(snapshot.loads[name].pressure) for name in self._loaded)
+        room = max(2, min(self._frames_per_chunk, int(_CHUNK_BYTES / max(1.0, size))))
         if self._chunk is None or len(self._chunk_codes) >= room:
-            self._chunk = _grains_layer(".usdc")
+            self._chunk = _chunk_layer(".usdc", self._loaded)
             self._chunk_codes = []
             begin = code
             if self._last is not None:
@@ -181,18 +197,21 @@ class UsdWriter:
         }
         for name, value in samples.items():
             self._chunk.SetTimeSample(f"{_GRAINS}.{name}", code, value)
+        for name, path in self._loaded.items():
+            for attribute, value in _load_values(snapshot.loads[name]).items():
+                self._chunk.SetTimeSample(f"{path}.{attribute}", code, value)
         self._chunk_codes.append(code)
 
     def _author_clips(self) -> None:
         from pxr import Gf, Sdf, Vt
 
         clips = {
-            "primPath": _GRAINS,
             "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(file) for _, file in self._clips]),
             "active": Vt.Vec2dArray([Gf.Vec2d(code, k) for k, (code, _) in enumerate(self._clips)]),
             "manifestAssetPath": Sdf.AssetPath(f"./{_PARTS}/manifest.usda"),
         }
-        self._root.GetPrimAtPath(_GRAINS).SetInfo("clips", {_CLIPS: clips})
+        for path in [_GRAINS, *([_WALLS] if self._loaded else [])]:
+            self._root.GetPrimAtPath(path).SetInfo("clips", {_CLIPS: {**clips, "primPath": path}})
 
     def _write_placement(self, name: str, snapshot: Snapshot, code: float) -> None:
         """Add a sample when the wall has moved, and one that held it in place until the frame before."""
@@ -318,8 +337,8 @@ def _fixed(frame: FramePose) -> list[tuple]:
     ]
 
 
-def _walls_layer(walls: list[WallMesh], paths: dict[str, str]):
-    """Layer with the wall meshes in their body axes."""
+def _walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, str]):
+    """Layer with the wall meshes in their body axes; those in ``loaded`` have room for a pressure."""
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
@@ -339,18 +358,39 @@ def _walls_layer(walls: list[WallMesh], paths: dict[str, str]):
         mesh.CreateDoubleSidedAttr(True)
         mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_GLASS)]))
         mesh.CreateDisplayOpacityAttr(Vt.FloatArray([0.3]))
+        if wall.name in loaded:
+            UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("pressure", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
     return layer
 
 
-def _grains_layer(suffix: str):
-    """Layer that declares the arrays of the grains, without values: the manifest, and each chunk at its start."""
+def _chunk_layer(suffix: str, loaded: dict[str, str]):
+    """Layer that declares what changes from frame to frame, without values: the manifest, and each chunk at its start."""
     from pxr import Sdf
 
     layer = Sdf.Layer.CreateAnonymous(suffix)
     grains = Sdf.CreatePrimInLayer(layer, _GRAINS)
     for name, kind in _GRAIN_ATTRIBUTES.items():
         Sdf.AttributeSpec(grains, name, Sdf.ValueTypeNames.Find(kind))
+    for path in loaded.values():
+        wall = Sdf.CreatePrimInLayer(layer, path)
+        for name, (kind, _) in _LOAD_ATTRIBUTES.items():
+            Sdf.AttributeSpec(wall, name, Sdf.ValueTypeNames.Find(kind))
     return layer
+
+
+def _load_values(load: WallLoad) -> dict[str, object]:
+    """The attributes of a wall prim that hold a load."""
+    from pxr import Gf, Vt
+
+    makers = {
+        "float[]": lambda value: Vt.FloatArray.FromNumpy(value.astype(np.float32)),
+        "vector3d": lambda value: Gf.Vec3d(*value.tolist()),
+        "point3d": lambda value: Gf.Vec3d(*value.tolist()),
+        "double": float,
+    }
+    values = {name: getattr(load, field) for name, (_, field) in _LOAD_ATTRIBUTES.items()}
+    # an empty array would not fit the faces
+    return {name: makers[_LOAD_ATTRIBUTES[name][0]](value) for name, value in values.items() if np.size(value)}
 
 
 def _extent(points: np.ndarray, radius: np.ndarray):

@@ -3,7 +3,8 @@
 Everything stands in frame axes. The field data of each grain file tell where the frame stood, so that a reader can show
 the laboratory view: x_lab = frame_rotation x + frame_translation (rotation row by row; frame_spin and frame_velocity in
 frame axes; one row of frame_parts for each motion). All numbers are float64: a frame can start a new scene (but holds no
-friction history).
+friction history). A wall file holds the load on the wall at its time: force [N] and pressure [Pa] of each triangle, and
+force, torque [N m] about the point torque_about [m], and power [W] of the whole as field data.
 """
 
 from collections.abc import Iterator
@@ -25,6 +26,7 @@ from warpdem.snapshot import (
     SampledPart,
     Snapshot,
     TranslationPart,
+    WallLoad,
     WallMesh,
 )
 from warpdem.write_tables import replaced
@@ -43,6 +45,10 @@ _GRAIN_ARRAYS = {
 }
 
 
+# field data of a wall file: field of its load, name in the file
+_WALL_ARRAYS = {"force": "force", "torque": "torque", "about": "torque_about", "power": "power"}
+
+
 @dataclass(frozen=True)
 class _Entry:
     """One line of the index."""
@@ -56,7 +62,8 @@ class _Entry:
 class VtkWriter:
     """Write ``grains_000000.vtp`` ... and ``wall_NAME_000000.vtp`` ... with ``result.pvd``.
 
-    A wall gets a new file only when it has moved in frame axes; the index repeats the last one for every time.
+    A wall gets a new file when it has moved in frame axes, and in every frame if the snapshots hold its load; otherwise the
+    index repeats the last one.
     """
 
     def __init__(self, folder: Path, walls: list[WallMesh], *, resume: bool = False):
@@ -83,7 +90,7 @@ class VtkWriter:
         _save(_grains_polydata(snapshot), self._folder / name)
         self._entries.append(_Entry(snapshot.time, 0, "grains", name))
         for part, wall in enumerate(self._walls, start=1):
-            file = self._write_wall(wall, snapshot.walls[wall.name])
+            file = self._write_wall(wall, snapshot.walls[wall.name], snapshot.loads.get(wall.name))
             self._entries.append(_Entry(snapshot.time, part, wall.name, file))
         self._write_index()
         self._frame += 1
@@ -91,9 +98,9 @@ class VtkWriter:
     def close(self) -> None:
         """Nothing is held back: every frame is on disk when ``write`` returns."""
 
-    def _write_wall(self, wall: WallMesh, placement: Placement) -> str:
-        """Name of the file that shows the wall at this placement, written if there is none."""
-        if wall.name in self._wall_files:
+    def _write_wall(self, wall: WallMesh, placement: Placement, load: WallLoad | None) -> str:
+        """Name of the file that shows the wall at this placement with its load, written if there is none."""
+        if load is None and wall.name in self._wall_files:
             last, file = self._wall_files[wall.name]
             if np.array_equal(last.rotation, placement.rotation) and np.array_equal(
                 last.translation, placement.translation
@@ -101,7 +108,7 @@ class VtkWriter:
                 return file
         file = f"wall_{quote(wall.name, safe='')}_{self._frame:06d}.vtp"
         vertices = wall.vertices @ placement.rotation.T + placement.translation
-        _save(_wall_polydata(vertices, wall.triangles), self._folder / file)
+        _save(_wall_polydata(vertices, wall.triangles, load), self._folder / file)
         self._wall_files[wall.name] = (placement, file)
         return file
 
@@ -258,9 +265,15 @@ def _part(row: np.ndarray) -> Part:
     return TranslationPart(numbers[:3]) if kind is TranslationPart else SampledPart(numbers[:4], numbers[4:7])
 
 
-def _wall_polydata(vertices: np.ndarray, triangles: np.ndarray):
+def _wall_polydata(vertices: np.ndarray, triangles: np.ndarray, load: WallLoad | None):
     data = _polydata(vertices)
     data.SetPolys(_cells(3, triangles))
+    if load is not None:
+        if len(load.pressure):
+            _add(data.GetCellData(), "force", load.triangle_force)
+            _add(data.GetCellData(), "pressure", load.pressure)
+        for name in ("force", "torque", "about", "power"):
+            _add(data.GetFieldData(), _WALL_ARRAYS[name], np.atleast_2d(getattr(load, name)))
     return data
 
 

@@ -1,7 +1,8 @@
 """Which features of the walls a grain may touch.
 
 ``wp.Mesh`` is float32 and only finds triangles: boxes are asked for with a slack for its rounding, in the body axes of the
-wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64.
+wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64. ``travel``
+is how far a grain may go, in the wall's body axes, before the list is made anew.
 """
 
 import functools
@@ -13,8 +14,8 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, history: int, gap: float):
-    """Return the kernels for ``meshes`` mesh walls and ``planes`` analytic planes; ``gap`` as in ``pairs.build``."""
+def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, history: int, gap: float):
+    """Return the kernels for walls with ``meshes`` and with analytic ``shapes``; ``gap`` as in ``pairs.build``."""
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
@@ -24,7 +25,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
         feature_out: wp.array(dtype=wp.int32),
     ) -> int:  # fmt: skip
         """Number of features after feature ``f`` has been looked at; inserted in ascending order when filling."""
-        nearest, direction, distance, mask = closest_on_feature(surface, f, point, radius, reach)
+        nearest, direction, distance, mask, share = closest_on_feature(surface, f, point, radius, reach)
         if distance >= reach:
             return n
         if fill == 1:
@@ -40,7 +41,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
         first: int,
         fill: int,  # 0 counts, 1 fills
         grains: wp.array(dtype=g.Record),
-        skin: wp.float64,
+        travel: wp.float64,
         surface: Surface,
         mesh: wp.array(dtype=wp.uint64),
         mesh_wall: wp.array(dtype=wp.int32),
@@ -54,13 +55,13 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
         state = grains[i]
         q = g.position(state)
         radius = state[3]
-        reach = radius + wp.float64(wp.static(gap)) + skin
+        reach = radius + wp.float64(wp.static(gap)) + travel
         n = int(0)
         at = int(0)
         if fill == 1:
             at = start[i]
-        if wp.static(meshes > 0):
-            for m in range(wp.static(meshes)):
+        if wp.static(meshes):
+            for m in range(mesh.shape[0]):
                 body = local(placements[surface.motion[mesh_wall[m]]], q)
                 centre = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
                 largest = wp.max(wp.abs(centre[0]), wp.max(wp.abs(centre[1]), wp.abs(centre[2])))
@@ -70,8 +71,8 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
                 t = int(0)
                 while wp.mesh_query_aabb_next(query, t):
                     n = add(mesh_first[m] + t, fill, at, n, body, radius, reach, surface, feature_out)
-        if wp.static(planes > 0):
-            for k in range(wp.static(planes)):
+        if wp.static(shapes):
+            for k in range(surface.planes + surface.revolutions + surface.spheres):
                 f = surface.triangles + k
                 body = local(placements[surface.motion[surface.wall[f]]], q)
                 n = add(f, fill, at, n, body, radius, reach, surface, feature_out)
@@ -81,13 +82,13 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
     def close_features(
         first: int,
         grains: wp.array(dtype=g.Record),
-        margin: wp.float64,
+        travel: wp.float64,
         surface: Surface,
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
         rows: Rows,
     ):
-        """Candidates of each grain within the margin, at the start of its slots; none left means no places either."""
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either."""
         i = first + wp.tid()
         state = grains[i]
         q = g.position(state)
@@ -97,7 +98,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
         for e in range(at, rows.first[i + 1]):
             f = near_feature[e]
             body = local(placements[surface.motion[surface.wall[f]]], q)
-            n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + margin, surface, rows.feature)
+            n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + travel, surface, rows.feature)
         rows.candidates[i] = n
         if n == 0:
             rows.place_count[0, i] = 0
@@ -125,6 +126,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: int, planes: int, hi
             now.place_point[parity, d] = before.place_point[parity, s]
             now.place_normal[parity, d] = before.place_normal[parity, s]
             now.place_overlap[parity, d] = before.place_overlap[parity, s]
+            now.place_weight[parity, d] = before.place_weight[parity, s]
             if wp.static(history >= 3):
                 now.place_spring[parity, d] = before.place_spring[parity, s]
             if wp.static(history == 6):

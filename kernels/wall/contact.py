@@ -3,12 +3,8 @@
 A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the margin)
 and its places stand at the start of that range. Each step, for the grains that have candidates:
 
-1. closest point and corner mask of every candidate, in float64 and body axes; a closest point within 1e-6 radii of the
-   foot on the triangle's plane takes the plane of its whole flat piece, so 2 or 20 000 triangles give one force;
-2. a hit on an edge or vertex is dropped when another triangle that shares it comes closer (it is no local minimum of the
-   distance to the surface) or is the same place seen twice;
-3. from the deepest on, hits of one smooth piece whose directions differ by less than 30 degrees are one place;
-4. each place takes the memory of the nearest place of the step before on that wall (in body axes: it survives any
+1. the closest points of its candidates are sorted out into touching places (``places``);
+2. each place takes the memory of the nearest place of the step before on that wall (in body axes: it survives any
    triangle border) and goes through the contact law of the scene.
 
 The wall's displacement over the step is that of a material point along its exact path, the one halfway between the last
@@ -24,7 +20,6 @@ from warpdem.kernels import grain
 from warpdem.kernels.schedule import (
     Placement,
     Row,
-    local,
     past_shift,
     past_turn,
     placed,
@@ -33,53 +28,21 @@ from warpdem.kernels.schedule import (
     wall_spin,
     wall_velocity,
 )
-from warpdem.kernels.wall.surface import Surface, is_corner_set_within
-from warpdem.kernels.wall.triangle import FACE, closest_point
-
-MERGE_COSINE = 0.8660254037844386  # 30 degrees
-FLAT = 1.0e-6  # lateral distance to the plane's foot, in radii, below which a hit counts as a hit of the plane
-IDLE, HIT, TAKEN, MERGED = 0, 1, 2, 3
-
-
-@wp.func
-def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64, reach: wp.float64):
-    """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m] and corner mask.
-
-    A distance of ``reach`` or more is only known to be so.
-    """
-    plane = surface.plane[f]
-    normal = wp.vec3d(plane[0], plane[1], plane[2])
-    height = wp.dot(normal, q) - plane[3]
-    side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
-    point = q - normal * height
-    mask = int(7)
-    distance = wp.abs(height)
-    direction = normal * side
-    if f >= surface.triangles:  # an analytic plane is one-sided: behind it a grain is pushed back all the way
-        distance = height
-        direction = normal
-    elif distance < reach:  # its plane beyond reach, a triangle is too
-        nearest, corners = closest_point(q, surface.corner[f])
-        away = q - nearest
-        square = wp.dot(away, away)
-        tolerance = wp.float64(1.0e-6) * radius
-        if square - height * height > tolerance * tolerance:
-            mask = corners
-            point = nearest
-            distance = wp.sqrt(square)
-            direction = away / distance
-    return point, direction, distance, mask
+from warpdem.kernels.wall import places
+from warpdem.kernels.wall.places import SHARED, TAKEN
+from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
 def build(
-    law, constants, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool, moving_frame: bool, table: bool,
-    lag: float, moving: int, gap: float,
+    law, constants, closest_on_feature, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
+    moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 
-    Arguments as in ``pairs.build``; ``moving_frame``: the frame moves at all; ``lag``: inertia factor of the rolling model
-    [-]; ``moving``: number of wall motions relative to the frame.
+    Arguments as in ``pairs.build``; ``closest_on_feature`` of ``feature.build``; ``moving_frame``: the frame moves at all;
+    ``lag``: inertia factor of the rolling model [-]; ``meshes``: some walls are meshes; ``moving``: number of wall motions
+    relative to the frame.
     """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
@@ -101,97 +64,44 @@ def build(
         hit_distance: wp.array(dtype=wp.float64)
         hit_point: wp.array(dtype=wp.vec3d)
         hit_direction: wp.array(dtype=wp.vec3d)
+        hit_weight: wp.array(dtype=wp.float64)
         place_force: wp.array(dtype=wp.vec3d)
-        place_from: wp.array(dtype=wp.int32)  # slot of the memory that a place of this force call took over
+        place_moment: wp.array(dtype=wp.vec3d)  # rolling torque
+        place_feature: wp.array(dtype=wp.int32)
         # places [generation, grain or slot]: 0 and 1 by turns of step, 2 for the stages within a step
         place_count: wp.array2d(dtype=wp.int32)
         place_wall: wp.array2d(dtype=wp.int32)
         place_point: wp.array2d(dtype=wp.vec3d)
         place_normal: wp.array2d(dtype=wp.vec3d)
         place_overlap: wp.array2d(dtype=wp.float64)
+        place_weight: wp.array2d(dtype=wp.float64)
         place_spring: wp.array2d(dtype=wp.vec3d)
         place_angle: wp.array2d(dtype=wp.vec3d)
 
-    @wp.func
-    def find_places(
-        i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
-        placements: wp.array2d(dtype=Placement), now_row: int,
-    ) -> int:  # fmt: skip
-        """Steps 1 to 3: mark the candidates of grain ``i`` that are places as TAKEN; 0 when there are none."""
-        first = rows.first[i]
-        last = first + rows.candidates[i]
-        reach = radius + wp.float64(wp.static(gap))
-        hits = int(0)
-        hit = int(0)
-        for c in range(first, last):
-            f = rows.feature[c]
-            body = q
-            if wp.static(moving > 0):
-                body = local(placements[now_row, surface.motion[surface.wall[f]]], q)
-            point, direction, distance, mask = closest_on_feature(surface, f, body, radius, reach)
-            rows.hit_state[c] = wp.static(IDLE)
-            if distance < reach:
-                rows.hit_state[c] = wp.static(HIT)
-                hits += 1
-                hit = c
-            rows.hit_mask[c] = mask
-            rows.hit_distance[c] = distance
-            rows.hit_point[c] = point
-            rows.hit_direction[c] = direction
-        if hits == 0:
-            return 0
-        if hits == 1:  # the usual case has nothing to sort out
-            rows.hit_state[hit] = wp.static(TAKEN)
-            return 1
-        same = wp.float64(1.0e-12) * radius
-        for c in range(first, last):
-            f = rows.feature[c]
-            mask = rows.hit_mask[c]
-            if rows.hit_state[c] == wp.static(HIT) and mask != wp.static(FACE):
-                for o in range(first, last):
-                    of = rows.feature[o]
-                    if o != c and of < surface.triangles and surface.wall[of] == surface.wall[f]:
-                        if is_corner_set_within(surface.vertex[f], mask, surface.vertex[of]):
-                            closer = rows.hit_distance[c] - rows.hit_distance[o]
-                            if closer > same or (closer >= -same and o < c):
-                                rows.hit_state[c] = wp.static(IDLE)
-        left = int(1)
-        while left == 1:
-            best = int(-1)
-            for c in range(first, last):
-                if rows.hit_state[c] == wp.static(HIT):
-                    if best < 0:
-                        best = c
-                    elif rows.hit_distance[c] < rows.hit_distance[best]:
-                        best = c
-            if best < 0:
-                left = 0
-            else:
-                rows.hit_state[best] = wp.static(TAKEN)
-                f = rows.feature[best]
-                for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT):
-                        if surface.piece[rows.feature[c]] == surface.piece[f]:
-                            cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[best])
-                            if cosine > wp.float64(wp.static(MERGE_COSINE)):
-                                rows.hit_state[c] = wp.static(MERGED)
-        return hits
+    find_places = places.build(Rows, closest_on_feature, meshes=meshes, moving=moving, gap=gap)
 
     @wp.func
-    def remembered(i: int, wall: int, point: wp.vec3d, radius: wp.float64, old: int, count: int, rows: Rows) -> int:
-        """Slot of the nearest place of the step before on ``wall`` that none of ``count`` new places took, else -1."""
+    def remembered(i: int, c: int, wall: int, radius: wp.float64, old: int, surface: Surface, rows: Rows) -> int:
+        """Slot of the nearest place of the step before on ``wall`` to the place at ``c``, else -1.
+
+        A place that is nearer to another of the new places is that one's, unless ``c`` is one of many that share a force:
+        then a new one takes over what its neighbour knows.
+        """
         first = rows.first[i]
+        point = rows.hit_point[c]
         found = int(-1)
         nearest = radius * radius
         for s in range(first, first + rows.place_count[old, i]):
             if rows.place_wall[old, s] == wall:
-                way = border.nearest(rows.place_point[old, s] - point)
-                square = wp.dot(way, way)
-                taken = int(0)
-                for k in range(first, first + count):
-                    if rows.place_from[k] == s:
-                        taken = 1
-                if square < nearest and taken == 0:
+                before = rows.place_point[old, s]
+                square = wp.length_sq(border.nearest(before - point))
+                mine = int(1)
+                if rows.hit_state[c] != wp.static(SHARED):
+                    for o in range(first, first + rows.candidates[i]):
+                        if rows.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[rows.feature[o]] == wall:
+                            if wp.length_sq(border.nearest(before - rows.hit_point[o])) < square:
+                                mine = 0
+                if square < nearest and mine == 1:
                     nearest = square
                     found = s
         return found
@@ -237,7 +147,7 @@ def build(
         v_predicted = v + g.acceleration(grain_i) * half
         w_predicted = w + g.angular_acceleration(grain_i) * half
         for c in range(first, first + rows.candidates[i]):
-            if rows.hit_state[c] == wp.static(TAKEN):
+            if rows.hit_state[c] >= wp.static(TAKEN):
                 f = rows.feature[c]
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
@@ -256,7 +166,7 @@ def build(
                 overlap_before = wp.float64(0.0)
                 spring = wp.vec3d()
                 angle = wp.vec3d()
-                s = remembered(i, wall, body_point, radius, old, count, rows)
+                s = remembered(i, c, wall, radius, old, surface, rows)
                 if s >= 0:
                     n_before = rows.place_normal[old, s]
                     overlap_before = rows.place_overlap[old, s]
@@ -298,20 +208,25 @@ def build(
                     n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
                     w - w_wall, w_predicted - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle,
                 )  # fmt: skip
-                torque = moment - wp.cross(n, force) * distance
+                weight = rows.hit_weight[c]
+                force = force * weight
+                torque = moment * weight - wp.cross(n, force) * distance
                 total += vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
                 slot = first + count
                 count += 1
-                rows.place_from[slot] = s
                 rows.place_wall[new, slot] = wall
                 rows.place_point[new, slot] = body_point
                 rows.place_normal[new, slot] = n
                 rows.place_overlap[new, slot] = overlap
+                rows.place_weight[new, slot] = weight
                 if wp.static(history >= 3):
                     rows.place_spring[new, slot] = held
                 if wp.static(history == 6):
                     rows.place_angle[new, slot] = bent
                 rows.place_force[slot] = force
+                if wp.static(rolling):
+                    rows.place_moment[slot] = moment * weight
+                rows.place_feature[slot] = f
                 share = wp.max(share, overlap / radius)
                 approach = wp.max(approach, -wp.dot(velocity, n))
         rows.place_count[new, i] = count

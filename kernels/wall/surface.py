@@ -1,28 +1,43 @@
-"""The walls of a scene as the kernels see them: triangles of meshes first, then analytic planes, one numbering for both."""
+"""The walls of a scene as the kernels see them: triangles of meshes first, then analytic shapes, one numbering for all."""
 
 import warp as wp
+
+Revolved = wp.types.vector(13, wp.float64)
+Ball = wp.types.vector(5, wp.float64)
 
 
 @wp.struct
 class Surface:
-    """Features (triangles, then planes) in the body axes of their wall."""
+    """Features (triangles, planes, surfaces of revolution, spheres, in this order) in the body axes of their wall."""
 
     triangles: wp.int32
     """Number of triangles; features from here on are planes."""
+    planes: wp.int32
+    """Number of planes."""
+    revolutions: wp.int32
+    """Number of cylinders and cones."""
+    spheres: wp.int32
+    """Number of spheres."""
     corner: wp.array(dtype=wp.mat33d)
-    """Corners of each triangle, one per row [m]."""
+    """Corners of each triangle in the plane of its flat piece, one per row [m]."""
     vertex: wp.array(dtype=wp.vec3i)
     """Corner numbers of each triangle, unique over all walls."""
     piece: wp.array(dtype=wp.int32)
     """Connected smooth piece of each feature."""
     plane: wp.array(dtype=wp.vec4d)
-    """Unit normal and offset [m] of each feature's flat piece: n . x = offset."""
+    """Unit normal and offset [m] of each triangle's flat piece, then of each plane: n . x = offset."""
+    revolved: wp.array(dtype=Revolved)
+    """Cylinders and cones, numbers as in ``revolved``."""
+    ball: wp.array(dtype=Ball)
+    """Spheres, numbers as in ``sphere``."""
     wall: wp.array(dtype=wp.int32)
     """Wall of each feature."""
     motion: wp.array(dtype=wp.int32)
     """Placement of each wall."""
     material: wp.array(dtype=wp.int32)
     """Material of each wall."""
+    rounding: wp.array(dtype=wp.float64)
+    """How far corners of each wall's file are off the planes they belong to [m]."""
 
 
 @wp.func

@@ -44,3 +44,9 @@ def closest_point(q: wp.vec3d, corners: wp.mat33d):
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6))), 6
     scale = wp.float64(1.0) / (va + vb + vc)
     return a + ab * (vb * scale) + ac * (vc * scale), 7
+
+
+@wp.func
+def corner_count(mask: int) -> int:
+    """How many corners ``mask`` picks: 3 for a face, 2 for an edge, 1 for a vertex."""
+    return (mask & 1) + ((mask >> 1) & 1) + ((mask >> 2) & 1)

@@ -1,51 +1,21 @@
-import functools
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import warp as wp
+from model_probes import RTOL, normal_constants, normal_force
 from warpdem.kernels.normal import hooke
 
-RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}
 MATERIAL = SimpleNamespace(young_modulus=5e6, poisson_ratio=0.3)
 
 
-@functools.cache
-def probes(real):
-    """Kernels that call the model once: Warp functions with ``wp.where`` cannot be called from Python."""
-    constants, force = hooke.build(real)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def force_probe(overlap: real, speed: real, stiffness: real, damping: real, out: wp.array(dtype=real)):
-        f_n, k_n, gamma_n = force(overlap, speed, stiffness, damping)
-        out[0] = f_n
-        out[1] = k_n
-        out[2] = gamma_n
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def constants_probe(base: real, damping: real, radius: real, mass: real, out: wp.array(dtype=real)):
-        k, c = constants(base, damping, radius, mass)
-        out[0] = k
-        out[1] = c
-
-    return force_probe, constants_probe
-
-
-def call(real, which, *inputs):
-    out = wp.zeros(3, dtype=real, device="cpu")
-    wp.launch(probes(real)[which], dim=1, inputs=[*inputs, out], device="cpu")
-    return [float(x) for x in out.numpy()]
-
-
 def force(real, overlap, speed, stiffness=1e3, damping=0.0):
-    """Normal force [N], k_n [N/m] and gamma_n [N s/m]."""
-    return call(real, 0, overlap, speed, stiffness, damping)
+    return normal_force(hooke, real, overlap, speed, stiffness, damping)
 
 
-def constants(real, base, damping, radius, mass):
-    """Stiffness and damping of a contact."""
-    return call(real, 1, base, damping, radius, mass)[:2]
+def constants(real, *inputs):
+    return normal_constants(hooke, real, *inputs)
 
 
 def test_force_stiffness_and_dashpot_are_the_hand_values(real):

@@ -1,42 +1,14 @@
-import functools
 
 import numpy as np
 import pytest
-import warp as wp
+from model_probes import RTOL, rolling
 from warpdem.kernels.rolling import constant
 
-RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}
 ZERO = (0.0, 0.0, 0.0)
 
 
-@functools.cache
-def probe(real):
-    """A kernel that calls the model for each row of its inputs: Warp functions with ``wp.where`` need one."""
-    vec3 = wp.types.vector(3, real)
-    model = constant.build(real)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def kernel(
-        spin: vec3, spin_predicted: vec3, angle: vec3, limit: real, spring: real, damping: real, inertia: real,
-        dt: real, moment_out: wp.array(dtype=vec3), angle_out: wp.array(dtype=vec3),
-    ):  # fmt: skip
-        moment, held = model(spin, spin_predicted, angle, limit, spring, damping, inertia, dt)
-        moment_out[0] = moment
-        angle_out[0] = held
-
-    return kernel
-
-
-def evaluate(real, spin, spin_predicted, angle, *numbers):
-    vec3 = wp.types.vector(3, real)
-    out = [wp.zeros(1, dtype=vec3, device="cpu") for _ in range(2)]
-    vectors = [vec3(*(float(x) for x in v)) for v in (spin, spin_predicted, angle)]
-    wp.launch(probe(real), dim=1, inputs=[*vectors, *numbers, *out], device="cpu")
-    return [x.numpy()[0].astype(float) for x in out]
-
-
 def torque(real, spin, limit, inertia=1e-9, dt=1e-5):
-    return evaluate(real, spin, ZERO, ZERO, limit, 1.0, 0.3, inertia, dt)[0]
+    return rolling(constant, real, spin, ZERO, ZERO, limit, 1.0, 0.3, inertia, dt)[0]
 
 
 def test_a_quick_spin_meets_the_constant_torque_against_it(real):

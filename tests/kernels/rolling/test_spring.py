@@ -1,44 +1,17 @@
-import functools
 import math
 
 import numpy as np
 import pytest
 import warp as wp
+from model_probes import RTOL, rolling
 from warpdem.kernels.rolling import spring
 
-RTOL = {wp.float32: 1e-6, wp.float64: 1e-14}
 K = 4e-3  # k_n (mu_r R*)^2 [N m]; the model's own stiffness is 2.25 times that
 LIMIT, ETA, INERTIA = 9e-5, 0.3, 1e-9
 
 
-@functools.cache
-def probe(real):
-    """A kernel that calls the model for each row of its inputs: Warp functions with ``wp.where`` need one."""
-    vec3 = wp.types.vector(3, real)
-    model = spring.build(real)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def kernel(
-        spin: vec3, spin_predicted: vec3, angle: vec3, limit: real, spring: real, damping: real, inertia: real,
-        dt: real, moment_out: wp.array(dtype=vec3), angle_out: wp.array(dtype=vec3),
-    ):  # fmt: skip
-        moment, held = model(spin, spin_predicted, angle, limit, spring, damping, inertia, dt)
-        moment_out[0] = moment
-        angle_out[0] = held
-
-    return kernel
-
-
-def evaluate(real, spin, spin_predicted, angle, *numbers):
-    vec3 = wp.types.vector(3, real)
-    out = [wp.zeros(1, dtype=vec3, device="cpu") for _ in range(2)]
-    vectors = [vec3(*(float(x) for x in v)) for v in (spin, spin_predicted, angle)]
-    wp.launch(probe(real), dim=1, inputs=[*vectors, *numbers, *out], device="cpu")
-    return [x.numpy()[0].astype(float) for x in out]
-
-
 def torque(real, angle, spin, limit=LIMIT):
-    return evaluate(real, (0.0, 0.0, 0.0), spin, angle, limit, K, ETA, INERTIA, 1e-5)
+    return rolling(spring, real, (0.0, 0.0, 0.0), spin, angle, limit, K, ETA, INERTIA, 1e-5)
 
 
 def test_within_the_limit_spring_and_dashpot_add_up(real):

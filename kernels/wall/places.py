@@ -1,0 +1,196 @@
+"""Touching places of a grain: what is left of its closest points on many triangles once each place is counted once.
+
+1. Closest point of every candidate, in float64 and body axes; a hit is one within reach.
+2. A hit on an edge or vertex is dropped when another triangle that holds the same point comes closer, or holds it too and
+   comes first: it is no local minimum of the distance to the surface, or one seen twice. Triangles hold a point when they share
+   the corners, or when it lies on them (unwelded seams, T-junctions).
+3. A hit seen through another triangle is dropped (the far side of a plate thinner than the overlap), and so is one that equals
+   another (two triangles of a flat piece that meet below the centre).
+4. What is left of one smooth piece is one place when all directions differ by less than 30 degrees from the deepest hit's.
+   The place has the depth of the deepest; its direction is the mean of the hits with weights (depth)^4, which turns from one
+   facet to the next as the depths do, so a grain may rest between two facets of a tessellated cylinder, where the direction
+   of the deepest would jump to and fro. The mean is a little shorter than one and scales the force, as the slope of the depth
+   along the bisector does.
+5. Directions further apart mean a grain that is wedged or cradled: a tube narrower than it, a fillet of its own radius, a cone.
+   Then every hit is a place, whose force is shared with its neighbours by the weight
+
+       w_c = depth_c^4 / sum_o K(c, o) depth_o^4,   K = 1 up to 15 degrees apart, 0 from 30, linear in the cosine between,
+
+   so that the sum of weights counts how many separate places there would be room for, and the net force is continuous and, on a
+   regular tessellation, symmetric. Picking places 30 degrees apart from the deepest on leaves 0.3 of a force in a ring of 64.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels.schedule import Placement, local
+from warpdem.kernels.wall.surface import Surface, is_corner_set_within
+from warpdem.kernels.wall.triangle import FACE, closest_point, corner_count
+
+MERGE_COSINE = 0.8660254037844386  # 30 degrees
+SAME_COSINE = 0.9659258262890683  # 15 degrees
+EQUAL = 1.0e-12  # cosine from one, and distance in radii, within which two hits are the same
+ON = 1.0e-5  # distance in radii within which a point lies on a triangle
+# what becomes of a candidate; those from TAKEN on are places, SHARED those of a grain that is wedged or cradled
+IDLE, HIT, MERGED, TAKEN, SHARED = 0, 1, 2, 3, 4
+
+
+@functools.cache
+def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
+    """Return the function that finds the places of a grain; ``Rows`` is the struct of ``contact``."""
+
+    @wp.func
+    def holds(surface: Surface, o: int, f: int, mask: int, point: wp.vec3d, tolerance: wp.float64) -> bool:
+        """Whether triangle ``o`` holds ``point``, which the corners ``mask`` of triangle ``f`` span."""
+        if is_corner_set_within(surface.vertex[f], mask, surface.vertex[o]):
+            return True
+        plane = surface.plane[o]
+        height = wp.dot(wp.vec3d(plane[0], plane[1], plane[2]), point) - plane[3]
+        if wp.abs(height) > tolerance:
+            return False
+        nearest, _ = closest_point(point, surface.corner[o])
+        return wp.length(point - nearest) <= tolerance
+
+    @wp.func
+    def hides(surface: Surface, o: int, q: wp.vec3d, point: wp.vec3d, tolerance: wp.float64) -> bool:
+        """Whether the way from ``q`` to ``point`` leads through triangle ``o``."""
+        plane = surface.plane[o]
+        normal = wp.vec3d(plane[0], plane[1], plane[2])
+        here = wp.dot(normal, q) - plane[3]
+        there = wp.dot(normal, point) - plane[3]
+        if here * there >= wp.float64(0.0) or wp.abs(there) <= tolerance:
+            return False
+        crossing = q + (point - q) * (here / (here - there))
+        nearest, _ = closest_point(crossing, surface.corner[o])
+        return wp.length(crossing - nearest) <= tolerance
+
+    @wp.func
+    def is_repeated(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
+        """Steps 2 and 3: whether hit ``c`` on a triangle is no place of its own."""
+        f = rows.feature[c]
+        mask = rows.hit_mask[c]
+        wall = surface.wall[f]
+        point = rows.hit_point[c]
+        distance = rows.hit_distance[c]
+        centre = point + rows.hit_direction[c] * distance
+        same = wp.float64(wp.static(EQUAL)) * radius + surface.rounding[wall]
+        tolerance = wp.float64(wp.static(ON)) * radius + surface.rounding[wall]
+        for o in range(first, last):
+            of = rows.feature[o]
+            if o != c and of < surface.triangles and surface.wall[of] == wall:
+                closer = distance - rows.hit_distance[o]
+                other = rows.hit_mask[o]
+                before = corner_count(other) > corner_count(mask) or (corner_count(other) == corner_count(mask) and o < c)
+                if closer > same or (closer >= -same and before):
+                    if mask == wp.static(FACE):
+                        if wp.dot(rows.hit_direction[c], rows.hit_direction[o]) > wp.float64(wp.static(1.0 - EQUAL)):
+                            return True
+                    elif holds(surface, of, f, mask, point, tolerance):
+                        return True
+                    if closer > same and hides(surface, of, centre, point, tolerance):
+                        return True
+        return False
+
+    @wp.func
+    def nearness(depth: wp.float64) -> wp.float64:
+        """Weight of a hit of this depth [m] in means: the fourth power, which leaves a third of one that is 25 % shallower."""
+        return depth * depth * depth * depth
+
+    @wp.func
+    def join(best: int, first: int, last: int, reach: wp.float64, surface: Surface, rows: Rows):
+        """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
+        piece = surface.piece[rows.feature[best]]
+        rows.hit_state[best] = wp.static(TAKEN)
+        deepest = rows.hit_direction[best]
+        members = int(1)
+        least = wp.float64(1.0)
+        mean = deepest * nearness(reach - rows.hit_distance[best])
+        total = nearness(reach - rows.hit_distance[best])
+        for c in range(first, last):
+            if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+                weight = nearness(reach - rows.hit_distance[c])
+                mean += rows.hit_direction[c] * weight
+                total += weight
+                least = wp.min(least, wp.dot(rows.hit_direction[c], deepest))
+                members += 1
+        if members > 1:
+            if least > wp.float64(wp.static(MERGE_COSINE)):
+                centre = rows.hit_point[best] + deepest * rows.hit_distance[best]
+                length = wp.length(mean)
+                rows.hit_direction[best] = mean / length
+                rows.hit_point[best] = centre - mean * (rows.hit_distance[best] / length)
+                rows.hit_weight[best] = length / total
+                for c in range(first, last):
+                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+                        rows.hit_state[c] = wp.static(MERGED)
+            else:
+                rows.hit_state[best] = wp.static(SHARED)
+                for c in range(first, last):
+                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+                        rows.hit_state[c] = wp.static(SHARED)
+                for c in range(first, last):
+                    if rows.hit_state[c] == wp.static(SHARED) and surface.piece[rows.feature[c]] == piece:
+                        crowd = wp.float64(0.0)
+                        for o in range(first, last):
+                            if rows.hit_state[o] == wp.static(SHARED) and surface.piece[rows.feature[o]] == piece:
+                                cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[o])
+                                kernel = (cosine - wp.float64(wp.static(MERGE_COSINE))) / wp.float64(
+                                    wp.static(SAME_COSINE - MERGE_COSINE)
+                                )
+                                share = wp.clamp(kernel, wp.float64(0.0), wp.float64(1.0))
+                                crowd += share * nearness(reach - rows.hit_distance[o])
+                        rows.hit_weight[c] = nearness(reach - rows.hit_distance[c]) / crowd
+
+    @wp.func
+    def find_places(
+        i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
+        placements: wp.array2d(dtype=Placement), now_row: int,
+    ) -> int:  # fmt: skip
+        """Mark the candidates of grain ``i`` that are places as TAKEN or SHARED; 0 when there are none."""
+        first = rows.first[i]
+        last = first + rows.candidates[i]
+        reach = radius + wp.float64(wp.static(gap))
+        hits = int(0)
+        hit = int(0)
+        for c in range(first, last):
+            f = rows.feature[c]
+            body = q
+            if wp.static(moving > 0):
+                body = local(placements[now_row, surface.motion[surface.wall[f]]], q)
+            point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, reach)
+            rows.hit_state[c] = wp.static(IDLE)
+            if distance < reach:
+                rows.hit_state[c] = wp.static(HIT)
+                hits += 1
+                hit = c
+            rows.hit_mask[c] = mask
+            rows.hit_distance[c] = distance
+            rows.hit_point[c] = point
+            rows.hit_direction[c] = direction
+            rows.hit_weight[c] = share
+        if hits == 0:
+            return 0
+        if hits == 1:  # the usual case has nothing to sort out
+            rows.hit_state[hit] = wp.static(TAKEN)
+            return 1
+        if wp.static(meshes):
+            for c in range(first, last):
+                if rows.hit_state[c] == wp.static(HIT) and rows.feature[c] < surface.triangles:
+                    if is_repeated(c, first, last, radius, surface, rows):
+                        rows.hit_state[c] = wp.static(IDLE)
+        left = int(1)
+        while left == 1:
+            best = int(-1)
+            for c in range(first, last):
+                if rows.hit_state[c] == wp.static(HIT):
+                    if best < 0:
+                        best = c
+                    elif rows.hit_distance[c] < rows.hit_distance[best]:
+                        best = c
+            if best < 0:
+                left = 0
+            else:
+                join(best, first, last, reach, surface, rows)
+        return hits
+
+    return find_places
