@@ -107,7 +107,8 @@ class Plan:
         runs += [f"rolling: {self.rolling}" + (" with torsion" if self.torsion else "")] if self.rolling else []
         runs += [f"integrator: {self.integrator}" + (" in a moving frame" if self.moving_frame else "")]
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
-        shapes = {"meshes": self.meshes, "planes": self.planes, "cylinders and cones": self.revolutions, "spheres": self.spheres}
+        names = ("meshes", "planes", "cylinders and cones", "spheres")
+        shapes = dict(zip(names, (self.meshes, self.planes, self.revolutions, self.spheres), strict=True))
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {self.moving} of their motions relative to the frame"]
         runs = runs if self.walls else runs[:-1]

@@ -83,10 +83,8 @@ class Walls:
                 continue
             mesh = meshes[wall.name]
             normal, offset = mesh.plane_normal[mesh.plane], mesh.plane_offset[mesh.plane]
-            corner = mesh.corners
-            # the edges of one flat piece lie in its plane as its faces do, or they would show as ridges of rounding
-            height = np.einsum("tcx,tx->tc", corner, normal) - offset[:, None]
-            corners.append(corner - height[:, :, None] * normal[:, None])
+            corners.append(mesh.corners)
+            height = np.einsum("tcx,tx->tc", mesh.corners, normal) - offset[:, None]
             rounding[number] = ROUNDING_REACH * np.abs(height).max()
             vertices.append(mesh.triangles + vertex_count)
             pieces.append(mesh.piece + piece_count)

@@ -43,14 +43,15 @@ def build(meshes: bool, planes: bool, revolutions: bool, spheres: bool):
                             direction = -normal
                         if distance < reach:  # its plane beyond reach, a triangle is too
                             nearest, corners = closest_point(q, surface.corner[f])
-                            away = q - nearest
-                            square = wp.dot(away, away)
-                            tolerance = wp.float64(wp.static(FLAT)) * radius
-                            if square - height * height > tolerance * tolerance:
-                                mask = corners
-                                point = nearest
-                                distance = wp.sqrt(square)
-                                direction = away / distance
+                            if corners != wp.static(FACE):
+                                away = q - nearest
+                                square = wp.dot(away, away)
+                                tolerance = wp.float64(wp.static(FLAT)) * radius
+                                if square - height * height > tolerance * tolerance:
+                                    mask = corners
+                                    point = nearest
+                                    distance = wp.sqrt(square)
+                                    direction = away / distance
         if wp.static(revolutions):
             r = k - surface.planes
             if r >= 0 and r < surface.revolutions:

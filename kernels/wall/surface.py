@@ -19,7 +19,7 @@ class Surface:
     spheres: wp.int32
     """Number of spheres."""
     corner: wp.array(dtype=wp.mat33d)
-    """Corners of each triangle in the plane of its flat piece, one per row [m]."""
+    """Corners of each triangle, one per row [m]."""
     vertex: wp.array(dtype=wp.vec3i)
     """Corner numbers of each triangle, unique over all walls."""
     piece: wp.array(dtype=wp.int32)
