@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 ORDER = (
     "errors", "snapshot", "rigid", "units", "models", "scene_base", "usd_reader", "usd_stage", "usd_motion", "motion",
-    "borders", "sizes", "wall_shapes", "scene", "scene_file", "polygons", "mesh_file", "usd_geometry", "mesh_pieces",
-    "mesh_check", "geometry", "threads", "region", "packing", "grain_source", "domain", "streams",
+    "borders", "sizes", "wall_shapes", "scene_grains", "scene", "scene_file", "polygons", "mesh_file", "usd_geometry",
+    "mesh_pieces", "mesh_check", "geometry", "threads", "region", "packing", "grain_source", "domain", "streams",
     "plan", "impact", "timestep", "compiled", "schedule", "state", "walls", "tessellation", "neighbours", "stepper",
     "observers", "wall_loads", "dimensionless", "summary", "write_tables", "checkpoint", "simulation",
     "write_vtk", "write_usd", "render", "runner", "cli",
