@@ -134,10 +134,11 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
             before_row = now_row - stage
             old = parity
             new = 2
+        state = control.row[s * wp.static(stages) + stage]
         for r in range(first, last, stride):
             a, b = touch(
                 r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows,
-                control.placement, before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
+                control.placement, before_row, now_row, state, old, new, dt,
             )  # fmt: skip
             share = wp.max(share, a)
             approach = wp.max(approach, b)

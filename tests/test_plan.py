@@ -156,12 +156,10 @@ def test_left_out_features_allocate_nothing(full):
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
     assert bare.lists.constants.shape[1] == 2
-    assert not bare.lists.rows.place_spring
-    assert not bare.lists.rows.place_angle
+    assert bare.lists.rows.place.numpy().shape[2] == 9
     assert full.state.record.numpy().shape[1] == 16
     assert full.lists.constants.shape[1] == 4
-    assert full.lists.rows.place_spring.shape[0] == 2
-    assert not full.lists.rows.place_angle
+    assert full.lists.rows.place.numpy().shape[::2] == (2, 12)
 
 
 def test_without_walls_there_are_no_rows():

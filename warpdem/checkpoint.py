@@ -80,8 +80,9 @@ def _check(sim, data: dict, path: Path) -> None:
     pairs, places = len(data.get("pair", ())), len(data.get("place_grain", ()))
     shapes |= {"pair": (pairs, 2), "pair_memory": (pairs, max(plan.memory, 1)), "pair_share_i": None, "pair_share_j": None}
     if plan.walls:
-        shapes |= {f"place_{k}": (places, 3) for k in ("point", "normal", "force", *["moment"] * bool(plan.rolling))}
-        shapes |= {f"place_{k}": (places,) for k in ("grain", "wall", "overlap", "feature")}
+        held = ["moment"] * bool(plan.rolling) + ["spring"] * (plan.memory >= 3) + ["angle"] * (plan.memory == 6)
+        shapes |= {f"place_{k}": (places, 3) for k in ("point", "normal", "force", *held)}
+        shapes |= {f"place_{k}": (places,) for k in ("grain", "wall", "overlap", "weight", "feature")}
         shapes |= {"wall_load": (n, 6)}
     for name, shape in shapes.items():
         if name not in data or (shape is not None and np.shape(data[name]) != shape):

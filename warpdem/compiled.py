@@ -73,7 +73,6 @@ def compile_plan(plan: Plan) -> Built:
             spins=plan.spins,
             meshes=meshes,
             shapes=any(shapes),
-            history=plan.memory,
             gap=plan.gap,
         )
     return Built(loop=step, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

@@ -5,6 +5,7 @@ import warp as wp
 
 from warpdem.kernels import grain
 from warpdem.kernels.pairs import share_width
+from warpdem.kernels.wall import record as wall_record
 
 REFRESH_STEPS = (30, 100)  # steps between refreshes that the margin is steered to
 CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
@@ -314,13 +315,10 @@ class Lists:
             row = self.row.numpy()
         return {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
 
-    def _place_names(self) -> list[str]:
-        memory = self.sim.plan.memory
-        return ["wall", "point", "normal", "overlap", "weight"] + ["spring"] * (memory >= 3) + ["angle"] * (memory == 6)
-
-    def result_names(self) -> list[str]:
-        """What the last force call left of each place, besides its memory."""
-        return ["force", "feature"] + ["moment"] * bool(self.sim.plan.rolling)
+    def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
+        """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""
+        rows = self.rows
+        return wall_record.unpacked(rows.place.numpy()[parity, slot], rows.result.numpy()[slot])
 
     def wall_contacts(self) -> dict[str, np.ndarray]:
         """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
@@ -329,9 +327,7 @@ class Lists:
             return {}
         parity, g = sim.step_number & 1, rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
         slot, holder = self.place_slots(parity, g)
-        out = {f"place_{name}": getattr(rows, f"place_{name}").numpy()[parity, slot] for name in self._place_names()}
-        for name in self.result_names():
-            out[f"place_{name}"] = getattr(rows, f"place_{name}").numpy()[slot]
+        out = {f"place_{name}": values for name, values in self.places(parity, slot).items()}
         out["place_grain"] = sim.state.id.numpy()[holder]
         load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
         out["wall_load"] = load[sim.state.rank]
@@ -378,11 +374,9 @@ class Lists:
         rows = self.sim.new_rows(n, len(grains))
         rows.first = self._upload(starts(count), wp.int32)
         rows.place_count = self._upload(np.stack([count, count]), wp.int32)
-        for name in self._place_names():
-            array = getattr(rows, f"place_{name}")
-            values = array.numpy()
-            values[self._force_parity] = data[f"place_{name}"][order]
-            array.assign(values)
+        memory = rows.place.numpy()
+        memory[self._force_parity] = wall_record.packed(wall_record.MEMORY, data, memory.shape[-1])[order]
+        rows.place.assign(memory)
         self.rows = rows
 
     def _restore_forces(self, data: dict) -> None:
@@ -405,8 +399,6 @@ class Lists:
         slot, holder = self.place_slots(self._force_parity, g)
         order = np.argsort(data["place_grain"], kind="stable")
         mine = np.argsort(state.id.numpy()[holder], kind="stable")
-        for name in self.result_names():
-            array = getattr(self.rows, f"place_{name}")
-            values = array.numpy()
-            values[slot[mine]] = data[f"place_{name}"][order]
-            array.assign(values)
+        result = self.rows.result.numpy()
+        result[slot[mine]] = wall_record.packed(wall_record.RESULT, data, result.shape[-1])[order]
+        self.rows.result.assign(result)

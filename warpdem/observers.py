@@ -162,17 +162,17 @@ def read_contacts(sim) -> Contacts:
     if len(state) and plan.walls and lists.row_count:
         rows, parity = lists.rows, sim.step_number & 1
         slot, g = lists.place_slots(parity, rows.grain.numpy())
-        overlap, normal = rows.place_overlap.numpy()[parity, slot], rows.place_normal.numpy()[parity, slot]
-        wall = rows.place_wall.numpy()[parity, slot]
-        spring = rows.place_spring.numpy()[parity, slot] if plan.memory >= 3 else np.zeros((len(g), 3))
+        place = lists.places(parity, slot)
+        overlap, normal, wall = place["overlap"], place["normal"], place["wall"]
+        spring = place.get("spring", np.zeros((len(g), 3)))
         table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
         material = sim.walls.surface.material.numpy()[wall]
         which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
         # the law is linear in its constant: a place that carries part of a force has that part of it
-        base = stiffness(plan.normal, table[which, 0], radius[g]) * rows.place_weight.numpy()[parity, slot]
+        base = stiffness(plan.normal, table[which, 0], radius[g]) * place["weight"]
         parts.append(
             (
-                ids[g], -1 - wall.astype(np.int64), overlap, normal, rows.place_force.numpy()[slot], spring,
+                ids[g], -1 - wall, overlap, normal, place["force"], spring,
                 position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
             )
         )  # fmt: skip

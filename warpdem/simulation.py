@@ -16,6 +16,8 @@ from warpdem.domain import check as check_domain
 from warpdem.errors import SceneError, StabilityError
 from warpdem.grain_source import check_start, joined, load_grains
 from warpdem.kernels import grain
+from warpdem.kernels.wall import record
+from warpdem.kernels.wall.places import Hit
 from warpdem.models import model
 from warpdem.neighbours import Lists
 from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
@@ -227,24 +229,13 @@ class Simulation:
         rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
         rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
         rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
-        for name, dtype in (
-            ("feature", wp.int32), ("hit_state", wp.int32), ("hit_mask", wp.int32), ("hit_distance", wp.float64),
-            ("hit_point", wp.vec3d), ("hit_direction", wp.vec3d), ("hit_weight", wp.float64), ("place_force", wp.vec3d),
-            ("place_feature", wp.int32),
-        ):  # fmt: skip
-            setattr(rows, name, wp.zeros(slots, dtype=dtype, device=device))
-        if self.plan.rolling:
-            rows.place_moment = wp.zeros(slots, dtype=wp.vec3d, device=device)
+        for name in ("feature", "hit_state", "hit_mask"):
+            setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
+        rows.hit = wp.zeros(slots, dtype=Hit, device=device)
+        rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.rolling)), device=device)
         generations = 2 if len(self.plan.scheme.STAGES) == 1 else 3
         rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
-        rows.place_wall = wp.zeros((generations, slots), dtype=wp.int32, device=device)
-        rows.place_overlap = wp.zeros((generations, slots), dtype=wp.float64, device=device)
-        rows.place_weight = wp.zeros((generations, slots), dtype=wp.float64, device=device)
-        names = ["place_point", "place_normal"]
-        names += ["place_spring"] if self.plan.memory >= 3 else []
-        names += ["place_angle"] if self.plan.memory == 6 else []
-        for name in names:
-            setattr(rows, name, wp.zeros((generations, slots), dtype=wp.vec3d, device=device))
+        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.memory), device=device)
         return rows
 
     # -- guards ---------------------------------------------------------------------------------

@@ -60,11 +60,9 @@ def _places(sim) -> dict[str, np.ndarray]:
     lists, state, parity = sim.lists, sim.state, sim.step_number & 1
     g = lists.rows.grain.numpy() if len(state) and lists.row_count else np.zeros(0, dtype=np.int32)
     slot, holder = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
-    rows, record = lists.rows, state.record.numpy()[holder]
-    normal, overlap = rows.place_normal.numpy()[parity, slot], rows.place_overlap.numpy()[parity, slot]
-    out = {name: getattr(rows, f"place_{name}").numpy()[slot] for name in lists.result_names()}
-    point = record[:, grain.POSITION] - normal * (record[:, grain.RADIUS] - overlap)[:, None]
-    return {"moment": np.zeros((len(slot), 3)), **out, "normal": normal, "point": point}
+    place, record = lists.places(parity, slot), state.record.numpy()[holder]
+    point = record[:, grain.POSITION] - place["normal"] * (record[:, grain.RADIUS] - place["overlap"])[:, None]
+    return {"moment": np.zeros((len(slot), 3)), **place, "point": point}
 
 
 def _sums(values: np.ndarray, group: np.ndarray, groups: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, history: int, gap: float):
+def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float):
     """Return the kernels for walls with ``meshes`` and with analytic ``shapes``; ``gap`` as in ``pairs.build``."""
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -122,14 +122,6 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
         for k in range(n):
             s = before.first[o] + k
             d = now.first[i] + k
-            now.place_wall[parity, d] = before.place_wall[parity, s]
-            now.place_point[parity, d] = before.place_point[parity, s]
-            now.place_normal[parity, d] = before.place_normal[parity, s]
-            now.place_overlap[parity, d] = before.place_overlap[parity, s]
-            now.place_weight[parity, d] = before.place_weight[parity, s]
-            if wp.static(history >= 3):
-                now.place_spring[parity, d] = before.place_spring[parity, s]
-            if wp.static(history == 6):
-                now.place_angle[parity, d] = before.place_angle[parity, s]
+            now.place[parity, d] = before.place[parity, s]
 
     return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)

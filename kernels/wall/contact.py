@@ -28,8 +28,8 @@ from warpdem.kernels.schedule import (
     wall_spin,
     wall_velocity,
 )
-from warpdem.kernels.wall import places
-from warpdem.kernels.wall.places import SHARED, TAKEN
+from warpdem.kernels.wall import places, record
+from warpdem.kernels.wall.places import SHARED, TAKEN, Hit, direction_of, point_of
 from warpdem.kernels.wall.surface import Surface
 
 
@@ -48,6 +48,8 @@ def build(
     vec6 = wp.types.vector(6, wp.float64)
     Coefficients = wp.types.vector(7, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
+    Memory = record.memory_type(history)
+    Result = record.result_type(rolling)
 
     @wp.struct
     class Rows:
@@ -59,24 +61,13 @@ def build(
         load: wp.array(dtype=vec6)  # per grain: force [N] and torque [N m] of all its places
         # per slot
         feature: wp.array(dtype=wp.int32)
+        hit: wp.array(dtype=Hit)
         hit_state: wp.array(dtype=wp.int32)
         hit_mask: wp.array(dtype=wp.int32)
-        hit_distance: wp.array(dtype=wp.float64)
-        hit_point: wp.array(dtype=wp.vec3d)
-        hit_direction: wp.array(dtype=wp.vec3d)
-        hit_weight: wp.array(dtype=wp.float64)
-        place_force: wp.array(dtype=wp.vec3d)
-        place_moment: wp.array(dtype=wp.vec3d)  # rolling torque
-        place_feature: wp.array(dtype=wp.int32)
+        result: wp.array(dtype=Result)
         # places [generation, grain or slot]: 0 and 1 by turns of step, 2 for the stages within a step
         place_count: wp.array2d(dtype=wp.int32)
-        place_wall: wp.array2d(dtype=wp.int32)
-        place_point: wp.array2d(dtype=wp.vec3d)
-        place_normal: wp.array2d(dtype=wp.vec3d)
-        place_overlap: wp.array2d(dtype=wp.float64)
-        place_weight: wp.array2d(dtype=wp.float64)
-        place_spring: wp.array2d(dtype=wp.vec3d)
-        place_angle: wp.array2d(dtype=wp.vec3d)
+        place: wp.array2d(dtype=Memory)
 
     find_places = places.build(Rows, closest_on_feature, meshes=meshes, moving=moving, gap=gap)
 
@@ -88,18 +79,20 @@ def build(
         then a new one takes over what its neighbour knows.
         """
         first = rows.first[i]
-        point = rows.hit_point[c]
+        hit = rows.hit[c]
+        point = point_of(hit)
         found = int(-1)
         nearest = radius * radius
         for s in range(first, first + rows.place_count[old, i]):
-            if rows.place_wall[old, s] == wall:
-                before = rows.place_point[old, s]
+            place = rows.place[old, s]
+            if int(place[0]) == wall:
+                before = wp.vec3d(place[3], place[4], place[5])
                 square = wp.length_sq(border.nearest(before - point))
                 mine = int(1)
                 if rows.hit_state[c] != wp.static(SHARED):
                     for o in range(first, first + rows.candidates[i]):
                         if rows.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[rows.feature[o]] == wall:
-                            if wp.length_sq(border.nearest(before - rows.hit_point[o])) < square:
+                            if wp.length_sq(border.nearest(before - point_of(rows.hit[o]))) < square:
                                 mine = 0
                 if square < nearest and mine == 1:
                     nearest = square
@@ -152,9 +145,10 @@ def build(
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
                 now = placements[now_row, motion]
-                body_point = rows.hit_point[c]
-                distance = rows.hit_distance[c]
-                n = rows.hit_direction[c]
+                hit = rows.hit[c]
+                distance = hit[0]
+                body_point = point_of(hit)
+                n = direction_of(hit)
                 point = body_point
                 if wp.static(moving > 0):
                     n = turned(now, n)
@@ -168,18 +162,20 @@ def build(
                 angle = wp.vec3d()
                 s = remembered(i, c, wall, radius, old, surface, rows)
                 if s >= 0:
-                    n_before = rows.place_normal[old, s]
-                    overlap_before = rows.place_overlap[old, s]
-                    midway = body_point + border.nearest(rows.place_point[old, s] - body_point) * wp.float64(0.5)
+                    place = rows.place[old, s]
+                    n_before = wp.vec3d(place[6], place[7], place[8])
+                    overlap_before = place[1]
+                    point_before = wp.vec3d(place[3], place[4], place[5])
+                    midway = body_point + border.nearest(point_before - body_point) * wp.float64(0.5)
                     arm = radius - wp.float64(0.5) * (overlap + overlap_before)
                     if wp.static(turning_frame):
                         n_before = n_before + turn * n_before
                     if wp.static(history >= 3):
-                        spring = rows.place_spring[old, s]
+                        spring = wp.vec3d(place[9], place[10], place[11])
                         if wp.static(turning_frame):
                             spring = spring + turn * spring
                     if wp.static(history == 6):
-                        angle = rows.place_angle[old, s]
+                        angle = wp.vec3d(place[12], place[13], place[14])
                         if wp.static(turning_frame):
                             angle = angle + turn * angle
                 after = midway
@@ -208,25 +204,30 @@ def build(
                     n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
                     w - w_wall, w_predicted - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle,
                 )  # fmt: skip
-                weight = rows.hit_weight[c]
+                weight = hit[1]
                 force = force * weight
                 torque = moment * weight - wp.cross(n, force) * distance
                 total += vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
                 slot = first + count
                 count += 1
-                rows.place_wall[new, slot] = wall
-                rows.place_point[new, slot] = body_point
-                rows.place_normal[new, slot] = n
-                rows.place_overlap[new, slot] = overlap
-                rows.place_weight[new, slot] = weight
-                if wp.static(history >= 3):
-                    rows.place_spring[new, slot] = held
+                p = body_point
+                base = wp.float64(wall)
+                if wp.static(history == 0):
+                    rows.place[new, slot] = Memory(base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2])
+                if wp.static(history == 3):
+                    rows.place[new, slot] = Memory(
+                        base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2], held[0], held[1], held[2]
+                    )
                 if wp.static(history == 6):
-                    rows.place_angle[new, slot] = bent
-                rows.place_force[slot] = force
+                    rows.place[new, slot] = Memory(
+                        base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2], held[0], held[1], held[2],
+                        bent[0], bent[1], bent[2],
+                    )  # fmt: skip
                 if wp.static(rolling):
-                    rows.place_moment[slot] = moment * weight
-                rows.place_feature[slot] = f
+                    bend = moment * weight
+                    rows.result[slot] = Result(wp.float64(f), force[0], force[1], force[2], bend[0], bend[1], bend[2])
+                else:
+                    rows.result[slot] = Result(wp.float64(f), force[0], force[1], force[2])
                 share = wp.max(share, overlap / radius)
                 approach = wp.max(approach, -wp.dot(velocity, n))
         rows.place_count[new, i] = count

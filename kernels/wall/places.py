@@ -33,6 +33,25 @@ EQUAL = 1.0e-12  # cosine from one, and distance in radii, within which two hits
 ON = 1.0e-5  # distance in radii within which a point lies on a triangle
 # what becomes of a candidate; those from TAKEN on are places, SHARED those of a grain that is wedged or cradled
 IDLE, HIT, MERGED, TAKEN, SHARED = 0, 1, 2, 3, 4
+Hit = wp.types.vector(8, wp.float64)  # distance [m], share of a full contact [-], closest point [m], direction to the centre
+
+
+@wp.func
+def packed(distance: wp.float64, share: wp.float64, point: wp.vec3d, direction: wp.vec3d) -> Hit:
+    """A hit of these parts."""
+    return Hit(distance, share, point[0], point[1], point[2], direction[0], direction[1], direction[2])
+
+
+@wp.func
+def point_of(hit: Hit) -> wp.vec3d:
+    """Closest point [m]."""
+    return wp.vec3d(hit[2], hit[3], hit[4])
+
+
+@wp.func
+def direction_of(hit: Hit) -> wp.vec3d:
+    """Unit vector from the closest point to the centre."""
+    return wp.vec3d(hit[5], hit[6], hit[7])
 
 
 @functools.cache
@@ -70,20 +89,23 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
         f = rows.feature[c]
         mask = rows.hit_mask[c]
         wall = surface.wall[f]
-        point = rows.hit_point[c]
-        distance = rows.hit_distance[c]
-        centre = point + rows.hit_direction[c] * distance
+        hit = rows.hit[c]
+        distance = hit[0]
+        point = point_of(hit)
+        direction = direction_of(hit)
+        centre = point + direction * distance
         same = wp.float64(wp.static(EQUAL)) * radius + surface.rounding[wall]
         tolerance = wp.float64(wp.static(ON)) * radius + surface.rounding[wall]
         for o in range(first, last):
             of = rows.feature[o]
             if o != c and of < surface.triangles and surface.wall[of] == wall:
-                closer = distance - rows.hit_distance[o]
+                other_hit = rows.hit[o]
+                closer = distance - other_hit[0]
                 other = rows.hit_mask[o]
                 before = corner_count(other) > corner_count(mask) or (corner_count(other) == corner_count(mask) and o < c)
                 if closer > same or (closer >= -same and before):
                     if mask == wp.static(FACE):
-                        if wp.dot(rows.hit_direction[c], rows.hit_direction[o]) > wp.float64(wp.static(1.0 - EQUAL)):
+                        if wp.dot(direction, direction_of(other_hit)) > wp.float64(wp.static(1.0 - EQUAL)):
                             return True
                     elif holds(surface, of, f, mask, point, tolerance):
                         return True
@@ -101,25 +123,26 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
         """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
         piece = surface.piece[rows.feature[best]]
         rows.hit_state[best] = wp.static(TAKEN)
-        deepest = rows.hit_direction[best]
+        hit = rows.hit[best]
+        distance = hit[0]
+        deepest = direction_of(hit)
         members = int(1)
         least = wp.float64(1.0)
-        mean = deepest * nearness(reach - rows.hit_distance[best])
-        total = nearness(reach - rows.hit_distance[best])
+        total = nearness(reach - distance)
+        mean = deepest * total
         for c in range(first, last):
             if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
-                weight = nearness(reach - rows.hit_distance[c])
-                mean += rows.hit_direction[c] * weight
+                member = rows.hit[c]
+                weight = nearness(reach - member[0])
+                mean += direction_of(member) * weight
                 total += weight
-                least = wp.min(least, wp.dot(rows.hit_direction[c], deepest))
+                least = wp.min(least, wp.dot(direction_of(member), deepest))
                 members += 1
         if members > 1:
             if least > wp.float64(wp.static(MERGE_COSINE)):
-                centre = rows.hit_point[best] + deepest * rows.hit_distance[best]
+                centre = point_of(hit) + deepest * distance
                 length = wp.length(mean)
-                rows.hit_direction[best] = mean / length
-                rows.hit_point[best] = centre - mean * (rows.hit_distance[best] / length)
-                rows.hit_weight[best] = length / total
+                rows.hit[best] = packed(distance, length / total, centre - mean * (distance / length), mean / length)
                 for c in range(first, last):
                     if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
                         rows.hit_state[c] = wp.static(MERGED)
@@ -131,15 +154,17 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
                 for c in range(first, last):
                     if rows.hit_state[c] == wp.static(SHARED) and surface.piece[rows.feature[c]] == piece:
                         crowd = wp.float64(0.0)
+                        mine = rows.hit[c]
                         for o in range(first, last):
                             if rows.hit_state[o] == wp.static(SHARED) and surface.piece[rows.feature[o]] == piece:
-                                cosine = wp.dot(rows.hit_direction[c], rows.hit_direction[o])
+                                other = rows.hit[o]
+                                cosine = wp.dot(direction_of(mine), direction_of(other))
                                 kernel = (cosine - wp.float64(wp.static(MERGE_COSINE))) / wp.float64(
                                     wp.static(SAME_COSINE - MERGE_COSINE)
                                 )
                                 share = wp.clamp(kernel, wp.float64(0.0), wp.float64(1.0))
-                                crowd += share * nearness(reach - rows.hit_distance[o])
-                        rows.hit_weight[c] = nearness(reach - rows.hit_distance[c]) / crowd
+                                crowd += share * nearness(reach - other[0])
+                        rows.hit[c] = packed(mine[0], nearness(reach - mine[0]) / crowd, point_of(mine), direction_of(mine))
 
     @wp.func
     def find_places(
@@ -164,10 +189,7 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
                 hits += 1
                 hit = c
             rows.hit_mask[c] = mask
-            rows.hit_distance[c] = distance
-            rows.hit_point[c] = point
-            rows.hit_direction[c] = direction
-            rows.hit_weight[c] = share
+            rows.hit[c] = packed(distance, share, point, direction)
         if hits == 0:
             return 0
         if hits == 1:  # the usual case has nothing to sort out
@@ -185,8 +207,10 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
                 if rows.hit_state[c] == wp.static(HIT):
                     if best < 0:
                         best = c
-                    elif rows.hit_distance[c] < rows.hit_distance[best]:
-                        best = c
+                    else:
+                        one, other = rows.hit[c], rows.hit[best]
+                        if one[0] < other[0]:
+                            best = c
             if best < 0:
                 left = 0
             else:
