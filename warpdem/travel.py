@@ -1,0 +1,76 @@
+"""How far a grain may go in one step beside a mesh: beyond, its centre could jump through the triangles unnoticed.
+
+    |V - v_wall(q)| dt <= s r,      s = 0.2 for closed meshes, 0.1 for open ones (thin sheets)
+
+A mesh acts from the side on which the grain's centre is, so a wall holds as long as the centre stays on its side; within s r
+a step the contact begins early enough to turn the grain round. Planes and the other analytic walls know their inside and
+need no such limit. Watched at every refresh of the lists; a grain that goes so far in a step always causes one.
+"""
+
+import math
+
+import numpy as np
+
+from warpdem.kernels import grain
+
+CLOSED, OPEN = 0.2, 0.1  # radii per step
+
+
+def share(wall) -> float:
+    """Largest travel per step beside ``wall``, over the grain's radius [-]; inf for analytic walls."""
+    return math.inf if wall.mesh is None else OPEN if wall.open else CLOSED
+
+
+def longest_step(scene, radius: np.ndarray, speed: float) -> float:
+    """Largest time step [s] for grains of ``radius`` (n,) [m] that meet the scene's walls at ``speed`` [m/s]."""
+    least = min((share(wall) for wall in scene.walls), default=math.inf)
+    return least * float(radius.min()) / speed if speed > 0.0 and len(radius) else math.inf
+
+
+class TravelGuard:
+    """Watches the grains beside the mesh walls of a simulation."""
+
+    def __init__(self, sim) -> None:
+        self.sim = sim
+        self.motion = sim.walls.surface.motion.numpy() if sim.plan.walls else np.zeros(0, dtype=int)
+        self.meshes = [
+            (number, wall, sim.meshes[wall.name].vertices.min(axis=0), sim.meshes[wall.name].vertices.max(axis=0))
+            for number, wall in enumerate(sim.scene.walls)
+            if wall.mesh is not None
+        ]
+
+    def watch(self, record: np.ndarray, placements: np.ndarray) -> None:
+        """Look at the last step of all grains; ``record`` as in ``kernels.grain``, ``placements`` (motions, 18) as they are.
+
+        Only grains count that are within their travel of a mesh's bounding box, in its body axes.
+
+        Raises:
+            StabilityError: one went further than the walls allow.
+        """
+        sim = self.sim
+        if not self.meshes or not len(record):
+            return
+        position, velocity, radius = record[:, grain.POSITION], record[:, grain.VELOCITY], record[:, grain.RADIUS]
+        for number, wall, low, high in self.meshes:
+            p = placements[self.motion[number]]
+            relative = velocity - p[15:18] - np.cross(p[12:15], position)
+            travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * sim.dt
+            allowed = share(wall) * radius
+            fast = np.flatnonzero(travel > allowed)
+            if not len(fast):
+                continue
+            body = (position[fast] - p[9:12]) @ p[:9].reshape(3, 3)
+            room = (radius[fast] + travel[fast])[:, None]
+            fast = fast[((body > low - room) & (body < high + room)).all(axis=1)]
+            if not len(fast):
+                continue
+            worst = fast[np.argmax(travel[fast] / radius[fast])]
+            place = ", ".join(f"{x:.4g}" for x in position[worst])
+            sim.notice(
+                "travel",
+                f"at t = {sim.time:.6g} s (step {sim.step_number}): grain {sim.state.id.numpy()[worst]} at ({place}) m went "
+                f"{travel[worst] / radius[worst]:.3g} of its radius in one step beside the wall {wall.name!r}; allowed is "
+                f"{share(wall):g} ({'open' if wall.open else 'closed'} mesh), beyond which it could pass through. Speed "
+                f"{travel[worst] / sim.dt:.4g} m/s, time step {sim.dt:.3g} s. Take a time.step below "
+                f"{share(wall) * radius[worst] * sim.dt / travel[worst]:.2g} s.",
+            )
