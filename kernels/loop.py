@@ -12,10 +12,12 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.barrier import meet
+from warpdem.kernels.budget import Energies, Momenta
 from warpdem.kernels.field import Numbers
+from warpdem.kernels.flow import Plane
 from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK
-from warpdem.kernels.schedule import FrameRow, Placement, Row, past_turn, slip_time
+from warpdem.kernels.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
 AHEAD = 6  # packs between the announcement of a pack's memory and its use
@@ -23,7 +25,10 @@ SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads 
 
 
 @functools.cache
-def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border, *, stages: int, spins: bool, walls: bool):
+def build(
+    pairs, touch, Rows, load, acceleration, travelled, integrator, border, orientation, budget, flow, *, stages: int,
+    spins: bool, walls: bool,
+):  # fmt: skip
     """Return the CPU kernel ``run``, the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``, and ``read``.
 
     Args:
@@ -32,6 +37,9 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
         load: sum over contacts, ``acceleration`` and ``travelled`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
+        orientation: of ``orientation.build``; None when nobody asks how grains are turned.
+        budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
+        flow: of ``flow.build``; None when the flow through no plane is asked for.
         stages: force calls per step.
         spins: grains spin.
         walls: there are wall rows.
@@ -49,10 +57,16 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
         record: wp.array(dtype=g.Record)
         inverse: wp.array(dtype=Inverse)
         kind: wp.array(dtype=wp.int32)
+        orientation: wp.array(dtype=wp.vec4d)
         reference: wp.array2d(dtype=wp.vec3d)
         row_start: wp.array(dtype=wp.int32)
         row: wp.array(dtype=pairs.Share)
         store: wp.array2d(dtype=wp.vec3d)  # what the integrator keeps between the stages of a step
+        entry: wp.array(dtype=pairs.Entry)  # beside row, when energies are added up
+        energies: wp.array(dtype=Energies)
+        momenta: wp.array(dtype=Momenta)
+        wall_work: wp.array2d(dtype=wp.float64)  # per grain and wall [J]
+        flow: wp.array2d(dtype=wp.float64)  # per grain: mass [kg] and number through each plane
 
     @wp.struct
     class Packs:
@@ -76,6 +90,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
         field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
         outlet: wp.array(dtype=Box)  # where grains leave
+        plane: wp.array(dtype=Plane)  # where their flow is measured
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
@@ -107,7 +122,7 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
                 )  # fmt: skip
                 a, b = pairs.pack(
                     p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
-                    slip_dt, dt, packs.memory, memory, control.scratch, row,
+                    slip_dt, dt, packs.memory, memory, control.scratch, row, packs.slot_i, packs.slot_j, grains.entry,
                 )  # fmt: skip
                 row += 1
                 share = wp.max(share, a)
@@ -146,6 +161,35 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
         control.extreme[at + 3] = approach
 
     @wp.func
+    def book(
+        i: int, state: g.Record, total: vec6, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, row: Row, call: int,
+        grains: Grains, rows: Rows, control: Control, dt: wp.float64,
+    ):  # fmt: skip
+        """Add what acts on grain ``i`` at this instant for ``weight`` [s]; momenta are turned to the axes of the next one."""
+        mass = wp.float64(1.0) / grains.inverse[i][0]
+        if wp.static(budget.energy):
+            grains.energies[i] = grains.energies[i] + budget.energies(
+                i, state, v, w, mass, weight, grains.row_start, grains.entry, rows.candidates, rows.entry, control.frame,
+                call, dt, control.field,
+            )  # fmt: skip
+            if wp.static(walls):
+                budget.wall_works(i, weight, rows.candidates, rows.power, grains.wall_work)
+        if wp.static(budget.momentum):
+            given = budget.momenta(
+                i, state, total, mass, weight, row, rows.candidates, rows.load, control.frame, call, dt, control.field
+            )
+            grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
+
+    @wp.func
+    def carry(i: int, state: g.Record, way: wp.vec3d, row: Row, grains: Grains):
+        """Add what a shift by ``way`` [m] to another periodic image changes."""
+        mass = wp.float64(1.0) / grains.inverse[i][0]
+        if wp.static(budget.energy):
+            grains.energies[i] = grains.energies[i] + budget.lifted(way, gravity(row) * mass)
+        if wp.static(budget.momentum):
+            grains.momenta[i] = grains.momenta[i] + budget.shifted(way, g.velocity(state) * mass)
+
+    @wp.func
     def move_phase(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control,
         dt: wp.float64, reach: wp.float64,
@@ -157,11 +201,26 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
             total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
+            if wp.static(budget is not None):
+                v, w = reading(state, a, b, row, control.frame, call, dt)
+                book(i, state, total, v, w, kick_time(row), row, call, grains, rows, control, dt)
+            before = g.position(state)
             state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
+            if wp.static(flow is not None):
+                flow(
+                    i, before, g.position(state), wp.float64(1.0) / grains.inverse[i][0], control.plane, control.frame, call,
+                    call + 1, grains.flow,
+                )  # fmt: skip
             if wp.static(border.images > 1):
                 if stage == wp.static(stages - 1):
-                    state = g.placed(state, border.wrapped(g.position(state)))
+                    inside = border.wrapped(g.position(state))
+                    if wp.static(budget is not None):
+                        carry(i, state, inside - g.position(state), row, grains)
+                    state = g.placed(state, inside)
             grains.record[i] = state
+            if wp.static(orientation is not None):
+                if stage == wp.static(stages - 1):
+                    grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
                 far = travelled(
                     i, state, grains.reference, control.placement, control.outlet, (s + 2) * wp.static(stages), dt, reach
@@ -291,7 +350,38 @@ def build(pairs, touch, Rows, load, acceleration, travelled, integrator, border,
         velocity_out[i] = v
         spin_out[i] = w
 
+    read_budget = None
+    if budget is not None:
+
+        @kernel
+        def read_budget(
+            s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64, energies_out: wp.array(dtype=Energies),
+            momenta_out: wp.array(dtype=Momenta), wall_work_out: wp.array2d(dtype=wp.float64),
+        ):  # fmt: skip
+            """What has been added up of each grain up to the present instant, step ``s``: its forces have half a step of it."""
+            i = wp.tid()
+            row = control.row[s]
+            total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+            state = grains.record[i]
+            mass = wp.float64(1.0) / grains.inverse[i][0]
+            a, b = acceleration(state, total, grains.inverse[i], row, control.frame, s, dt, control.field)
+            v, w = reading(state, a, b, row, control.frame, s, dt)
+            half = kick_time(row) - wp.float64(0.5) * dt
+            if wp.static(budget.energy):
+                energies_out[i] = grains.energies[i] + budget.energies(
+                    i, state, v, w, mass, half, grains.row_start, grains.entry, rows.candidates, rows.entry, control.frame,
+                    s, dt, control.field,
+                )  # fmt: skip
+                for wall in range(grains.wall_work.shape[1]):
+                    wall_work_out[i, wall] = grains.wall_work[i, wall]
+                if wp.static(walls):
+                    budget.wall_works(i, half, rows.candidates, rows.power, wall_work_out)
+            if wp.static(budget.momentum):
+                momenta_out[i] = grains.momenta[i] + budget.momenta(
+                    i, state, total, mass, half, row, rows.candidates, rows.load, control.frame, s, dt, control.field
+                )
+
     return Built(
-        run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
+        run=run, read_budget=read_budget, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
         Grains=Grains, Packs=Packs, Control=Control,
     )  # fmt: skip

@@ -57,8 +57,8 @@ def build_load(real, *, spins: bool, walls: bool):
     return load
 
 
-def _joined(before, number: int, force, in_laboratory: bool):
-    """Function that adds field ``number`` to those before it."""
+def joined(before, number: int, force, in_laboratory: bool):
+    """Function that adds the force of field ``number`` [N] to those before it (None: there are none)."""
 
     @wp.func
     def fields(
@@ -92,7 +92,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
     Inverse = wp.types.vector(2, wp.float64)
     external = None
     for number, (force, in_laboratory) in enumerate(fields):
-        external = _joined(external, number, force, in_laboratory)
+        external = joined(external, number, force, in_laboratory)
 
     @wp.func
     def acceleration(

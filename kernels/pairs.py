@@ -16,6 +16,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
+from warpdem.kernels.dissipation import ENTRY, PARTS
 
 BLOCK = 16  # packs computed before their shares are copied
 
@@ -44,13 +45,15 @@ def result_width(spins: bool) -> int:
 
 @functools.cache
 def build(
-    real, law, border, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float
+    real, law, parts, border, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool,
+    gap: float,
 ):  # fmt: skip
     """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows).
 
     Args:
         real: precision of the law, its results and its memory; geometry and motion are always float64.
         law: law function of ``law.build``.
+        parts: function of ``dissipation.build`` when energies are added up, else None.
         border: periodic images, of ``border.build``.
         lanes: contacts side by side.
         spins: grains spin (there is a tangential or rolling model).
@@ -70,6 +73,8 @@ def build(
     Turn = wp.types.matrix((3, 3), real)
     Result = wp.types.vector(17, real)
     Share = wp.types.vector(share_width(spins), real)
+    Parts = wp.types.vector(PARTS, real)
+    Entry = wp.types.vector(ENTRY, real)
 
     @wp.func
     def narrow(v: vec3d) -> vec3:
@@ -81,6 +86,15 @@ def build(
         return Turn(
             real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
             real(m[2, 0]), real(m[2, 1]), real(m[2, 2]),
+        )  # fmt: skip
+
+    @wp.func
+    def entry(n: vec3, sign: real, arm: real, p: Parts) -> Entry:
+        """The ENTRY of the grain on side ``sign``."""
+        half = real(0.5)
+        return Entry(
+            sign * n[0], sign * n[1], sign * n[2], p[0], arm, sign * p[1], sign * p[2], sign * p[3], p[4],
+            sign * p[5], sign * p[6], sign * p[7], half * p[8], half * p[9], half * (p[10] - p[11]),
         )  # fmt: skip
 
     @wp.func
@@ -96,8 +110,11 @@ def build(
         angle: vec3,
         slip_time: wp.float64,
         dt: wp.float64,
-    ) -> Result:
-        """Force, torques and memory of one contact, with overlap share and approach speed for the guards."""
+    ):
+        """Force, torques and memory of one contact, with overlap share and approach speed for the guards.
+
+        When energies are added up, what each grain gets of the contact for them.
+        """
         across = border.nearest(g.position(gi) - g.position(gj))
         moved = (g.velocity(gi) - g.velocity(gj)) * slip_time
         before = across - moved
@@ -140,10 +157,21 @@ def build(
         lever = wp.cross(narrow(n), force)
         ti = moment - lever * real(arm_i)
         tj = -moment - lever * real(arm_j)
-        return Result(
+        result = Result(
             force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2],
             held[0], held[1], held[2], bent[0], bent[1], bent[2], share, approach,
         )  # fmt: skip
+        for_i = Entry()
+        for_j = Entry()
+        if wp.static(parts is not None):
+            p = parts(
+                narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
+                narrow(turning), narrow(spin), real(dt), stiffness, damping, radius, inertia, c, spring, angle, force,
+                moment, held, bent,
+            )  # fmt: skip
+            for_i = entry(narrow(n), real(1.0), real(arm_i), p)
+            for_j = entry(narrow(n), real(-1.0), real(arm_j), p)
+        return result, for_i, for_j
 
     @wp.func
     def pack(
@@ -164,11 +192,14 @@ def build(
         memory_out: wp.array2d(dtype=Lane),  # may be the same array
         scratch_out: wp.array2d(dtype=Lane),
         at: int,
+        slot_i: wp.array(dtype=LaneInt),
+        slot_j: wp.array(dtype=LaneInt),
+        entry_out: wp.array(dtype=Entry),
     ):
         """Evaluate pack ``p`` into row ``at`` of the scratch; returns its largest overlap share [-] and approach speed."""
         i = owner[p]
         j = partner[p]
-        deepest = wp.float64(-1.0)
+        deepest = wp.float64(wp.static(0.0 if parts else -1.0))  # the energy of a contact that just opened is still to be told
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
@@ -227,10 +258,13 @@ def build(
                     spring = spring + turn_rate * spring
                 if wp.static(history == 6):
                     angle = angle + turn_rate * angle
-            o = contact(
+            o, for_i, for_j = contact(
                 grains[i[k]], grains[j[k]], stiffness[k], damping[k], radius[k], inertia[k], c, spring, angle,
                 slip_time, dt,
             )  # fmt: skip
+            if wp.static(parts is not None):
+                entry_out[slot_i[p][k]] = for_i
+                entry_out[slot_j[p][k]] = for_j
             fx[k] = o[0]
             fy[k] = o[1]
             fz[k] = o[2]
@@ -311,6 +345,6 @@ def build(
         ...
 
     return Built(
-        pack=pack, share=share, announce=announce, narrow_turn=narrow_turn, Share=Share, Lane=Lane, LaneInt=LaneInt,
-        Coefficients=Coefficients,
+        pack=pack, share=share, announce=announce, narrow_turn=narrow_turn, Share=Share, Entry=Entry, Lane=Lane,
+        LaneInt=LaneInt, Coefficients=Coefficients,
     )  # fmt: skip

@@ -1,5 +1,7 @@
 """Fixtures that all tests share: devices, precisions, small scenes; and the option --slow."""
 
+from contextlib import contextmanager
+
 import pytest
 import warp as wp
 
@@ -27,6 +29,23 @@ def device(request):
     if request.param not in [d.alias for d in wp.get_devices()]:
         pytest.skip(f"no device {request.param} on this machine")
     return request.param
+
+
+@pytest.fixture
+def file_size_limit():
+    """A context in which no file grows beyond a size [B]: the nearest that a test comes to a full disk."""
+    resource = pytest.importorskip("resource", reason="the system has no limit on the size of files")
+
+    @contextmanager
+    def limit(size: int):
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+    return limit
 
 
 @pytest.fixture(params=[wp.float32, wp.float64], ids=["float32", "float64"])

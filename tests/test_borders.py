@@ -169,7 +169,7 @@ def test_outlets_and_periodic_borders_side_by_side(device):
 
 
 def test_grains_that_start_beyond_a_border_are_refused():
-    with pytest.raises(SceneError, match=r"grain 1 at \(0\.02, 0, 0\) m starts in x max \(1 of 2 grains do\)"):
+    with pytest.raises(SceneError, match=r"grain 1 at \(0\.02, 0, 0\) m starts beyond the border x max \(1 of 2 grains do\)"):
         simulated([[0, 0, 0], [0.02, 0, 0]], borders={"x": {"max": 0.01, "kind": "open"}})
 
 
@@ -261,7 +261,7 @@ def test_a_stream_by_mass_waits_where_there_is_no_room(device):
 
 
 def test_a_scene_needs_grains_or_a_stream():
-    with pytest.raises(ValueError, match="give at least one group of grains, or a stream"):
+    with pytest.raises(ValueError, match="give at least one group of grains, a stream, or a start"):
         scene()
 
 

@@ -39,6 +39,11 @@ PLANS = {
     "everything": replace(
         MAIN_JOB, tangential="mindlin_displacement", rolling="spring", torsion=True, planes=2, moving=2, materials=3,
         table=True, gap=1e-4, precision="mixed", fields=(("harmonic", "laboratory"), ("drag", "frame"), ("lorentz", "frame")),
+        orientation=True,
+    ),
+    "measured": replace(
+        MAIN_JOB, rolling="spring", period=(0.0, 0.1, 0.0), fields=(("harmonic", "frame"), ("drag", "laboratory")), energy=True,
+        momentum=True, flows=1, scene_walls=1,
     ),
     "stages": replace(MAIN_JOB, integrator="rk4"),
     "relative": replace(MAIN_JOB, integrator="scovel"),

@@ -10,6 +10,7 @@ from warpdem.geometry import build_mesh
 from warpdem.grain_source import Grains0, check_start, joined, load_grains, read_state
 from warpdem.motion import Rotation
 from warpdem.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.paths import Access
 from warpdem.scene import Wall
 from warpdem.sizes import DiameterDistribution
 from warpdem.wall_shapes import Plane
@@ -44,6 +45,9 @@ def make_scene(*groups, walls=(), frame=None, base="."):
         source="scene.toml",
         engine=SimpleNamespace(max_overlap=0.1),
         resolve=lambda name: Path(base) / name,
+        access=Access(),
+        groups=[f"grains[{k}]" for k in range(len(groups))],
+        group_names=[f"grains[{k}]" for k in range(len(groups))],
     )
 
 
@@ -332,10 +336,11 @@ def test_grain_outside_the_container_of_most_is_named():
 def test_grain_inside_an_obstacle_is_named():
     mesh = {"drum": container([0, 0, 0], [10, 10, 10]), "blade": container([4, 4, 4], [6, 6, 6])}
     scene, grains = start([[2, 2, 2], [2, 2, 8], [5, 5, 5.5]], ids=[0, 1, 6])
-    scene.walls = [mesh_wall("drum"), mesh_wall("blade")]
+    scene.walls = walls = [mesh_wall("drum"), mesh_wall("blade")]
     with pytest.raises(SceneError, match=r"walls\[1\]\.mesh: grain 6 at \(5, 5, 5\.5\) m is inside .*'blade', 0\.5 m"):
         check_start(grains, mesh, scene)
     scene, grains = start([[2, 2, 2], [2, 2, 8], [5, 5, 7]])
+    scene.walls = walls
     check_start(grains, mesh, scene)
 
 

@@ -42,7 +42,7 @@ def build(real):
 
     @wp.func
     def half(x: real) -> real:
-        return real(0.5) * x + wp.static(1.0 / 3.0)
+        return real(0.5) * x + wp.static(1.0 / 3.0) + real(wp.static(1.0 / 3.0)) + real(-0.5)
 
     @kernel
     def run(a: wp.array(dtype=real)):
@@ -63,11 +63,15 @@ def build(real):
         ("    @kernel\n", "    @wp.kernel(enable_backward=False)\n", "nested kernel run without module"),
         ("real(0.5)", "0.5", "20: bare float 0.5 in half"),
         ("wp.float64(2.0)", "2.0", "24: bare float 2.0 in run"),
+        ("wp.float64(2.0)", "wp.float64(1.0 / 6.0)", "24: float32 arithmetic in wp.float64(1.0 / 6.0) of run"),
+        ("real(0.5)", "real(-(0.5 - 1.0))", "20: float32 arithmetic in real(-(0.5 - 1.0)) of half"),
+        ("wp.float64(1.0)", "wp.float64(2.0 * 0.5)", "13: float32 arithmetic in wp.float64(2.0 * 0.5) of flat"),
+        ("wp.float64(1.0)", "wp.float64(wp.sqrt(0.5 + a[0]))", "13: float32 arithmetic in"),
     ],
 )
 def test_each_slip_is_seen(tool, old, new, what):
     assert tool.check_source(GOOD, "model.py") == []
-    assert old in GOOD
+    assert old in GOOD and "real(-0.5)" in GOOD
     [problem] = tool.check_source(GOOD.replace(old, new), "model.py")
     assert problem.startswith("model.py:")
     assert what in problem

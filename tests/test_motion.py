@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation as Turn
 
 from warpdem import SceneError
-from warpdem.motion import Chain, Motions, Rotation, Sampled, Translation
+from warpdem.motion import Chain, Motions, Rotation, Sampled, Standing, Translation
 from warpdem.rigid import PI
 from warpdem.scene_file import scene_from_dict
 
@@ -336,3 +336,60 @@ def test_wrong_motion_of_a_wall_is_answered_by_its_key():
     assert "angular rate" in str(error.value)
     with pytest.raises(SceneError, match=r"walls\[0\]\.rotation"):
         scene(None, rotation={"axis": [0, 0, 1], "rate": 1})
+
+
+# --- a time of their own, and fixed places ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"axis": [1, 2, 3], "origin": [0.1, 0, 0], "schedule": [{"until": 0.7, "rate": [1, 4]}, {"rate": 4}]},
+        {"axis": [0, 0, 1], "sinusoid": {"amplitude": 3, "frequency": 2, "phase": 0.3}},
+        {"velocity": [1, 0, 0], "amplitude": [0, 0.01, 0], "frequency": 5},
+    ],
+)
+def test_elapsed_motion_is_the_motion_later(motion):
+    time, ahead = np.linspace(0.0, 1.0, 9), 0.6
+    now, later = chain(motion), chain(motion | {"elapsed": ahead})
+    for field in ("axes", "origin", "spin", "velocity", "spin_rate", "acceleration"):
+        found, wanted = getattr(later.pose(time), field), getattr(now.pose(time + ahead), field)
+        scale = max(1.0, float(np.abs(wanted).max()))
+        np.testing.assert_allclose(found.astype(float), wanted.astype(float), rtol=0, atol=1e-14 * scale, err_msg=field)
+    found, wanted = later.increments(time), now.increments(time + ahead)
+    np.testing.assert_allclose(found.turn.astype(float), wanted.turn.astype(float), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.shift.astype(float), wanted.shift.astype(float), rtol=0, atol=1e-15)
+    points = np.array([[0.2, 0.1, 0.0]])
+    assert later.speed(points, 1.0) >= now.speed(points, 1.0)
+    assert repr(later.parts(0.4)) == repr(now.parts(1.0))
+
+
+def test_standing_axes_are_turned_then_shifted():
+    quarter = {"quaternion": [1, 0, 0, 1], "shift": [1, 2, 3]}
+    place = chain(quarter)
+    pose = place.pose(np.array([0.0, 5.0]))
+    wanted = Turn.from_euler("z", 90, degrees=True).as_matrix()
+    np.testing.assert_allclose(pose.axes.astype(float), [wanted] * 2, atol=1e-15)
+    np.testing.assert_array_equal(pose.origin.astype(float), [[1, 2, 3]] * 2)
+    assert not np.any(place.increments(np.array([0.0, 1.0])).turn)
+    assert (place.moves, place.turns, place.displaces, place.speed(np.ones((2, 3)), 1.0)) == (False, False, True, 0.0)
+    assert not chain({"shift": [0, 0, 0]}).displaces
+    standing = Standing(**quarter)
+    np.testing.assert_allclose(standing.inverse(np.array([1.0, 3.0, 3.0])), [1.0, 0.0, 0.0], atol=1e-15)
+    assert Standing(**json.loads(standing.model_dump_json())) == standing
+    # innermost in a chain: the body turns about the outer axis from there
+    turning = chain({"axis": [0, 0, 1], "rate": 1.0}, quarter).pose(np.array([math.pi / 2]))
+    np.testing.assert_allclose(turning.origin[0].astype(float), [-2, 1, 3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        ({"quaternion": [0, 0, 0, 0]}, "zero vector"),
+        ({"quaternion": [1, 0, 0]}, "a list of 4"),
+        ({"axis": [0, 0, 1], "rate": 1, "elapsed": -1}, ">= 0"),
+    ],
+)
+def test_wrong_places_and_times_are_refused(motion, words):
+    with pytest.raises(ValidationError, match=words):
+        MOTIONS.validate_python(motion)

@@ -21,7 +21,7 @@ def folders_with_code() -> set[str]:
     found = {p.parent.relative_to(ROOT).as_posix().replace("/", ".") for p in (ROOT / "warpdem").rglob("__init__.py")}
     found = {name for name in found if not name.startswith("warpdem.kernels")}  # an editor's link to ../kernels
     kernels = {p.parent.relative_to(ROOT).as_posix().replace("/", ".") for p in (ROOT / "kernels").rglob("__init__.py")}
-    return found | {f"warpdem.{name}" for name in kernels}
+    return found | {f"warpdem.{name}" for name in kernels} | {"warpdem.scenes"}
 
 
 def test_package_list_is_what_lies_on_disk(project):
@@ -50,6 +50,7 @@ def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
         "work.mkdir()\n"
         "shutil.copytree(root / 'warpdem', work / 'warpdem', ignore=shutil.ignore_patterns('__pycache__', 'kernels'))\n"
         "shutil.copytree(root / 'kernels', work / 'kernels', ignore=shutil.ignore_patterns('__pycache__'))\n"
+        "shutil.copytree(root / 'scenes', work / 'scenes', ignore=shutil.ignore_patterns('__pycache__'))\n"
         "for name in ('pyproject.toml', 'README.md'): shutil.copy(root / name, work / name)\n"
         "os.chdir(work)\n"
         "backend.build_wheel(str(work.parent))\n"
@@ -57,10 +58,14 @@ def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     [wheel] = tmp_path.glob("warpdem-*.whl")
-    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".py")}
+    names = zipfile.ZipFile(wheel).namelist()
+    held = {name for name in names if name.endswith(".py")}
     wanted = {f"warpdem/{p.name}" for p in (ROOT / "warpdem").glob("*.py")}
     wanted |= {f"warpdem/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "kernels").rglob("*.py")}
-    assert held == wanted
+    assert held == wanted | {"warpdem/scenes/__init__.py"}
+    gallery = [*(ROOT / "scenes").glob("*.toml"), *(ROOT / "scenes" / "meshes").glob("*.stl")]
+    assert {f"warpdem/{path.relative_to(ROOT).as_posix()}" for path in gallery} <= set(names)
+    assert not [name for name in names if "/paper/" in name or name.endswith(".png")]
 
 
 def test_command_is_installed(project):

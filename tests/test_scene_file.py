@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
+from warpdem.paths import access_of_file
 from warpdem.scene_file import load_scene, scene_from_dict, scene_schema
 
 SCHEMA = Path(__file__).parents[1] / "scenes" / "scene.schema.json"
@@ -87,7 +88,8 @@ def test_good_scene_loads(scene_path):
 
 
 def test_dict_gives_the_scene_of_the_file(scene_path):
-    assert scene_from_dict(tomllib.loads(GOOD), scene_path.parent, str(scene_path)) == load_scene(scene_path)
+    access = access_of_file(scene_path.parent)
+    assert scene_from_dict(tomllib.loads(GOOD), scene_path.parent, str(scene_path), access) == load_scene(scene_path)
 
 
 @pytest.mark.parametrize(
@@ -138,6 +140,7 @@ BAD = [
     ("zzz=1", ["zzz", "known here: title, gravity, materials"]),
     ("base=x", ["base", "unknown key"]),
     ("source=x", ["source", "unknown key"]),
+    ("access={}", ["access", "unknown key"]),
     # types and ranges
     ("time=3", ["time = 3", "table", "[time]"]),
     ("walls={}", ["walls", "[[walls]]"]),
@@ -145,7 +148,7 @@ BAD = [
     ("title=3", ["title = 3", "string"]),
     ("output.picture=1", ["output.picture = 1", "true or false"]),
     ("output.formats=vtk", ["output.formats", "list"]),
-    ("output.formats=['vtk', 'obj']", ["output.formats[1]", '"vtk" or "usd"']),
+    ("output.formats=['vtk', 'obj']", ["output.formats[1]", '"vtk", "vtkhdf" or "usd"']),
     ("output.formats=['vtk', 'vtk']", ["output.formats", "once"]),
     ("output.interval=0", ["output.interval = 0", "> 0"]),
     ("output.history_interval=-1", ["output.history_interval", "> 0"]),
@@ -190,7 +193,7 @@ BAD = [
     ("pairs.1.materials=['glass', 'glass']", ["pairs[1].materials", "pairs[0]"]),
     ("pairs=[]", ['["glass", "glass"]; materials = ["glass", "steel"]']),
     ("grains.1.fill.wall=bix", ["grains[1].fill.wall", "no such wall", '"box"']),
-    ("grains.1.fill.wall=floor", ["grains[1].fill.wall", "plane", '"box"']),
+    ("grains.1.fill.wall=floor", ["grains[1].fill.wall", "analytic shape", '"box"']),
     # laws and coefficients
     ("contact.normal=hooke", ["pairs[0].stiffness", "pairs[1].stiffness", "hooke", "[N/m]"]),
     ("pairs.0.stiffness=5", ["pairs[0].stiffness = 5", '"hertz"']),
@@ -199,7 +202,7 @@ BAD = [
     ("pairs.0.rolling_friction=0.1", ["pairs[0].rolling_friction", "rolling_friction = 0", "rolling law"]),
     ("pairs.0.rolling_damping=0.1", ["pairs[0].rolling_damping", '"spring"']),
     # groups and sources
-    ("grains=[]", ["grains", "give at least one group of grains, or a stream"]),
+    ("grains=[]", ["grains", "give at least one group of grains, a stream, or a start"]),
     ("grains.0={material='glass'}", ["grains[0]", "exactly one of positions, file, fill", "none"]),
     ("grains.0.file=a.npz", ["grains[0]", "exactly one", "positions and file"]),
     ("grains.0.diameter=1", ["grains[0]", "exactly one", "radius and diameter"]),

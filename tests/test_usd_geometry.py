@@ -11,7 +11,8 @@ import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from rich.console import Console
 
-from warpdem import Scene, SceneError, Simulation, summary, usd_geometry, usd_motion
+from warpdem import Scene, SceneError, Simulation, usd_geometry, usd_motion
+from warpdem.check import describe
 from warpdem.geometry import build_mesh, load_mesh
 from warpdem.runner import run_scene
 from warpdem.usd_geometry import shape_triangles
@@ -250,7 +251,7 @@ def test_notes_reach_the_run_and_its_record(tmp_path):
     sim = run_scene(Scene.model_validate(of), tmp_path / "out", device="cpu", threads=1, console=console)
     told = console.export_text()
     kept = json.loads((tmp_path / "out" / "run.json").read_text())["notes"]
-    assert kept == sim.notes == summary.describe(sim, probe=False)["notes"]
+    assert kept == sim.notes == describe(sim, probe=False)["notes"]
     assert len(kept) == 2
     for note, part in zip(kept, ("2 triangles that are there twice left out", "scale = 0.001"), strict=True):
         assert part in note

@@ -292,7 +292,7 @@ def test_wall_that_is_not_made_of_triangles_is_drawn_without_pressure(tmp_path):
     drawn = WallMesh("drum", np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
     load = WallLoad(np.ones(3), np.ones(3), np.zeros(3), 2.0, np.zeros((0, 3)), np.zeros(0))
     none = {name: np.zeros((0, 3)) for name in ("position", "velocity", "spin", "force")}
-    none |= {name: np.zeros(0) for name in ("radius", "mass")} | {name: np.zeros(0, int) for name in ("id", "type")}
+    none |= {name: np.zeros(0) for name in ("radius", "mass")} | {name: np.zeros(0, int) for name in ("id", "type", "group")}
     rest = FramePose.turned(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 0.0)
     place = Placement(np.eye(3), np.zeros(3))
     snapshot = Snapshot(step=0, time=0.0, frame=rest, walls={"drum": place}, loads={"drum": load}, **none)

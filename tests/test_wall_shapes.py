@@ -155,7 +155,8 @@ def test_drawings_have_the_area_and_lie_on_the_surface(shape, area):
 
 def test_what_has_no_end_is_drawn_as_far_as_the_grains_reach():
     sim = simulate([{"cylinder": CYLINDER}, {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}}], [0, 0, 0.02])
-    [mesh] = sim.wall_meshes()
-    assert mesh.name == "wall0"
+    mesh, patch = sim.wall_meshes()
+    assert (mesh.name, mesh.infinite) == ("wall0", False)
+    assert (patch.name, patch.infinite) == ("wall1", True)
     assert mesh.vertices[:, 2].min() < 0.02 < mesh.vertices[:, 2].max()
     assert set(sim.snapshot().walls) == {"wall0", "wall1"}

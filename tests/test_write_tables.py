@@ -42,6 +42,13 @@ def test_history_of_a_resumed_run_has_each_time_once(tmp_path):
     assert read(path)[-1][2] == "5.0"
 
 
+def test_history_row_cut_within_its_last_number_is_no_row(tmp_path):
+    path = tmp_path / "history.csv"
+    path.write_text(",".join(COLUMNS) + "\n0.1,1,2.5\n0.2,2,3.")
+    HistoryWriter(path, COLUMNS, resume=True).close()
+    assert [row[0] for row in read(path)] == ["time [s]", "0.1"]
+
+
 def test_history_without_resume_starts_anew(tmp_path):
     path = tmp_path / "history.csv"
     for _ in range(2):

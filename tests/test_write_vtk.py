@@ -31,6 +31,7 @@ def snapshot(k, count=30):
         frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=rng.integers(0, 2, count).astype(np.int32),
+        group=rng.integers(0, 3, count).astype(np.int32),
         radius=rng.uniform(0.01, 0.02, count),
         mass=rng.uniform(1.0, 2.0, count),
         position=rng.random((count, 3)),

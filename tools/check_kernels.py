@@ -5,6 +5,8 @@ no ``from __future__ import annotations``     the types that a factory captures 
 ``module="unique"`` for nested kernels        two variants of one factory would meet in one module
 no bare float where a factory has ``real``    ``2.0 * x`` compiles for one precision only; allowed: ``real(2.0)``,
                                               ``wp.float64(2.0)``, ``wp.static(2.0)``
+one literal in a cast                         ``wp.float64(1.0 / 6.0)`` is divided in float32 first; write
+                                              ``wp.float64(1.0) / wp.float64(6.0)`` or ``wp.static(1.0 / 6.0)``
 """
 
 import ast
@@ -63,6 +65,32 @@ def _bare_floats(function: ast.FunctionDef) -> list[ast.Constant]:
     return found
 
 
+def _casts_of_arithmetic(function: ast.FunctionDef) -> list[ast.Call]:
+    """Casts of a function's body around something that reckons with bare float literals; Python reckons in ``static``."""
+    found = []
+
+    def visit(node: ast.AST) -> None:
+        if isinstance(node, ast.Call) and _name(node) in TYPED:
+            if _name(node) == "static":
+                return
+            if any(reckons(argument) for argument in node.args):
+                found.append(node)
+        for child in ast.iter_child_nodes(node):
+            visit(child)
+
+    def reckons(node: ast.AST, inside: bool = False) -> bool:
+        if isinstance(node, ast.Call) and _name(node) in TYPED:
+            return False  # has its own type, and is looked at by itself
+        if isinstance(node, ast.Constant):
+            return inside and isinstance(node.value, float)
+        inside |= isinstance(node, (ast.BinOp, ast.IfExp, ast.Compare))
+        return any(reckons(child, inside) for child in ast.iter_child_nodes(node))
+
+    for statement in function.body:
+        visit(statement)
+    return found
+
+
 def check_source(source: str, name: str) -> list[str]:
     """Broken rules of one file, each as ``name:line: what``."""
     tree = ast.parse(source)
@@ -82,8 +110,10 @@ def check_source(source: str, name: str) -> list[str]:
                     problems.append((node.lineno, f"kernel {node.name} without enable_backward=False"))
                 if nested and not _is(options.get("module"), "unique"):
                     problems.append((node.lineno, f'nested kernel {node.name} without module="unique"'))
-            if has_real and (kernels or any(_is_func(d) for d in node.decorator_list)):
-                for literal in _bare_floats(node):
+            if kernels or any(_is_func(d) for d in node.decorator_list):
+                for cast in _casts_of_arithmetic(node):
+                    problems.append((cast.lineno, f"float32 arithmetic in {ast.unparse(cast)} of {node.name}"))
+                for literal in _bare_floats(node) if has_real else ():
                     problems.append((literal.lineno, f"bare float {literal.value} in {node.name}"))
             nested = True
             arguments = node.args

@@ -4,6 +4,7 @@
     hourglass.stl         small hourglass in mean grain diameters: with scale = the mean diameter each bulb holds
                           5 000 grains (diameters 2/3 to 4/3 of the mean) at 65 % filling
     hourglass_paper.stl   hourglass for 160 000 grains of 0.3-0.6 mm, millimetres (scale = 0.001)
+    hopper.stl            flat-bottomed bin with a round hole over a closed chamber, millimetres; the hole at the origin
 
 A hourglass of other dimensions: `python tools/make_meshes.py --out my.stl --neck-radius 2 ...`.
 """
@@ -18,6 +19,7 @@ import numpy as np
 MESHES = Path(__file__).resolve().parent.parent / "scenes" / "meshes"
 SMALL = {"neck_radius": 4.5, "neck_length": 2.2, "half_angle": 30.0, "rim_radius": 16.2}
 PAPER = {"neck_radius": 2.025, "neck_length": 1.0, "half_angle": 30.0, "rim_radius": 23.2}
+HOPPER = {"hole_radius": 20.0, "bin_radius": 50.0, "bin_height": 120.0, "chamber_height": 50.0}
 
 
 def revolve(radius: np.ndarray, height: np.ndarray, segments: int) -> np.ndarray:
@@ -61,6 +63,25 @@ def hourglass(
     lid = rim_radius * np.array([2.0, 1.0, 0.0]) / 3.0
     radius, height = np.append(radius, lid), np.append(height, np.full(3, height[-1]))
     return revolve(np.append(radius[::-1], radius), np.append(-height[::-1], height), segments)
+
+
+def hopper(
+    hole_radius: float, bin_radius: float, bin_height: float, chamber_height: float, segments: int = 48
+) -> np.ndarray:
+    """Triangles (t, 3, 3) of a cylindrical bin whose flat floor, in the plane z = 0, has a round hole in its middle.
+
+    Below the hole a cone widens, so that nothing leads the grains beyond the sharp rim; a lid closes it.
+
+    Args:
+        hole_radius: Radius of the hole.
+        bin_radius: Radius of the bin and of the chamber's lid.
+        bin_height: Height of the bin.
+        chamber_height: Height of the chamber below the floor.
+        segments: Corners of each ring.
+    """
+    radius = np.array([0.0, 0.5 * bin_radius, bin_radius, hole_radius, bin_radius, bin_radius, 0.5 * bin_radius, 0.0])
+    height = np.array([-chamber_height] * 3 + [0.0] * 2 + [bin_height] * 3)
+    return revolve(radius, height, segments)
 
 
 def unit_box() -> np.ndarray:
@@ -135,6 +156,7 @@ def main() -> None:
     make(MESHES / "box.stl", unit_box())
     make(MESHES / "hourglass.stl", hourglass(**SMALL))
     make(MESHES / "hourglass_paper.stl", hourglass(**PAPER))
+    make(MESHES / "hopper.stl", hopper(**HOPPER))
 
 
 if __name__ == "__main__":

@@ -2,13 +2,15 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from warpdem.scene_base import Name, Point, SceneModel, wrong
 from warpdem.units import Quantity
 
 Coordinate = Annotated[float, Quantity("m")]
-Kind = Literal["periodic", "open", "stop"]
+# the tags steer validation and are left out of messages
+BothSides = Annotated[Literal["periodic", "open", "stop"], Tag("~both")]
+TwoSides = Annotated[list[Literal["open", "stop"]], Field(min_length=2, max_length=2), Tag("~two")]
 
 
 class Border(SceneModel):
@@ -16,7 +18,8 @@ class Border(SceneModel):
 
     min: Coordinate | None = Field(None, description="Lower border [m]; none if not given.")
     max: Coordinate | None = Field(None, description="Upper border [m]; none if not given.")
-    kind: Kind | Annotated[list[Literal["open", "stop"]], Field(min_length=2, max_length=2)] = Field(
+    kind: BothSides | TwoSides = Field(
+        discriminator=Discriminator(lambda value: "~two" if isinstance(value, (list, tuple)) else "~both"),
         description='"periodic" (both borders), "open" (grains beyond are removed and counted), "stop" (a grain beyond '
         "stops the run), or [at min, at max] of the last two."
     )

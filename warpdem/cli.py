@@ -1,4 +1,4 @@
-"""The command ``warpdem``: run, check, render. Arguments to calls; no physics."""
+"""The command ``warpdem``: run, check, convert, render, demo. Arguments to calls; no physics."""
 
 import json
 import sys
@@ -9,12 +9,26 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.errors import WarpdemError
+from warpdem.look import Look
 
 app = App(
     name="warpdem",
     help="Discrete element method for granular flow in rotating and moving equipment.",
     suppress_keyboard_interrupt=False,  # main() tells how to go on
 )
+
+Settings = Annotated[
+    list[str],
+    Parameter("--set", consume_multiple=True, help="""Change keys: --set time.end=0.5 engine.skin='"0.1 mm"'."""),
+]
+Plugins = Annotated[list[Path], Parameter("--plugin", help="Load this .py file where the scene names it; repeatable.")]
+AllowPaths = Annotated[
+    list[Path], Parameter("--allow-path", help="Let the scene read files in this folder too; repeatable.")
+]
+
+At = Annotated[
+    float | None, Parameter("--at", help="With the result stage of a run: start from its frame at this time [s].")
+]
 
 
 @app.command
@@ -26,7 +40,10 @@ def run(
     threads: int | None = None,
     precision: Literal["double", "mixed"] | None = None,
     until: float | None = None,
-    set_: Annotated[list[str], Parameter(name="--set", consume_multiple=True)] = [],  # noqa: B006
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -34,24 +51,25 @@ def run(
     """Run a scene and write its results.
 
     Args:
-        scene: Scene file (.toml).
+        scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
         out: Folder of the results; out/NAME if not given.
         device: cpu or cuda:0; a GPU if there is one.
         threads: CPU threads; all cores if not given.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
-        set_: Change keys of the scene, as in --set time.end=0.5 engine.skin='"0.1 mm"'.
         resume: Go on from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
     """
-    from warpdem.runner import check_folder, default_folder, run_scene
+    from warpdem.run_phases import run as run_all
+    from warpdem.runner import check_folder, default_folder
     from warpdem.scene_file import load_scene
 
-    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_])
+    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
+                        allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
     folder = out or (Path("out") / scene.stem if resume else default_folder(scene))
     check_folder(folder, overwrite or resume)
-    run_scene(loaded, folder, device=device, threads=threads, until=until, resume=resume, quiet=quiet)
+    run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, quiet=quiet)
 
 
 @app.command
@@ -62,23 +80,28 @@ def check(
     device: str | None = None,
     threads: int | None = None,
     probe: bool = True,
-    set_: Annotated[list[str], Parameter(name="--set", consume_multiple=True)] = [],  # noqa: B006
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
 ) -> None:
     """Validate a scene; print the plan, the time step and its limits, memory and an estimate of the run time.
 
     Args:
-        scene: Scene file (.toml).
+        scene: Scene file, as in run.
         json_: Print JSON.
         device: As in run.
         threads: As in run.
         probe: Measure a few steps for the estimate.
-        set_: As in run.
     """
+    from warpdem.check import describe, print_description
     from warpdem.scene_file import load_scene
     from warpdem.simulation import Simulation
-    from warpdem.summary import describe, print_description
 
-    data = describe(Simulation(load_scene(scene, set_), device=device, threads=threads), probe)
+    loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
+    later = [phase.name for phase in loaded.phases[1:]]
+    data = describe(Simulation(first, device=device, threads=threads), probe, later)
     if json_:
         sys.stdout.write(json.dumps(data, indent=2) + "\n")
     else:
@@ -86,29 +109,104 @@ def check(
 
 
 @app.command
+def convert(
+    source: Path,
+    target: Path,
+    *,
+    at: At = None,
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+    overwrite: bool = False,
+) -> None:
+    """Write a scene file in another format: TOML from USD, USD from TOML.
+
+    Args:
+        source: Scene file, as in run.
+        target: File to write: .toml, .usda, .usdc or .usd.
+        overwrite: Allow a target that exists.
+    """
+    from warpdem.convert import convert as write
+
+    write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    Console(highlight=False).print(f"wrote {target}")
+
+
+@app.command
 def render(
     folder: Path,
-    *,
+    /,
+    *others: Path,
     out: Path | None = None,
-    view: Literal["frame", "laboratory"] = "laboratory",
-    colour: str = "speed",
     time: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    fps: float = 25.0,
+    look: Annotated[Look, Parameter(name="*", negative_iterable=())] = Look(),  # noqa: B008
 ) -> None:
     """Draw the results of a run: a picture (.png) or a film (.mp4).
 
     Args:
         folder: Folder of the results.
+        others: Folders of more results, drawn beside it at the same instants.
         out: File to write; FOLDER/picture.png if not given.
-        view: Axes that stand still in the picture.
-        colour: Field that colours the grains: speed, radius, id, type.
         time: Instant of a picture [s]; the last one if not given.
+        start: A film begins here [s].
+        end: A film ends here [s].
+        speed: Seconds of the run in a second of the film; each frame is shown once if not given.
+        fps: Pictures in a second of the film.
+        look: Camera, colours, cuts and walls.
     """
-    from warpdem.render import render as draw
+    from rich.progress import Progress
+
+    from warpdem.rendering import render as draw
 
     target = out or folder / "picture.png"
-    extra = {} if time is None else {"time": time}
-    draw(folder, target, view=view, colour=colour, **extra)
-    Console(highlight=False).print(f"wrote {target}")
+    console = Console(highlight=False)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("film")
+        draw(
+            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, **vars(look),
+            watch=lambda done, total: progress.update(task, completed=done, total=total),
+        )  # fmt: skip
+    console.print(f"wrote {target}")
+
+
+@app.command
+def demo(
+    name: str | None = None,
+    *,
+    out: Path | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    precision: Literal["double", "mixed"] | None = None,
+    until: float | None = None,
+    set_: Settings = [],  # noqa: B006
+    quiet: bool = False,
+) -> None:
+    """List the scenes that come with warpdem, or copy one to a folder and run it.
+
+    Args:
+        name: Scene to copy and run; lists them all if not given.
+        out: Folder to make for the scene, its meshes and, in results, what comes out; NAME if not given.
+        device: As in run.
+        threads: As in run.
+        precision: As in run.
+        until: As in run.
+        quiet: As in run.
+    """
+    from warpdem.demo import copy, print_gallery, print_outcome
+
+    console = Console(highlight=False)
+    if name is None:
+        print_gallery(console)
+        return
+    folder = out or Path(name)
+    scene = copy(name, folder)
+    run(scene, out=folder / "results", device=device, threads=threads, precision=precision, until=until, set_=set_,
+        quiet=quiet)  # fmt: skip
+    if not quiet:
+        print_outcome(scene, console)
 
 
 def main() -> None:
@@ -118,8 +216,8 @@ def main() -> None:
     except WarpdemError as error:
         Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"error: {error}")
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        Console(stderr=True).print("interrupted; --resume continues")
+    except KeyboardInterrupt as stop:  # before a run has begun there is nothing to continue
+        Console(stderr=True).print("; ".join(["interrupted", *map(str, stop.args)]))
         sys.exit(130)
 
 

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warpdem.kernels import Built, border, law, loop, motion, neighbours, pairs
+from warpdem.kernels import Built, border, budget, dissipation, flow, law, loop, motion, neighbours, orientation, pairs
 from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.models import model
 from warpdem.plan import Plan
@@ -24,6 +24,8 @@ def compile_plan(plan: Plan) -> Built:
     )
     constants, wall_law = law.build(wp.float64, *models, plan.torsion)
     _, pair_law = law.build(plan.real, *models, plan.torsion)
+    pair_parts = dissipation.build(plan.real, *models, plan.torsion)[0] if plan.energy else None
+    wall_parts = dissipation.build(wp.float64, *models, plan.torsion) if plan.energy else None
     spins = {"spins": plan.spins}
     shared = {
         **spins, "rolling": plan.rolling is not None, "history": plan.memory, "table": plan.table, "gap": plan.gap,
@@ -33,16 +35,23 @@ def compile_plan(plan: Plan) -> Built:
     turning = plan.turning_frame and not scheme.RELATIVE
     shifting = plan.moving_frame and not scheme.RELATIVE
     images = border.build(plan.period, plan.lower)
-    pair_pack = pairs.build(plan.real, pair_law, images, plan.lanes, **shared, turning_frame=turning)
+    pair_pack = pairs.build(plan.real, pair_law, pair_parts, images, plan.lanes, **shared, turning_frame=turning)
     shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
     meshes = plan.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     Rows, touch = contact.build(
-        wall_law, constants, closest_on_feature, images, **shared, turning_frame=turning, moving_frame=shifting,
+        wall_law, wall_parts, constants, closest_on_feature, images, **shared, turning_frame=turning, moving_frame=shifting,
         lag=plan.lag, meshes=meshes, moving=plan.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)
+    sums = None
+    if plan.energy or plan.momentum:
+        sums = budget.build(
+            plan.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in plan.fields), **spins,
+            walls=plan.walls, energy=plan.energy, momentum=plan.momentum, turning_frame=plan.turning_frame,
+            moving_frame=plan.moving_frame, periodic=any(plan.period),
+        )  # fmt: skip
     step = loop.build(
         pair_pack,
         touch,
@@ -60,6 +69,9 @@ def compile_plan(plan: Plan) -> Built:
         ),
         scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
         images,
+        orientation.build(turning_axes=turning) if plan.orientation else None,
+        sums,
+        flow.build(moving_frame=plan.moving_frame) if plan.flows else None,
         **spins,
         stages=stages,
         walls=plan.walls,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.motion import Chain, Rotation, Translation
+from warpdem.motion import Chain, Standing, Translation
 from warpdem.packing import worst_overlaps
 
 AXES = "xyz"
@@ -92,7 +92,9 @@ def check(scene, start, frame: Chain, gap: float) -> None:
         for motion in scene.frame or ():
             axis = getattr(motion, "axis", None)
             along = axis is not None and math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12)
-            if not (isinstance(motion, Translation) or (isinstance(motion, Rotation) and along)) and frame.turns:
+            if isinstance(motion, Standing):
+                along = np.allclose(np.delete(motion.quaternion[1:], k), 0.0, atol=1e-12)
+            if not (isinstance(motion, Translation) or along) and frame.turns:
                 raise SceneError(f"{key}: periodic, but the frame turns about another axis; only the axis of rotation may be")
         for number, wall in enumerate(scene.walls):
             for motion in wall.motion or ():
@@ -103,8 +105,10 @@ def check(scene, start, frame: Chain, gap: float) -> None:
     if (where >= 0).any():
         first = int(np.flatnonzero(where >= 0)[0])
         place = ", ".join(f"{x:.4g}" for x in start.position[first])
+        outlet = where[first] >= len(domain.names) - len(scene.outlets)
         raise SceneError(
-            f"{scene.source}: grains: grain {start.id[first]} at ({place}) m starts in {domain.names[where[first]]} "
+            f"{scene.source}: grains: grain {start.id[first]} at ({place}) m starts "
+            f"{'in the outlet' if outlet else 'beyond the border'} {domain.names[where[first]]} "
             f"({int((where >= 0).sum())} of {len(where)} grains do)"
         )
     _check_overlaps_of_images(scene, start, domain, largest)

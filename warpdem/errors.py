@@ -17,3 +17,9 @@ class StabilityError(WarpdemError):
     """The run stopped itself: the message names grain, time and cause."""
 
     exit_code = 3
+
+
+class OutputError(WarpdemError):
+    """A result cannot be written (disk full, folder read-only): the message names the file; nothing old is lost."""
+
+    exit_code = 3

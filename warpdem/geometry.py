@@ -74,7 +74,9 @@ class TriangleMesh:
         return _DistanceQuery(self)
 
 
-def load_mesh(path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh") -> TriangleMesh:
+def load_mesh(
+    path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh", folders=None
+) -> TriangleMesh:
     """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh_check`).
 
     Args:
@@ -84,13 +86,14 @@ def load_mesh(path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", 
         translate: Shift after scaling and turning [m].
         prim: Path of a prim of a USD file; "" if the file holds one surface only.
         key: Scene key, for messages.
+        folders: Folders that all files which a USD file refers to must lie in; None is no bound.
 
     Raises:
         SceneError: File missing, unreadable, empty, or with a corner that is not a finite number.
     """
     path, notes = Path(path), ()
     if path.suffix.lower() in USD_SUFFIXES:
-        corners, notes = usd_geometry.read_triangles(path, prim, key)
+        corners, notes = usd_geometry.read_triangles(path, prim, key, folders)
     else:
         corners = mesh_file.read_triangles(path, key)
     pose = (_rotation_matrix(rotate) * float(scale), np.asarray(translate, float))

@@ -1,6 +1,7 @@
 """Where the grains of a scene come from (arrays, state files, fillings), and whether they can start there."""
 
 import zipfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.geometry import TriangleMesh, signed_distance
-from warpdem.motion import Chain, frame_chain
+from warpdem.motion import Chain, frame_chain, wall_chain
 from warpdem.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
 from warpdem.region import region
 from warpdem.sizes import size_law
@@ -42,6 +43,8 @@ class Grains0:
     """Grain ids, all different, shape (n,), int64."""
     type: np.ndarray
     """Material index in the order of the scene, shape (n,), int32."""
+    group: np.ndarray
+    """Number of the group, of those of ``Scene.groups``, shape (n,), int32."""
     radius: np.ndarray
     """Radius [m], shape (n,)."""
     position: np.ndarray
@@ -78,24 +81,27 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     """
     names = list(scene.materials)
     if not scene.grains:
-        return Grains0(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
+        none = np.zeros(0, np.int32)
+        return Grains0(none.astype(np.int64), none, none, np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
     groups, packings = _placed(scene, meshes)
     for number, (group, grains) in enumerate(zip(scene.grains, groups, strict=True)):
         if group.velocities_in == "laboratory":
             grains = groups[number] = _relative_to_frame(grains, frame_chain(scene))
         grains["type"] = np.full(len(grains["radius"]), names.index(group.material), np.int32)
+        grains["group"] = np.full(len(grains["radius"]), scene.groups.index(scene.group_names[number]), np.int32)
     fields = {
-        key: np.concatenate([g[key] for g in groups]) for key in ("type", "radius", "position", "velocity", "spin")
+        key: np.concatenate([g[key] for g in groups])
+        for key in ("type", "group", "radius", "position", "velocity", "spin")
     }
     return Grains0(id=_unique_ids(groups, scene.source), **fields, packings=packings)
 
 
-def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None:
+def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: Collection[str] = ()) -> None:
     """Refuse a start that the engine would answer with an explosion.
 
     A closed mesh with more than half of the grains inside, or one that a filling names, is a container: all other
     grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
-    meshes have no inside and are not checked.
+    meshes have no inside and are not checked, nor are ``known`` walls, which were there before the start.
 
     Raises:
         SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
@@ -104,10 +110,21 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None
     if len(grains) == 0:
         return
     _check_overlaps(grains, scene)
+    meshes = {name: mesh for name, mesh in meshes.items() if name not in known}
+    seen = {wall.name: _in_body_axes(scene, number, grains.position) for number, wall in enumerate(scene.walls)}
     for number, wall in enumerate(scene.walls):
-        if wall.shape is not None:
-            _check_shape(grains, wall, f"{scene.source}: walls[{number}]")
-    _check_closed_meshes(grains, meshes, scene)
+        if wall.shape is not None and wall.name not in known:
+            _check_shape(grains, seen[wall.name], wall, f"{scene.source}: walls[{number}]")
+    _check_closed_meshes(grains, seen, meshes, scene)
+
+
+def _in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
+    wall, begin = scene.walls[number], np.zeros(1)
+    frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
+    if wall.fixed_to == "laboratory":
+        position = position @ frame.axes[0].T.astype(float) + frame.origin[0].astype(float)
+    return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)
 
 
 def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], tuple[Packing, ...]]:
@@ -128,8 +145,12 @@ def _filling(scene, meshes: dict[str, TriangleMesh], group, key: str) -> Filling
     asked = group.fill
     mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
     corners = None if box is None else (box.min, box.max)
-    # frame axes and laboratory axes coincide at time 0
-    space = region(mesh, corners, key, asked.height, up=-np.asarray(scene.gravity, float))
+    if mesh is not None:
+        number = [wall.name for wall in scene.walls].index(asked.wall)
+        if not np.array_equal(_in_body_axes(scene, number, corner := mesh.bounds), corner):
+            raise SceneError(f"{key}.wall: {asked.wall!r} has been moving before time 0; only a wall in place can be filled")
+    axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
+    space = region(mesh, corners, key, asked.height, up=-(np.asarray(scene.gravity, float) @ axes))
     volume = None if asked.mass is None else asked.mass / scene.materials[group.material].density
     fraction = HEIGHT_FRACTION if (asked.count, volume, asked.solid_fraction) == (None,) * 3 else asked.solid_fraction
     return filling(space, size_law(asked.diameter), asked.seed, asked.count, fraction, volume, key)
@@ -218,8 +239,10 @@ def _read_npz(path: Path, key: str) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as data:
             held = {name: data[name] for name in data.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, zipfile.BadZipFile) as error:
         raise SceneError(f"{key}: cannot be read as .npz: {error}") from error
+    except ValueError as error:  # NumPy's words advise to run what the file holds
+        raise SceneError(f"{key}: cannot be read as .npz: it is no archive of plain arrays of numbers") from error
     fields = {}
     for field, names in NPZ_KEYS.items():
         present = [name for name in names if name in held]
@@ -243,7 +266,7 @@ def _read_csv(path: Path, key: str) -> dict[str, np.ndarray]:
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, len(header)))
     except ValueError as error:
-        raise SceneError(f"{key}: {error}") from error
+        raise SceneError(f"{key}: the rows below the header, counted from 0, must hold numbers: {error}") from error
     if table.shape[1] != len(header):
         raise SceneError(f"{key}: the header names {len(header)} columns, the rows have {table.shape[1]}")
     fields = {}
@@ -328,18 +351,18 @@ def _check_overlaps(grains: Grains0, scene) -> None:
     )
 
 
-def _check_shape(grains: Grains0, wall, key: str) -> None:
+def _check_shape(grains: Grains0, position: np.ndarray, wall, key: str) -> None:
     kind = next(name for name in SHAPES if getattr(wall, name) is not None)
     shape = wall.shape
     if isinstance(shape, (Cylinder, Sphere)):
-        tight = shape.holds(grains.position) & (grains.radius >= shape.radius)
+        tight = shape.holds(position) & (grains.radius >= shape.radius)
         if tight.any():
             i = int(np.argmax(tight))
             raise SceneError(
                 f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
                 f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
             )
-    height = shape.nearest(grains.position)[1]
+    height = shape.nearest(position)[1]
     behind = height < 0.0
     if behind.any():
         i = int(np.argmin(height))
@@ -352,11 +375,13 @@ def _check_shape(grains: Grains0, wall, key: str) -> None:
         )
 
 
-def _check_closed_meshes(grains: Grains0, meshes: dict[str, TriangleMesh], scene) -> None:
+def _check_closed_meshes(
+    grains: Grains0, seen: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
+) -> None:
     keys = {wall.name: f"{scene.source}: walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
     filled = {group.fill.wall for group in scene.grains if group.fill is not None}
     depth = {
-        name: -signed_distance(mesh, grains.position)[0]
+        name: -signed_distance(mesh, seen[name])[0]
         for name, mesh in meshes.items()
         if mesh.is_closed and mesh.twisted_edges == 0
     }

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from warpdem import kernels
 from warpdem.errors import SceneError
 from warpdem.kernels.field import NUMBERS
@@ -23,6 +25,7 @@ REQUIRED = {
     "tangential": ("build",),
     "rolling": ("HISTORY", "build"),
     "field": ("PARAMETERS", "build"),
+    "observer": ("UNIT", "PARAMETERS", "build"),
     "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
 }
 """Roles, and what each file of a role defines."""
@@ -52,8 +55,8 @@ def nearest(name: Any, known: Sequence[str], likeness: float = 0.6) -> str:
 
 def allowed(role: str, *others: str) -> str:
     """What may stand where a model of ``role`` is named, in words."""
-    *names, last = (f'"{name}"' for name in (*model_names(role), *others))
-    return f"must be {', '.join(names)} or {last}, or a .py file of your own"
+    known = [f'"{name}"' for name in (*model_names(role), *others)]
+    return f"must be {' or '.join([', '.join(known[:-1]), *known[-1:]] if known[1:] else known)}, or a .py file of your own"
 
 
 def model(role: str, name: str) -> ModuleType:
@@ -79,10 +82,10 @@ def digest(name: str) -> str:
 
 
 def field_values(module: ModuleType, given: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple[tuple, Any, str]]]:
-    """Parameters of an external field in SI units, defaults filled in, in the order of its ``PARAMETERS``.
+    """Parameters of an external field or an observer in SI units, defaults filled in, in the order of its ``PARAMETERS``.
 
     Args:
-        module: the field.
+        module: the field or observer.
         given: parameters as the scene has them: numbers, lists, strings with units.
 
     Returns:
@@ -111,6 +114,14 @@ def field_values(module: ModuleType, given: Mapping[str, Any]) -> tuple[dict[str
     return values, problems
 
 
+def numbers(values: Mapping[str, Any]) -> np.ndarray:
+    """The values of ``field_values`` one after the other, filled up with zeros, SI units, shape (NUMBERS,)."""
+    row = np.zeros(NUMBERS)
+    given = np.hstack([(), *values.values()])
+    row[: len(given)] = given
+    return row
+
+
 # --- files of the user -----------------------------------------------------------------------------------------------
 
 
@@ -121,18 +132,24 @@ def _read(file: str) -> bytes:
         raise SceneError(f"{file}: cannot be read ({error.strerror})") from None
 
 
+def _article(role: str) -> str:
+    return f"an {role}" if role[0] in "aeiou" else f"a {role}"
+
+
 def _user_model(role: str, file: str) -> ModuleType:
     module = _imported(file, _read(file))
     missing = [name for name in REQUIRED[role] if not hasattr(module, name)]
     if missing:
         raise SceneError(
-            f"{file}: a {role} model defines {', '.join(REQUIRED[role])}; missing here: {', '.join(missing)}"
+            f"{file}: {_article(role)} model defines {', '.join(REQUIRED[role])}; missing here: {', '.join(missing)}"
         )
     functions = [name for name in REQUIRED[role] if name.islower() and not callable(getattr(module, name))]
     if functions:
-        raise SceneError(f"{file}: in a {role} model {', '.join(functions)} must be a function")
-    if role == "field":
+        raise SceneError(f"{file}: in {_article(role)} model {', '.join(functions)} must be a function")
+    if "PARAMETERS" in REQUIRED[role]:
         _check_parameters(file, module.PARAMETERS)
+    if not isinstance(getattr(module, "UNIT", ""), str):
+        raise SceneError(f"{file}: UNIT = {module.UNIT!r}: must be a text such as \"m/s\"")
     return module
 
 

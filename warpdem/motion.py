@@ -1,22 +1,45 @@
-"""Motions as scene data: rotation, translation, the sampled motion of a USD prim, and chains of them.
+"""Motions as scene data: rotation, translation, the sampled motion of a USD prim, a fixed place, and chains of them.
 
-A motion starts from rest of place: at time 0 the moving axes and those around them coincide, whatever the phases. A frame or a
-wall takes one motion or a list, outermost first: ``[revolution, rotation]`` turns about an axis that is itself carried round.
+A motion starts from rest of place: at its time 0 the moving axes and those around them coincide, whatever the phases; its time
+is that of the scene, or ahead of it by ``elapsed``. A frame or a wall takes one motion or a list, outermost first:
+``[revolution, rotation]`` turns about an axis that is itself carried round.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PlainSerializer, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from warpdem import rigid, usd_motion
 from warpdem.rigid import PI, WIDE, Increment, Pose
-from warpdem.scene_base import AngularRate, Direction, Duration, FileName, Point, SceneModel, Vec3, exactly_one, wrong
-from warpdem.snapshot import Part, RotationPart, TranslationPart
+from warpdem.scene_base import (
+    AngularRate,
+    Direction,
+    Duration,
+    FileName,
+    Point,
+    SceneModel,
+    Vec3,
+    exactly_one,
+    unit_vector,
+    wrong,
+)
+from warpdem.snapshot import Part, RotationPart, SampledPart, TranslationPart
 from warpdem.units import Quantity, Vector
+from warpdem.usd_stage import USD_SUFFIXES
 
 RateOrRamp = Annotated[
     Annotated[AngularRate, Tag("~number")]
@@ -25,6 +48,14 @@ RateOrRamp = Annotated[
 ]
 Frequency = Annotated[float, Quantity("1/s", gt=0)]
 Phase = Annotated[float, Quantity("rad")]
+
+
+class Timed(SceneModel):
+    """What all motions have: a time of their own."""
+
+    elapsed: Annotated[float, Quantity("s", ge=0)] = Field(
+        0.0, description="How long the motion has been going on at time 0 [s], >= 0, default 0: its time is ahead by this."
+    )
 
 
 class RateSegment(SceneModel):
@@ -89,7 +120,7 @@ class Pieces(NamedTuple):
         return np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
 
 
-class Rotation(SceneModel):
+class Rotation(Timed):
     """Turning about a fixed axis at a rate that is constant, scheduled, swinging, or interpolated in a table.
 
     After the last ``until`` of a schedule the rate is 0; a table's rate is constant before its first and after its last
@@ -214,7 +245,7 @@ class Rotation(SceneModel):
         return centre[None], float(np.linalg.norm(points - centre, axis=1).max()) + slack
 
 
-class Translation(SceneModel):
+class Translation(Timed):
     """Shifting without turning: velocity t + amplitude (sin(2 pi frequency t + phase) - sin(phase))."""
 
     velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
@@ -293,26 +324,120 @@ class Translation(SceneModel):
         return points, slack + float(np.linalg.norm(self.velocity)) * end + swing
 
 
-class Sampled(SceneModel):
+class Sampled(Timed):
     """The motion of a prim of a USD file, relative to its place at time 0; see ``warpdem.usd_motion``."""
 
     usd: FileName = Field(description="USD file, relative to the scene file.")
     prim: Annotated[str, Field(pattern=r"^/\S+$")] = Field(description='Path of the prim, such as "/World/Shaker".')
 
+    @field_validator("usd")
+    @classmethod
+    def _known_suffix(cls, value: str) -> str:
+        if Path(value).suffix.lower() not in USD_SUFFIXES:
+            raise ValueError(f"must be a file ending in {', '.join(USD_SUFFIXES)}")
+        return value
+
+
+class Standing(SceneModel):
+    """A fixed place: axes that are turned, then shifted, and stay there: x_outer = A x + shift."""
+
+    quaternion: Annotated[tuple[float, ...], Vector(Quantity("-"), length=4), AfterValidator(unit_vector)] = Field(
+        (1.0, 0.0, 0.0, 0.0), description="Turn as a quaternion (w, x, y, z) [-], held as a unit one, default none."
+    )
+    shift: Point = Field((0.0, 0.0, 0.0), description="Shift [m], default 0.")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> "Standing":
+        if not self.model_fields_set:
+            raise ValueError("give quaternion, shift or both; found none")
+        return self
+
+    turns: ClassVar[bool] = False
+    moves: ClassVar[bool] = False
+    max_rate: ClassVar[float] = 0.0
+
+    @functools.cached_property
+    def axes(self) -> np.ndarray:
+        """A, shape (3, 3), long double."""
+        return np.eye(3, dtype=WIDE) + rigid.quaternion_turn_increment(rigid.unit(self.quaternion)[None])[0]
+
+    @property
+    def displaces(self) -> bool:
+        """Whether the axes do not coincide."""
+        return any(self.quaternion[1:]) or any(self.shift)
+
+    def inverse(self, point: np.ndarray) -> np.ndarray:
+        """The point x of the body that is at ``point`` [m], shape (3,)."""
+        return (self.axes.T @ (point - np.array(self.shift))).astype(float)
+
+    def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
+        """The same pose at each ``time``."""
+        at_rest = rigid.still(len(time))
+        axes = np.broadcast_to(self.axes, at_rest.axes.shape)
+        return dataclasses.replace(at_rest, axes=axes, origin=at_rest.origin + np.array(self.shift))
+
+    def increments(self, time: np.ndarray) -> Increment:
+        """None of k."""
+        return Increment(np.zeros((len(time) - 1, 3, 3), dtype=WIDE), np.zeros((len(time) - 1, 3), dtype=WIDE))
+
+    def part(self, time: float) -> SampledPart:
+        """The place, for writers."""
+        return SampledPart(np.array(self.quaternion), np.array(self.shift))
+
+    def speed(self, points: np.ndarray, slack: float) -> float:
+        """Nothing moves [m/s]."""
+        return 0.0
+
+    def swept(self, points: np.ndarray, slack: float, end: float) -> tuple[np.ndarray, float]:
+        """The points in the outer axes, shape (n, 3) [m]."""
+        return (points @ self.axes.T + np.array(self.shift)).astype(float), slack
+
+
+class Begun:
+    """A motion whose time is ahead by ``elapsed`` [s]."""
+
+    def __init__(self, motion, elapsed: float) -> None:
+        self.motion, self.elapsed = motion, WIDE(elapsed)
+        self.turns, self.moves, self.max_rate = motion.turns, motion.moves, motion.max_rate
+
+    def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
+        """As that of the motion, later."""
+        return self.motion.pose(time + self.elapsed, piece + self.elapsed)
+
+    def increments(self, time: np.ndarray) -> Increment:
+        """As those of the motion, later."""
+        return self.motion.increments(time + self.elapsed)
+
+    def part(self, time: float) -> Part:
+        """As that of the motion, later."""
+        return self.motion.part(float(time + self.elapsed))
+
+    def speed(self, points: np.ndarray, slack: float) -> float:
+        """Bound of the speed of points [m/s]."""
+        return self.motion.speed(points, slack)
+
+    def swept(self, points: np.ndarray, slack: float, end: float) -> tuple[np.ndarray, float]:
+        """Points and slack [m] that hold the given ones at every time up to ``end`` [s]."""
+        return self.motion.swept(points, slack, end + float(self.elapsed))
+
 
 def _kind(value: Any) -> str:
     """The motion that a table describes, by its keys: a misspelt key is answered beside those that are right."""
     keys = set(value) if isinstance(value, dict) else set(getattr(type(value), "model_fields", ()))
-    for tag, model in (("~sampled", Sampled), ("~translation", Translation)):
-        if keys & set(model.model_fields) and not keys & set(Rotation.model_fields):
+    for tag, model in (("~sampled", Sampled), ("~translation", Translation), ("~standing", Standing)):
+        if keys & (set(model.model_fields) - set(Timed.model_fields)) and not keys & _OF_ROTATION:
             return tag
     return "~rotation"
+
+
+_OF_ROTATION = set(Rotation.model_fields) - set(Timed.model_fields)
 
 
 Motion = Annotated[
     Annotated[Rotation, Tag("~rotation")]
     | Annotated[Translation, Tag("~translation")]
-    | Annotated[Sampled, Tag("~sampled")],
+    | Annotated[Sampled, Tag("~sampled")]
+    | Annotated[Standing, Tag("~standing")],
     Discriminator(_kind),
 ]
 
@@ -328,24 +453,31 @@ Motions = Annotated[
 class Chain:
     """Motions within motions, outermost first; an empty one never moves.
 
+    ``turns`` and ``moves`` tell whether the axes ever do, ``displaces`` whether they ever do not coincide with those around.
+
     Args:
         motions: the scene's motions; None is an empty chain.
         resolve: path of a file that the scene names.
         where: source and key of the scene, for messages.
+        folders: folders that all files which a USD file refers to must lie in; None is no bound.
 
     Raises:
         SceneError: a sampled motion cannot be read.
     """
 
-    def __init__(self, motions: tuple | None, resolve: Callable[[str], Path], where: str) -> None:
+    def __init__(self, motions: tuple | None, resolve: Callable[[str], Path], where: str, folders=None) -> None:
         keys = [f"{where}[{k}]" if len(motions) > 1 else where for k in range(len(motions or ()))]
-        self.motions = [
-            usd_motion.read(resolve(motion.usd), motion.prim, key) if isinstance(motion, Sampled) else motion
-            for motion, key in zip(motions or (), keys, strict=True)
-        ]
+        self.motions = []
+        for motion, key in zip(motions or (), keys, strict=True):
+            course = motion
+            if isinstance(motion, Sampled):
+                course = usd_motion.read(resolve(motion.usd), motion.prim, key, folders)
+            elapsed = getattr(motion, "elapsed", 0.0)
+            self.motions.append(Begun(course, elapsed) if elapsed > 0.0 else course)
         self.turns = any(motion.turns for motion in self.motions)
         self.moves = any(motion.moves for motion in self.motions)
         self.max_rate = sum(motion.max_rate for motion in self.motions)
+        self.displaces = self.moves or any(motion.displaces for motion in motions or () if isinstance(motion, Standing))
 
     def pose(self, time: np.ndarray, piece: np.ndarray | None = None) -> Pose:
         """Poses of the innermost body at ``time`` [s], shape (k,), velocities and accelerations by ``piece`` [s].
@@ -384,9 +516,10 @@ class Chain:
 
 def frame_chain(scene) -> Chain:
     """Motion of the frame of a scene."""
-    return Chain(scene.frame, scene.resolve, f"{scene.source}: frame")
+    return Chain(scene.frame, scene.resolve, f"{scene.source}: frame", scene.access.folders)
 
 
 def wall_chain(scene, number: int) -> Chain:
     """Own motion of a wall of a scene."""
-    return Chain(scene.walls[number].motion, scene.resolve, f"{scene.source}: walls[{number}].motion")
+    where = f"{scene.source}: walls[{number}].motion"
+    return Chain(scene.walls[number].motion, scene.resolve, where, scene.access.folders)

@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
+from warpdem.kernels.dissipation import ENTRY
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
 
@@ -93,7 +94,7 @@ class Lists:
         self._near_reference = None
         self._grid = None
         self.contact_count = self.row_count = 0
-        self._force_parity = 0  # parity of the step of the last force call
+        self._force_parity = 1  # parity of the step of the last force call
         self._near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self._kept: dict[str, wp.array] = {}
@@ -126,7 +127,8 @@ class Lists:
     def update(self, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain."""
         sim = self.sim
-        position = sim.state.record.numpy()[:, grain.POSITION]
+        record = sim.state.record.numpy()
+        position = record[:, grain.POSITION]
         if not np.isfinite(position).all():
             sim.stop_not_finite()
         kept = sim.stay(position)
@@ -139,6 +141,7 @@ class Lists:
                 self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
         self._last_refresh = sim.step_number
         placement = sim.stepper.placements()
+        sim.travel.watch(record, placement)
         self._force_parity = (sim.step_number - 1) & 1
         if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             if self.rebuilds and sim.step_number - self._last_rebuild < REBUILD_STEPS:
@@ -249,6 +252,7 @@ class Lists:
         shares = int(row_start_host[-1])
         lane_shape, room = (packs, plan.lanes), self._room
         row = room("row", (shares + 1, share_width(plan.spins)), self.real)
+        self.entry = room("entry", (shares + 1 if plan.energy else 0, ENTRY), self.real)
         owner, partner = room("owner", lane_shape, wp.int32), room("partner", lane_shape, wp.int32)
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
         kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
@@ -313,7 +317,11 @@ class Lists:
             memory = self.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[self.real_lanes()]
             memory = memory if self.sim.plan.memory else np.zeros((len(pair), 1))
             row = self.row.numpy()
-        return {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
+        out = {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
+        if self.sim.plan.energy:
+            entry = self.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
+            out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
+        return out
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""
@@ -331,6 +339,8 @@ class Lists:
         out["place_grain"] = sim.state.id.numpy()[holder]
         load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
         out["wall_load"] = load[sim.state.rank]
+        if sim.plan.energy:
+            out |= {f"wall_{name}": getattr(rows, name).numpy()[sim.state.rank] for name in ("entry", "power")}
         return out
 
     def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -339,12 +349,15 @@ class Lists:
         slot = np.repeat(self.rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
         return slot, np.repeat(g, count)
 
-    def restore(self, data: dict) -> None:
-        """Lists for the present positions with the memory and the forces of a checkpoint."""
-        sim, plan, n = self.sim, self.sim.plan, len(self.sim.state)
-        if n == 0:
-            return
-        pair, memory = data["pair"], data["pair_memory"]
+    def remember(self, data: dict) -> None:
+        """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
+
+        Args:
+            data: ids of the grains in their order (``id``), ``pair`` and ``pair_memory``, and where there are walls the
+                ``place_*`` of a checkpoint.
+        """
+        plan, n = self.sim.plan, len(self.sim.state)
+        pair, memory = data["pair"], data["pair_memory"][:, : max(plan.memory, 1)]
         owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
         order = np.argsort(owner, kind="stable")
         count = np.bincount(owner, minlength=n)
@@ -356,12 +369,19 @@ class Lists:
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, self.real)
-        self._force_parity = sim.step_number & 1
-        if plan.walls:
+        if plan.walls and "place_grain" in data:
             self._restore_places(data, n)
+        self._known = n
+
+    def restore(self, data: dict) -> None:
+        """Lists for the present positions with the memory and the forces of a checkpoint."""
+        sim, n = self.sim, len(self.sim.state)
+        if n == 0:
+            return
+        self._force_parity = sim.step_number & 1
+        self.remember(data)
         placement = sim.stepper.placements()
         self._last_refresh = self._last_rebuild = sim.step_number
-        self._known = n
         self._rebuild(placement, np.arange(n))
         self._refresh(placement)
         self._restore_forces(data)
@@ -383,18 +403,25 @@ class Lists:
         """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
         state = self.sim.state
         pair, i, j = self._listed()
-        row = np.zeros(self.row.shape)
+        row, entry = np.zeros(self.row.shape), np.zeros(self.entry.shape)
         saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
         known = [(c, saved[tuple(p)]) for c, p in enumerate(pair.tolist()) if tuple(p) in saved]
         if known:
             here, there = np.array(known).T
             row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
+            if self.sim.plan.energy and "pair_entry_i" in data:
+                entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
         self.row.assign(row)
+        self.entry.assign(entry)
         if self.rows is None:
             return
         load = np.zeros((len(state), 6))
         load[state.rank] = data["wall_load"]
         self.rows.load.assign(load)
+        for name in ("entry", "power") if self.sim.plan.energy and "wall_entry" in data else ():
+            values = np.zeros_like(data[f"wall_{name}"])
+            values[state.rank] = data[f"wall_{name}"]
+            getattr(self.rows, name).assign(values)
         g = self.rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
         slot, holder = self.place_slots(self._force_parity, g)
         order = np.argsort(data["place_grain"], kind="stable")

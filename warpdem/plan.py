@@ -9,8 +9,10 @@ import warp as wp
 
 from warpdem.domain import Domain
 from warpdem.kernels import grain, law, pairs
+from warpdem.kernels.budget import ENERGIES, MOMENTA
+from warpdem.kernels.dissipation import ENTRY
 from warpdem.kernels.field import NUMBERS
-from warpdem.models import digest, is_file, model
+from warpdem.models import digest, is_file, model, numbers
 from warpdem.motion import frame_chain
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register; a GPU thread takes one contact
@@ -52,10 +54,22 @@ class Plan:
     """Lower border along each periodic axis [m]."""
     outlets: int = 0
     """Regions in which grains leave."""
+    orientation: bool = False
+    """How grains are turned is kept."""
     fields: tuple[tuple[str, str], ...] = ()
     """External fields: model, and the axes it lives in."""
     user_files: tuple[str, ...] = ()
     """Fingerprints of the user's own model files: a file with other contents is another plan."""
+    observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
+    """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
+    scene_walls: int = 0
+    """Walls of the scene when the energy budget is added up, else 0."""
+    energy: bool = False
+    """The energy budget is added up."""
+    momentum: bool = False
+    """The momentum budget is added up."""
+    flows: int = 0
+    """Planes that the flow through is measured at."""
     left_out: dict[str, str] = field(default_factory=dict, compare=False)
     """What is neither compiled nor allocated, with the reason."""
 
@@ -82,9 +96,17 @@ class Plan:
         return model("integrator", self.integrator)
 
     @property
+    def sums(self) -> dict[str, int]:
+        """What is added up per grain at every step, and how many numbers each is."""
+        out = {"energies": len(ENERGIES), "wall_work": self.scene_walls} if self.energy else {}
+        out |= {"momenta": 6 * len(MOMENTA)} if self.momentum else {}
+        return out | ({"flow": 2 * self.flows} if self.flows else {})
+
+    @property
     def frame_rows(self) -> bool:
-        """Whether kernels need the frame's own motion: schemes relative to it, and external fields."""
-        return bool(self.fields) or (self.scheme.RELATIVE and self.moving_frame)
+        """Whether kernels need the frame's own motion: schemes relative to it, fields, places in the laboratory."""
+        relative = self.scheme.RELATIVE or self.momentum or self.flows > 0
+        return bool(self.fields) or (relative and self.moving_frame)
 
     @cached_property
     def lag(self) -> float:
@@ -93,12 +115,16 @@ class Plan:
 
     @property
     def bytes_per_grain(self) -> int:
-        """Device memory per grain [B] at 2.5 listed contacts and 6.5 near partners, the figures of a settled bed."""
+        """Device memory per grain [B] of a settled bed: room for 4.2 listed contacts, 20 near partners and 0.4 wall places."""
         constants = 4 if self.rolling else 2
         number = 4 if self.precision == "mixed" else 8
         contact = number * (2 * pairs.share_width(self.spins) + 2 * self.memory + constants) + 16 + 4 * self.table
-        fixed = 8 * grain.WIDTH[self.spins] + 16 + 2 * 24 * (1 + self.moving) + 8 + 4 * 4
-        return int(fixed + 2.5 * contact + 6.5 * (4 + 4 + 4 + 1))
+        fixed = 8 * grain.WIDTH[self.spins] + 16 + 2 * 24 * (1 + self.moving) + 8 + 4 * 4 + 32 * self.orientation
+        contact += number * 2 * ENTRY * self.energy
+        fixed += 8 * sum(self.sums.values()) + 8 * (25 + self.scene_walls) * (self.energy and self.walls)
+        place = 8 * (2 * (9 + self.memory) + (7 if self.rolling else 4)) + 64 + 12
+        walls = 48 + 8 + 0.4 * place if self.walls else 0
+        return int(fixed + 4.2 * contact + 20 * (4 + 4 + 1) + walls)
 
     def explain(self) -> list[str]:
         """One line per feature: what runs and what is left out, with the reason."""
@@ -106,7 +132,12 @@ class Plan:
         runs += [f"tangential: {self.tangential}"] if self.tangential else []
         runs += [f"rolling: {self.rolling}" + (" with torsion" if self.torsion else "")] if self.rolling else []
         runs += [f"integrator: {self.integrator}" + (" in a moving frame" if self.moving_frame else "")]
+        added = [name for name, on in (("energy", self.energy), ("momentum", self.momentum)) if on]
+        runs += [f"planes with flow counted at every step: {self.flows}"] if self.flows else []
+        runs += [f"budget at every step: {' and '.join(added)}"] if added else []
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
+        runs += ["orientation of the grains"] if self.orientation else []
+        runs += [f"observer, at rows of the history: {name} in {axes} axes" for name, axes in self.observers]
         names = ("meshes", "planes", "cylinders and cones", "spheres")
         shapes = dict(zip(names, (self.meshes, self.planes, self.revolutions, self.spheres), strict=True))
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
@@ -134,11 +165,7 @@ def coefficient_table(scene) -> np.ndarray:
 
 def field_numbers(scene) -> np.ndarray:
     """Parameters of each external field one after the other, filled up with zeros, SI units, shape (f, 12)."""
-    numbers = np.zeros((len(scene.fields), NUMBERS))
-    for row, one in zip(numbers, scene.fields, strict=True):
-        values = np.hstack([(), *one.parameters.values()])
-        row[: len(values)] = values
-    return numbers
+    return np.array([numbers(one.parameters) for one in scene.fields]).reshape(-1, NUMBERS)
 
 
 def law_gap(scene) -> float:
@@ -183,6 +210,9 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resti
     spins = bool(tangential or rolling or has_spin)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
+    orientation = scene.output.orientation and spins
+    if not orientation:
+        left_out["orientation of the grains"] = "output.orientation is false" if spins else "nothing turns a grain"
     frame = frame_chain(scene)
     if not frame.turns:
         still = "the frame only shifts" if frame.moves else "the frame never moves"
@@ -194,12 +224,19 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resti
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
+    if not scene.observers:
+        left_out["observers"] = "the scene has none"
     chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
     if not len(domain.boxes):
         left_out["borders and outlets"] = "the scene has none"
+    for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
+        if not on:
+            left_out[f"{name} budget"] = f"measures.{name} is not asked for"
+    if not scene.measures.flow:
+        left_out["flow through planes"] = "measures.flow names none"
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
@@ -228,5 +265,11 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resti
         period=domain.period,
         lower=domain.lower,
         outlets=len(domain.boxes),
+        orientation=orientation,
+        observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
+        scene_walls=len(scene.walls) if scene.measures.energy else 0,
+        energy=scene.measures.energy,
+        momentum=scene.measures.momentum,
+        flows=len(scene.measures.flow),
         left_out=left_out,
     )

@@ -6,28 +6,30 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-from warpdem import checkpoint, summary
+from warpdem import checkpoint, measures, observation, summary
+from warpdem.background import Background
 from warpdem.dimensionless import Turning, TurningNumbers
-from warpdem.errors import SceneError, StabilityError
+from warpdem.errors import OutputError, SceneError, StabilityError
+from warpdem.progress import progress_bar
 from warpdem.scene import Scene
 from warpdem.simulation import Simulation
+from warpdem.snapshot import Snapshot, WallMesh
+from warpdem.write_grid import GridWriter
 from warpdem.write_tables import HistoryWriter, write_run_record
 
 HISTORY_COLUMNS = (
     "time [s]", "frame_angle [rad]", "grains [-]", "kinetic [J]", "rotational [J]", "elastic [J]", "potential [J]",
-    "centre_x [m]", "centre_y [m]", "centre_z [m]", "largest_overlap [-]", "largest_approach_speed [m/s]",
+    "fields [J]", "centre_x [m]", "centre_y [m]", "centre_z [m]", "largest_overlap [-]", "largest_approach_speed [m/s]",
 )  # fmt: skip
 CHECKPOINT = "checkpoint.h5"
 SECONDS_PER_CHUNK = 0.3  # of wall time between two looks at progress and interrupts
-CHECKPOINT_SECONDS = 60.0  # of wall time between two checkpoints
 
 
 def default_folder(scene_path: Path) -> Path:
@@ -58,9 +60,10 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def history_columns(scene: Scene) -> list[str]:
-    """Header of history.csv: loads on each wall come last, in laboratory axes."""
+    """Header of history.csv: loads on each wall in laboratory axes, measures and observers come last."""
     vectors = [f"{name} {axis} {unit}" for name, unit in (("force", "[N]"), ("torque", "[N m]")) for axis in "xyz"]
-    return [*HISTORY_COLUMNS, *(f"{wall.name} {column}" for wall in scene.walls for column in (*vectors, "power [W]"))]
+    walls = [f"{wall.name} {column}" for wall in scene.walls for column in (*vectors, "power [W]")]
+    return [*HISTORY_COLUMNS, *walls, *measures.columns(scene), *observation.columns(scene)]
 
 
 def history_row(sim: Simulation) -> list[float]:
@@ -71,11 +74,42 @@ def history_row(sim: Simulation) -> list[float]:
     centre = mass @ position / mass.sum() if len(mass) else np.full(3, np.nan)
     return [
         sim.time, sim.schedule.pose(sim.time).angle, len(mass), energy["kinetic"], energy["rotational"],
-        energy["elastic"], energy["potential"], *centre,
+        energy["elastic"], energy["potential"], energy.get("fields", 0.0), *centre,
         max(met["pair_overlap_share"], met["wall_overlap_share"]),
         max(met["pair_approach_speed"], met["wall_approach_speed"]),
         *(number for load in loads for number in (*load.force, *load.torque, load.power)),
+        *measures.values(sim), *observation.row(sim),
     ]  # fmt: skip
+
+
+def cadence(sim: Simulation, end: float) -> tuple[int, int]:
+    """Steps between two frames, and between two rows of the history, of a run to ``end`` [s]."""
+    output = sim.scene.output
+    interval = output.interval or end / 50.0
+    return max(1, round(interval / sim.dt)), max(1, round((output.history_interval or interval / 4.0) / sim.dt))
+
+
+def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False):
+    """Writer of a format of ``output.formats``; its libraries are loaded now, not before.
+
+    Args:
+        name: the format.
+        folder: where the files go.
+        walls: the walls to draw, each in its body axes.
+        scene: the scene that is run.
+        resume: keep the frames of an earlier run that come before the first new one.
+    """
+    if name == "usd":
+        from warpdem.write_usd import UsdWriter
+
+        return UsdWriter(folder, walls, scene=scene, resume=resume)
+    if name == "vtkhdf":
+        from warpdem.write_vtkhdf import VtkhdfWriter
+
+        return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
+    from warpdem.write_vtk import VtkWriter
+
+    return VtkWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
 
 
 class Outputs:
@@ -84,24 +118,36 @@ class Outputs:
     def __init__(self, sim: Simulation, folder: Path, resume: bool = False) -> None:
         self.sim, self.folder = sim, folder
         walls = sim.wall_meshes()
-        self.writers = []
-        if "vtk" in sim.scene.output.formats:
-            from warpdem.write_vtk import VtkWriter
-
-            self.writers.append(VtkWriter(folder, walls, resume=resume))
-        if "usd" in sim.scene.output.formats:
-            from warpdem.write_usd import UsdWriter
-
-            self.writers.append(UsdWriter(folder, walls, resume=resume))
+        self.writers = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in sim.scene.output.formats]
+        grid = sim.scene.measures.grid
+        self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
+        self.background = Background()
         self.history = HistoryWriter(folder / "history.csv", history_columns(sim.scene), resume=resume)
         self.turning = TurningNumbers(sim)
 
     def frame(self) -> None:
-        """Write a frame of the present instant."""
+        """Write a frame of the present instant, while the run goes on.
+
+        Raises:
+            OutputError: the frame before could not be written.
+        """
         with self.sim.clock("output"):
             snapshot = self.sim.snapshot()
+            self.background.start(lambda: self._write(snapshot))
+
+    def _write(self, snapshot: Snapshot) -> None:
+        with self.sim.clock("output, beside the steps"):
             for writer in self.writers:
                 writer.write(snapshot)
+
+    def settle(self) -> None:
+        """Wait until all frames are written: what is saved next counts on them.
+
+        Raises:
+            OutputError: one could not be written.
+        """
+        with self.sim.clock("output"):
+            self.background.settle()
 
     def row(self) -> None:
         """Write a row of the history."""
@@ -110,9 +156,16 @@ class Outputs:
             self.turning.add()
 
     def close(self) -> None:
-        """Close all files."""
-        for writer in (*self.writers, self.history):
-            writer.close()
+        """Close all files, after the last frame is written.
+
+        Raises:
+            OutputError: it could not be written.
+        """
+        try:
+            self.background.close()
+        finally:
+            for writer in (*self.writers, self.history):
+                writer.close()
 
 
 def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning | None) -> dict:
@@ -132,6 +185,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
                      "python": platform.python_version()},
         "device": str(sim.device),
         "threads": sim.threads.count,
+        "groups": sim.scene.groups,
         "plan": sim.plan.explain(),
         "notes": sim.notes,
         "grains": len(sim.state),
@@ -152,35 +206,19 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
 
 
 @contextmanager
-def _interrupts() -> Iterator[Callable[[], None]]:
-    """Hold Ctrl-C and SIGTERM back; the function given raises KeyboardInterrupt where the state is whole."""
+def _interrupts() -> Iterator[Callable[[], bool]]:
+    """Hold Ctrl-C and SIGTERM back; the function given tells whether one came."""
     came: list[int] = []
-
-    def ask() -> None:
-        if came:
-            raise KeyboardInterrupt
-
     if threading.current_thread() is not threading.main_thread():
-        yield ask
+        yield lambda: False
         return
     signals = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
     try:
-        yield ask
+        yield lambda: bool(came)
     finally:
         for s, handler in zip(signals, before, strict=True):
             signal.signal(s, handler)
-
-
-@contextmanager
-def _progress(console: Console, quiet: bool, total: float) -> Iterator[Progress]:
-    columns = (
-        SpinnerColumn(), TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"),
-        TextColumn("ETA"), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
-        progress.add_task("run", total=total, state="")
-        yield progress
 
 
 def run_scene(
@@ -197,72 +235,99 @@ def run_scene(
     """Run ``scene`` to its end, write its results into ``folder`` and print a summary.
 
     Raises:
-        SceneError: before anything is computed, if the scene is wrong.
+        SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong.
         StabilityError: if the run stops itself; results and the last good checkpoint stay.
+        OutputError: if a result cannot be written; results so far and the last good checkpoint stay.
+        KeyboardInterrupt: on Ctrl-C and SIGTERM, with a checkpoint of the present step.
     """
     console = console or Console()
     begin = time.perf_counter()
+    saved = checkpoint.read(folder / CHECKPOINT) if resume else None
     sim = Simulation(scene, device=device, threads=threads)
-    if resume:
-        checkpoint.restore(sim, folder / CHECKPOINT)
+    if saved is not None:
+        checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
-    last = sim.steps_until(end)
-    interval = scene.output.interval or end / 50.0
-    frame_every = max(1, round(interval / sim.dt))
-    row_every = max(1, round((scene.output.history_interval or interval / 4.0) / sim.dt))
     if not quiet:
-        console.print(f"[bold]{scene.title or scene.source}[/]: {len(sim.state)} grains, {last} steps of {sim.dt:.3g} s "
-                      f"on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
+        console.print(f"[bold]{scene.title or scene.source}[/]: {len(sim.state)} grains, {sim.steps_until(end)} steps of "
+                      f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
         for note in sim.notes:
             console.print(f"note: {note}", markup=False)
     outputs = Outputs(sim, folder, resume)
+    if not resume:
+        (folder / CHECKPOINT).unlink(missing_ok=True)  # one of a run before would not fit what is written now
     write_run_record(folder / "run.json", {"status": "running", "scene": scene.source})
-    saved = time.perf_counter()
-    status = "done"
+    status = "failed"
     try:
-        with _progress(console, quiet, max(last, 1)) as progress, _interrupts() as ask:
-            if not resume:
-                outputs.frame()
-                outputs.row()
-            first, began, chunk = sim.step_number, time.perf_counter(), 16
-            while sim.step_number < last:
-                stops = (_next(sim.step_number, frame_every), _next(sim.step_number, row_every), last)
-                sim.step(min(*stops, sim.step_number + chunk) - sim.step_number)
-                if sim.step_number % row_every == 0 or sim.step_number == last:
-                    outputs.row()
-                if sim.step_number % frame_every == 0 or sim.step_number == last:
-                    outputs.frame()
-                now = time.perf_counter()
-                if now - saved > CHECKPOINT_SECONDS:
-                    checkpoint.save(sim, folder / CHECKPOINT)
-                    saved = now
-                rate = (sim.step_number - first) / max(now - began, 1e-9)
-                chunk = max(1, int(SECONDS_PER_CHUNK * rate))
-                progress.update(
-                    progress.task_ids[0], completed=sim.step_number,
-                    state=f"t = {sim.time:.4g} of {end:g} s  {rate:.0f} steps/s  {len(sim.state)} grains",
-                )  # fmt: skip
-                ask()
+        _advance(sim, outputs, end, resume, console, quiet)
+        status = "done"
     except StabilityError:
         status = "stopped itself"
         raise
+    except OutputError as error:
+        status = "output cannot be written"
+        raise OutputError(f"stopped at t = {sim.time:.6g} s: {error}; the last good checkpoint is kept") from error
     except KeyboardInterrupt:
         status = "interrupted"
         raise
     finally:
-        outputs.close()
-        if status != "stopped itself":
-            checkpoint.save(sim, folder / CHECKPOINT)
-        write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
-    if scene.output.picture and "vtk" in scene.output.formats:
+        with suppress(OutputError) if status != "done" else nullcontext():
+            written = record(sim, status, time.perf_counter() - begin, outputs.turning.result())
+            write_run_record(folder / "run.json", written)
+    if scene.output.picture and {"vtk", "vtkhdf"} & set(scene.output.formats):
         with sim.clock("picture"):
-            from warpdem.render import render
+            from warpdem.rendering import render
 
-            render(folder, folder / "picture.png", view="laboratory")
+            render(folder, folder / "picture.png")
         write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
     if not quiet:
         summary.print_summary(sim, console, time.perf_counter() - begin, folder, outputs.turning.result())
     return sim
+
+
+def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, console: Console, quiet: bool) -> None:
+    """Bring ``sim`` to ``end`` [s] with all outputs and checkpoints on the way, the last one where it ends or is interrupted.
+
+    A checkpoint comes after all rows and frames up to its instant: a resumed run writes those after it, and no others.
+    """
+    last = sim.steps_until(end)
+    frame_every, row_every = cadence(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
+    asked = sim.scene.output.checkpoint_interval
+    save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
+    path = outputs.folder / CHECKPOINT
+    try:
+        with progress_bar(console, quiet, max(last, 1)) as tell, _interrupts() as interrupted:
+            if not resumed:
+                outputs.frame()
+                outputs.row()
+                outputs.settle()
+                checkpoint.save(sim, path)
+            saved = began = time.perf_counter()
+            first, chunk = sim.step_number, 16
+            while sim.step_number < last and not interrupted():
+                step = sim.step_number
+                stops = [_next(step, every) for every in (frame_every, row_every, save_every)]
+                sim.step(min(*stops, last, step + chunk) - step)
+                step = sim.step_number
+                if step % row_every == 0 or step == last:
+                    outputs.row()
+                if step % frame_every == 0 or step == last:
+                    outputs.frame()
+                now = time.perf_counter()
+                if step % save_every == 0 or now - saved > sim.scene.output.checkpoint_wall_time:
+                    outputs.settle()
+                    checkpoint.save(sim, path)
+                    saved = now
+                rate = (step - first) / max(now - began, 1e-9)
+                chunk = max(1, int(SECONDS_PER_CHUNK * rate))
+                tell(step, f"t = {sim.time:.4g} of {end:g} s  {rate:.0f} steps/s  {len(sim.state)} grains")
+            outputs.close()
+            checkpoint.save(sim, path)
+    except BaseException:
+        with suppress(OutputError):
+            outputs.close()
+        raise
+    if sim.step_number < last:
+        raise KeyboardInterrupt("--resume continues")
 
 
 def _next(step: int, every: int) -> int:

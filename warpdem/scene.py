@@ -5,8 +5,9 @@ frame. Frame axes and laboratory axes coincide at time 0. A scene without a fram
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from pydantic import (
     AfterValidator,
     Field,
     StrictBool,
+    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -23,7 +25,8 @@ from pydantic.json_schema import SkipJsonSchema
 from warpdem import models
 from warpdem.borders import Borders, Outlet
 from warpdem.errors import SceneError
-from warpdem.motion import Motions
+from warpdem.motion import Motions, Sampled, Standing
+from warpdem.paths import Access
 from warpdem.scene_base import (
     Direction,
     Duration,
@@ -34,9 +37,13 @@ from warpdem.scene_base import (
     SceneModel,
     Vec3,
     exactly_one,
+    none_twice,
+    relocated,
     wrong,
 )
 from warpdem.scene_grains import Grains, Stream
+from warpdem.scene_measures import Measures
+from warpdem.scene_start import NOT_IN_A_PHASE, Phase, Start, changed, place_in_phase
 from warpdem.units import Quantity, Vector
 from warpdem.usd_stage import USD_SUFFIXES
 from warpdem.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
@@ -55,6 +62,18 @@ def _model_name(role: str, *others: str) -> Any:
 
     schema = {"anyOf": [{"enum": known}, {"pattern": r"\.py$"}]}
     return Annotated[FileName, AfterValidator(check), Field(json_schema_extra=schema)]
+
+
+def _user_model(role: str, name: str, known: Mapping[str, Any]) -> ModuleType:
+    """Module of a model that a scene with this ``base`` and ``access`` names.
+
+    Raises:
+        SceneError: the file of a user may not be loaded, or is no model of this role.
+    """
+    base = known.get("base", Path())
+    if models.is_file(name) and (refusal := known.get("access", Access()).plugin_refusal(name, base)):
+        raise SceneError(refusal)
+    return models.model(role, models.located(name, base))
 
 
 class Material(SceneModel):
@@ -232,31 +251,68 @@ class ExternalField(SceneModel):
     )
 
 
+class Observer(SceneModel):
+    """A number read off each grain, and columns of history.csv made of it."""
+
+    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
+    model: _model_name("observer") = Field(description='Observer: "speed" or a .py file.')
+    axes: Literal["laboratory", "frame"] = Field(
+        "laboratory",
+        description='Axes of positions, velocities and spins: "laboratory" (default) or "frame" (relative to the frame).',
+    )
+    parameters: dict[str, Any] = Field(
+        {}, description="The observer's parameters by name, as its file lists them: numbers or lists, SI or with units."
+    )
+    reduce: Annotated[list[Literal["sum", "mean", "min", "max"]], Field(min_length=1)] = Field(
+        ["mean"], description='Columns over all grains: "sum", "mean", "min", "max"; default mean.'
+    )
+
+    _no_column_twice = field_validator("reduce")(none_twice)
+
+
 class Output(SceneModel):
     """What is written, and how often."""
 
     interval: Duration | None = Field(
         None, description="Time between two frames of the result [s], > 0, default time.end / 50."
     )
-    formats: list[Literal["vtk", "usd"]] = Field(
-        ["vtk", "usd"], description='File formats of the frames: "vtk", "usd", default both.'
+    formats: list[Literal["vtk", "vtkhdf", "usd"]] = Field(
+        ["vtk", "usd"],
+        description='File formats of the frames: "vtk" (a file for each frame), "vtkhdf" (one file for ParaView), "usd"; '
+        'default ["vtk", "usd"].',
     )
     wall_loads: StrictBool = Field(
         True,
         description="Whether the frames hold the loads on mesh walls and their triangles, default true; VTK then writes a wall "
         "at rest in every frame, not once: some 25 bytes per triangle. history.csv has those of whole walls in any case.",
     )
+    contacts: StrictBool = Field(
+        False,
+        description="Whether the frames hold the contact network, lines with force, overlap and sliding, default false; needs "
+        "the format vtk or vtkhdf.",
+    )
+    orientation: StrictBool = Field(
+        False,
+        description="Whether the run keeps how each grain is turned, and the frames hold it, default false.",
+    )
     picture: StrictBool = Field(True, description="Whether a preview picture is drawn at the end, default true.")
     history_interval: Duration | None = Field(
         None, description="Time between two rows of history.csv [s], > 0, default interval / 4."
     )
+    checkpoint_interval: Duration | None = Field(
+        None, description="Simulated time between two checkpoints [s], > 0, default none; see checkpoint_wall_time."
+    )
+    checkpoint_wall_time: Duration = Field(
+        60.0, description="Wall time after which a checkpoint is written [s], > 0, default 60."
+    )
 
-    @field_validator("formats")
-    @classmethod
-    def _no_format_twice(cls, value: list[str]) -> list[str]:
-        if len(set(value)) < len(value):
-            raise ValueError("each format at most once")
-        return value
+    _no_format_twice = field_validator("formats")(none_twice)
+
+    @model_validator(mode="after")
+    def _contacts_have_a_format(self) -> "Output":
+        if self.contacts and not {"vtk", "vtkhdf"} & set(self.formats):
+            raise wrong([(("contacts",), True, 'only the formats "vtk" and "vtkhdf" hold contacts: add one to output.formats')])
+        return self
 
 
 class Engine(SceneModel):
@@ -290,6 +346,9 @@ class Scene(SceneModel):
     base: SkipJsonSchema[Path] = Field(
         default_factory=Path.cwd, exclude=True, description="Folder that relative paths start from."
     )
+    access: SkipJsonSchema[Access] = Field(
+        Access(), exclude=True, description="Files that the scene may read and load as code, default any: Python code made it."
+    )
     title: str = Field("", description="Title, for people.")
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
@@ -303,21 +362,73 @@ class Scene(SceneModel):
         None, description="Motion of the frame axes: one, or a list, outermost first; default none (inertial)."
     )
     fields: list[ExternalField] = Field([], description="External fields beside gravity, default none.")
+    measures: Measures = Field(Measures(), description="What is measured while the run goes on, default nothing.")
+    observers: list[Observer] = Field([], description="Numbers read off each grain for history.csv, default none.")
     borders: Borders | None = Field(None, description="Borders of the domain along the frame axes, default none.")
     outlets: list[Outlet] = Field([], description="Regions that take grains out of the run and count them, default none.")
     streams: list[Stream] = Field([], description="Grains that come in while the run goes on, default none.")
-    time: Time = Field(description="Length and step of the run.")
+    start: Start | None = Field(None, description="Checkpoint of another run to start from, in place of grains; default none.")
+    phases: list[Phase] = Field(
+        [], description="Parts of the run, one after the other, each with its changes of the scene; default one, without any."
+    )
+    time: Time = Field(description="Length and step of the run, or of each phase.")
     output: Output = Field(Output(), description="What is written, and how often.")
     engine: Engine = Field(Engine(), description="How the run is computed.")
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
 
     def resolve(self, path: str | Path) -> Path:
-        """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder."""
+        """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
+
+        Raises:
+            SceneError: the scene may not read it; see ``warpdem.paths``.
+        """
+        if refusal := self.access.refusal(path, self.base):
+            raise SceneError(f'{self.source}: "{path}" {refusal}')
         return self.base / Path(path).expanduser()
+
+    def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Place and name of each file of data that the scene names; code is not among them."""
+        yield from ((("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(self.walls) if wall.mesh is not None)
+        yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
+        if self.start is not None:
+            yield ("start", "checkpoint"), self.start.checkpoint
+        moving = [(("frame",), self.frame), *((("walls", i, "motion"), wall.motion) for i, wall in enumerate(self.walls))]
+        for place, motions in moving:
+            for k, motion in enumerate(motions or ()):
+                if isinstance(motion, Sampled):
+                    yield (*place, *[k] * (len(motions) > 1), "usd"), motion.usd
+
+    def later(self, time: float) -> "Scene":
+        """The scene as it goes on from ``time`` [s] on: its motions have been going on, its streams are as much nearer."""
+
+        def ahead(motions: tuple | None) -> tuple | None:
+            return motions and tuple(
+                m if isinstance(m, Standing) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
+            )
+
+        walls = [wall.model_copy(update={"motion": ahead(wall.motion)}) for wall in self.walls]
+        streams = [
+            stream.model_copy(update={"start": max(0.0, stream.start - time), "until": stream.until and stream.until - time})
+            for stream in self.streams
+            if stream.until is None or stream.until > time
+        ]
+        return self.model_copy(update={"frame": ahead(self.frame), "walls": walls, "streams": streams})
 
     def located(self, name: str) -> str:
         """Name of a model as ``models.model`` takes it: files of the user by their absolute path."""
         return models.located(name, self.base)
+
+    @property
+    def group_names(self) -> list[str]:
+        """Name of the group of each entry of ``grains``, then of each of ``streams``; those without one by their key."""
+        entries = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
+        entries += [(f"streams[{k}]", entry) for k, entry in enumerate(self.streams)]
+        return [entry.name or key for key, entry in entries]
+
+    @property
+    def groups(self) -> list[str]:
+        """Names of the groups of grains, in the order of their numbers."""
+        return list(dict.fromkeys([*(self.start.groups if self.start else ()), *self.group_names]))
 
     def pair(self, first: str, second: str) -> Pair:
         """Coefficients of two materials, in either order.
@@ -330,29 +441,79 @@ class Scene(SceneModel):
                 return pair
         raise KeyError((first, second))
 
-    @field_validator("fields")
+    @field_validator("fields", "observers")
     @classmethod
-    def _fields_fit_their_models(cls, fields: list[ExternalField], info: ValidationInfo) -> list[ExternalField]:
+    def _parameters_fit_their_models(cls, parts: list, info: ValidationInfo) -> list:
         checked, problems = [], []
-        for i, field in enumerate(fields):
+        for i, part in enumerate(parts):
             try:
-                module = models.model("field", models.located(field.model, info.data.get("base", Path())))
+                module = _user_model({"fields": "field", "observers": "observer"}[info.field_name], part.model, info.data)
             except SceneError as error:
-                problems.append(((i, "model"), field.model, str(error)))
+                problems.append(((i, "model"), part.model, str(error)))
                 continue
-            values, found = models.field_values(module, field.parameters)
+            values, found = models.field_values(module, part.parameters)
             problems += [((i, "parameters", *place), value, text) for place, value, text in found]
-            checked.append(field.model_copy(update={"parameters": values}))
+            checked.append(part.model_copy(update={"parameters": values}))
         if problems:
             raise wrong(problems)
         return checked
 
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
-        problems = [*_name_problems(self), *_pair_problems(self), *_law_problems(self), *_own_law_problems(self)]
+        problems = [*_name_problems(self), *_stream_problems(self)]
+        problems += [*_pair_problems(self), *_law_problems(self), *_own_law_problems(self)]
+        problems += _measure_problems(self)
         if problems:
             raise wrong(problems)
         return self
+
+    @model_validator(mode="after")
+    def _phases_stand(self) -> "Scene":
+        data = self._tables() if self.phases else {}
+        for k, phase in enumerate(self.phases):
+            known = [key for key in Scene.model_fields if key not in NOT_IN_A_PHASE]
+            unknown = [key for key in phase.changes if key not in known]
+            if unknown:
+                reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
+                reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
+                raise wrong([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
+            there = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
+            for name in phase.without:
+                if name not in there:
+                    reason = f"no such wall or outlet; there are {_quoted(there)}"
+                    raise wrong([(("phases", k, "without"), name, reason)])
+            data = changed(data, phase)
+            try:
+                self._phase(k, data)
+            except ValidationError as error:
+                raise relocated(error, lambda place: ("phases", k, *place_in_phase(place, data, phase))) from None  # noqa: B023
+        return self
+
+    def _tables(self) -> dict[str, Any]:
+        """The tables of the scene that phases may change."""
+        return self.model_dump(mode="json", exclude_unset=True, exclude={"grains", "start", "phases", "title"})
+
+    def _phase(self, number: int, data: dict[str, Any]) -> "Scene":
+        kept = {"base": self.base, "access": self.access, "source": self.source}
+        name = self.phases[number].name
+        begin = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
+        return Scene.model_validate({**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})
+
+    def phase(self, number: int) -> "Scene":
+        """The scene of one phase; all but the first start from a checkpoint that is still to be named."""
+        data = self._tables()
+        for phase in self.phases[: number + 1]:
+            data = changed(data, phase)
+        return self._phase(number, data)
+
+    def continues(self, number: int) -> tuple[str, ...]:
+        """What goes on in a phase as it was, since the phase does not give it: frame, streams, names of walls."""
+        changes = self.phases[number].changes
+        moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to"} & wall.keys()]
+        there = {wall.name for wall in self.phase(number - 1).walls}
+        scene = self.phase(number)
+        names = [key for key in ("frame", "streams") if key not in changes]
+        return (*names, *(wall.name for wall in scene.walls if wall.name in there and wall.name not in moved))
 
 
 def _quoted(names: Sequence[str]) -> str:
@@ -371,30 +532,46 @@ def _name_problems(scene: Scene) -> Iterator[Problem]:
         if name not in scene.materials:
             yield loc, name, f"no such material; the scene has {_quoted(list(scene.materials))}"
 
-    if not scene.grains and not scene.streams:
-        yield ("grains",), None, "missing: give at least one group of grains, or a stream"
-    outlets = [outlet.name for outlet in scene.outlets]
-    for i, name in enumerate(outlets):
-        if name in outlets[:i]:
-            yield ("outlets", i, "name"), name, f"outlets[{outlets.index(name)}] has this name too: names must differ"
+    if not scene.grains and not scene.streams and scene.start is None:
+        yield ("grains",), None, "missing: give at least one group of grains, a stream, or a start"
+    if scene.grains and scene.start is not None:
+        yield ("grains",), None, "cannot stand beside start, which brings the grains; streams may add others"
+    for key in ("walls", "outlets", "observers", "phases"):
+        names = [part.name for part in getattr(scene, key)]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
 
-    names = [wall.name for wall in scene.walls]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            yield ("walls", i, "name"), name, f"walls[{names.index(name)}] has this name too: names must differ"
-
+    walls = [wall.name for wall in scene.walls]
     meshes = [wall.name for wall in scene.walls if wall.mesh is not None]
     first_group: dict[int, int] = {}
     for i, grains in enumerate(scene.grains):
         wall = grains.fill.wall if grains.fill is not None else None
         if wall is not None and wall not in meshes:
-            reason = "is a plane and has no inside" if wall in names else "no such wall"
+            reason = "is an analytic shape; only a mesh can be filled" if wall in walls else "no such wall"
             yield ("grains", i, "fill", "wall"), wall, f"{reason}; the scene's mesh walls: {_quoted(meshes)}"
         for number in grains.ids.tolist() if grains.ids is not None else []:
             if number in first_group:
                 yield ("grains", i, "ids"), number, f"grains[{first_group[number]}] has this id too: ids must be unique"
                 break
             first_group[number] = i
+
+
+def _stream_problems(scene: Scene) -> Iterator[Problem]:
+    """Streams whose grains would be taken out where they come in."""
+    for i, stream in enumerate(scene.streams):
+        for outlet in scene.outlets:
+            sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
+            if all(low < high_out and low_out < high for low, high, low_out, high_out in sides):
+                yield ("streams", i, "box"), None, f'meets the box of the outlet "{outlet.name}", which takes grains out'
+        for k, axis in enumerate("xyz"):
+            border = getattr(scene.borders, axis) if scene.borders else None
+            if border is None:
+                continue
+            if border.min is not None and stream.box.min[k] < border.min:
+                yield ("streams", i, "box", "min", k), stream.box.min[k], f"is beyond borders.{axis}.min = {border.min:g} m"
+            if border.max is not None and stream.box.max[k] > border.max:
+                yield ("streams", i, "box", "max", k), stream.box.max[k], f"is beyond borders.{axis}.max = {border.max:g} m"
 
 
 def _pair_problems(scene: Scene) -> Iterator[Problem]:
@@ -415,6 +592,23 @@ def _pair_problems(scene: Scene) -> Iterator[Problem]:
     if missing:
         listed = "; ".join(f"materials = [{_quoted(key)}]" for key in missing)
         yield ("pairs",), None, f"no coefficients for materials that can meet: add [[pairs]] with {listed}"
+
+
+def _measure_problems(scene: Scene) -> Iterator[Problem]:
+    """Measures that the scheme cannot make, and names given twice."""
+    for key in ("energy", "momentum"):
+        if getattr(scene.measures, key) and scene.engine.integrator != "exact_drift":
+            reason = f'only with engine.integrator = "exact_drift"; it is "{scene.engine.integrator}"'
+            yield ("measures", key), True, reason
+    stages = len(models.model("integrator", scene.engine.integrator).STAGES)
+    if scene.measures.flow and stages > 1:
+        yield ("measures", "flow"), None, f'not with engine.integrator = "{scene.engine.integrator}", whose steps have stages'
+    for key in ("flow", "regions", "mixing"):
+        names = [part.name for part in getattr(scene.measures, key)]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                reason = f"measures.{key}[{names.index(name)}] has this name too: names must differ"
+                yield ("measures", key, i, "name"), name, reason
 
 
 def _law_problems(scene: Scene) -> Iterator[Problem]:
@@ -449,7 +643,7 @@ def _own_law_problems(scene: Scene) -> Iterator[Problem]:
         if not models.is_file(name):
             continue
         try:
-            module = models.model(role, scene.located(name))
+            module = _user_model(role, name, {"base": scene.base, "access": scene.access})
         except SceneError as error:
             yield ("contact", role), name, str(error)
             continue

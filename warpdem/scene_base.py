@@ -1,7 +1,7 @@
 """What all parts of a scene are made of: their base class, annotated numbers, and errors that name a key."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +13,12 @@ from warpdem.units import Quantity, Vector
 Vec3 = tuple[float, float, float]
 
 
-def _unit_vector(vector: Vec3) -> Vec3:
+def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """The direction of ``vector``.
+
+    Raises:
+        ValueError: it has none.
+    """
     norm = math.hypot(*vector)
     if norm == 0.0:
         raise ValueError("must not be the zero vector")
@@ -23,7 +28,7 @@ def _unit_vector(vector: Vec3) -> Vec3:
 
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 Point = Annotated[Vec3, Vector(Quantity("m"))]
-Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(_unit_vector)]
+Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(unit_vector)]
 Length = Annotated[float, Quantity("m", gt=0)]
 Duration = Annotated[float, Quantity("s", gt=0)]
 AngularRate = Annotated[float, Quantity("rad/s")]
@@ -45,6 +50,26 @@ def wrong(problems: Iterable[Problem]) -> ValidationError:
         InitErrorDetails(type=PydanticCustomError("scene", "{reason}", {"reason": text}), loc=loc, input=value)
         for loc, value, text in problems
     ]
+    return ValidationError.from_exception_data("Scene", errors)
+
+
+def none_twice(values: list[str]) -> list[str]:
+    """Refuse a list in which something comes twice."""
+    if len(set(values)) < len(values):
+        raise ValueError("each at most once")
+    return values
+
+
+def relocated(error: ValidationError, place: Callable[[tuple], tuple]) -> ValidationError:
+    """The same problems at other places."""
+    errors = []
+    for detail in error.errors(include_url=False):
+        kind = detail["type"]
+        if kind == "scene":
+            kind = PydanticCustomError("scene", "{reason}", detail["ctx"])
+        errors.append(
+            InitErrorDetails(type=kind, loc=place(detail["loc"]), input=detail["input"], ctx=detail.get("ctx", {}))
+        )
     return ValidationError.from_exception_data("Scene", errors)
 
 

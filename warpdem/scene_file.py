@@ -13,44 +13,74 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from warpdem import usd_scene
 from warpdem.errors import SceneError
 from warpdem.models import nearest
-from warpdem.motion import Sampled
+from warpdem.paths import Access, access_of_file
 from warpdem.scene import Scene
+from warpdem.scene_start import NOT_IN_A_PHASE, Phase, place_in_phase
+from warpdem.usd_stage import USD_SUFFIXES
 
 MAX_PROBLEMS = 7
 """Problems listed in one message [-]: two lines each, so that it stays on one screen."""
 
 Place = tuple[str | int, ...]
-# keys of Scene that only Python may set: they say where the scene came from
-_PYTHON_ONLY = ("base", "source")
+# keys of Scene that only Python may set: they say where the scene came from and what it may reach
+_PYTHON_ONLY = ("base", "access", "source")
 
 
-def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Return the scene of a TOML file.
+def load_scene(
+    path: str | Path,
+    overrides: Sequence[str] = (),
+    *,
+    allow_paths: Sequence[str | Path] = (),
+    plugins: Sequence[str | Path] = (),
+    at: float | None = None,
+) -> Scene:
+    """Return the scene of a TOML file or of a USD stage.
 
     Args:
         path: the file; relative paths in it start from its folder.
         overrides: changes such as "time.end=0.5", "engine.skin='0.1 mm'", "walls.0.scale=0.001": a dotted key with
             list indices, and a value in TOML; what is not TOML is taken as a string.
+        allow_paths: folders that the scene may read files from, beside its own folder and what lies below it.
+        plugins: .py files with models of your own that the scene may load; code runs from no other.
+        at: with the result stage of a run, instant of the frame to start from [s]; the last frame by default.
 
     Raises:
-        SceneError: the file is missing or no TOML, or the scene is wrong; one message lists all problems.
+        SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
     file = Path(path).expanduser()
-    data = _read_toml(file)
+    access, origins, time = access_of_file(file.parent, allow_paths, plugins), {}, 0.0
+    if file.suffix.lower() in USD_SUFFIXES:
+        if not file.is_file():
+            raise SceneError(f"{file}: no such file{_similar_files(file)}")
+        data, origins, time = usd_scene.read(file, at, access.folders)
+    else:
+        if at is not None:
+            raise SceneError(f"{path}: at = {at:g} s: only the result stage of a run (result.usda) has frames to start from")
+        data = _read_toml(file)
     for override in overrides:
         _apply_override(data, override, str(path))
-    return scene_from_dict(data, file.parent, str(path))
+    scene = scene_from_dict(data, file.parent, str(path), access, origins)
+    return scene.later(time) if time > 0.0 else scene
 
 
-def scene_from_dict(data: Mapping[str, Any], base: str | Path = ".", source: str = "<scene>") -> Scene:
+def scene_from_dict(
+    data: Mapping[str, Any],
+    base: str | Path = ".",
+    source: str = "<scene>",
+    access: Access | None = None,
+    origins: Mapping[Place, str] = {},
+) -> Scene:
     """Return the scene of nested tables as TOML gives them.
 
     Args:
         data: the tables.
         base: folder that relative paths start from.
         source: name of the file, for messages.
+        access: files that the scene may read and load as code; None is any, for tables of your own.
+        origins: where in the file each place of the tables comes from, for messages.
 
     Raises:
         SceneError: the scene is wrong, or a file that it names is missing.
@@ -59,9 +89,9 @@ def scene_from_dict(data: Mapping[str, Any], base: str | Path = ".", source: str
         if key in data:
             raise SceneError(_report(source, [_line((key,), data[key], _unknown_key((key,)))]))
     try:
-        scene = Scene.model_validate({**data, "base": Path(base), "source": source})
+        scene = Scene.model_validate({**data, "base": Path(base), "access": access or Access(), "source": source})
     except ValidationError as error:
-        problems = [_translate(detail) for detail in error.errors(include_url=False)]
+        problems = [_translate(detail) + _origin(detail["loc"], origins) for detail in error.errors(include_url=False)]
         raise SceneError(_report(source, list(dict.fromkeys(problems)))) from None
     missing = list(_missing_files(scene))
     if missing:
@@ -69,9 +99,20 @@ def scene_from_dict(data: Mapping[str, Any], base: str | Path = ".", source: str
     return scene
 
 
+def _origin(loc: Place, origins: Mapping[Place, str]) -> str:
+    """A line with the prim or attribute that a place, or the nearest table around it, comes from; empty if none is known."""
+    place = tuple(part for part in loc if not str(part).startswith("~"))
+    found = next((origins[place[:n]] for n in range(len(place), -1, -1) if place[:n] in origins), "")
+    return f"\n      at {found}" if found else ""
+
+
 def scene_schema() -> dict[str, Any]:
     """JSON schema of a scene file, for editors; numbers with a unit appear as "number or string"."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
+    schema = Scene.model_json_schema()
+    parts = {key: {"description": f"Changes of {key}."} for key in Scene.model_fields if key not in NOT_IN_A_PHASE}
+    phase = schema["$defs"]["Phase"]
+    phase |= {"properties": {**phase["properties"], **parts}, "additionalProperties": False}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 # --- reading ---------------------------------------------------------------------------------------------------------
@@ -129,7 +170,7 @@ def _apply_override(data: dict[str, Any], override: str, source: str) -> None:
         raise wrong('must be KEY=VALUE, such as "time.end=0.5"')
     here: Any = data
     for depth, part in enumerate(parts):
-        place = _place_text(tuple(parts[:depth])) or "the scene"
+        place = place_text(tuple(parts[:depth])) or "the scene"
         if isinstance(here, list):
             if not part.isdecimal() or int(part) >= len(here):
                 raise wrong(f"{place} is a list of {len(here)}; an index from 0 to {len(here) - 1} must follow")
@@ -154,22 +195,28 @@ def _parse_value(text: str, wrong: typing.Callable[[str], SceneError]) -> Any:
 
 
 def _missing_files(scene: Scene) -> Iterator[str]:
-    """Problems with the files that the scene names."""
-    named = [(("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(scene.walls)]
-    named += [(("grains", i, "file"), grains.file) for i, grains in enumerate(scene.grains)]
-    moving = [(("frame",), scene.frame)] + [(("walls", i, "motion"), wall.motion) for i, wall in enumerate(scene.walls)]
-    for place, motions in moving:
-        for k, motion in enumerate(motions or ()):
-            if isinstance(motion, Sampled):
-                named.append(((*place, k, "usd") if len(motions) > 1 else (*place, "usd"), motion.usd))
-    for place, name in named:
-        if name is None:
+    """Problems with the files that the scene and its phases name."""
+    for place, name in _named_files(scene):
+        if refusal := scene.access.refusal(name, scene.base):
+            yield _line(place, name, refusal)
             continue
         file = scene.resolve(name)
         if file.is_dir():
             yield _line(place, name, f"{file} is a folder, not a file")
         elif not file.exists():
             yield _line(place, name, f"no such file: {file}{_similar_files(file)}")
+
+
+def _named_files(scene: Scene) -> Iterator[tuple[Place, str]]:
+    """Place and name of each file; of a phase those that are new in it."""
+    yield from scene.files()
+    known = {name for _, name in scene.files()}
+    for k, phase in enumerate(scene.phases):
+        one = scene.phase(k)
+        for place, name in one.files():
+            if place[0] not in ("grains", "start") and name not in known:
+                yield ("phases", k, *place_in_phase(place, one.model_dump(mode="json"), phase)), name
+                known.add(name)
 
 
 # --- messages --------------------------------------------------------------------------------------------------------
@@ -185,7 +232,7 @@ def _report(source: str, problems: list[str]) -> str:
 
 def _line(place: Place, value: Any, text: str) -> str:
     """Two lines for one problem: key and value, then what is wrong."""
-    key = _place_text(place) or "the scene"
+    key = place_text(place) or "the scene"
     # a table or None says nothing: the keys in question are in the text
     shown = "" if value is None or isinstance(value, (dict, BaseModel)) else f" = {_shorten(value)}"
     return f"  {key}{shown}\n      {text}"
@@ -243,7 +290,7 @@ def _toml_form(place: Place, kind: str) -> str:
     return f" of tables: write [[{key}]]" if _models_at((*place, 0)) else ""
 
 
-def _place_text(place: Place) -> str:
+def place_text(place: Place) -> str:
     """Dotted key, such as walls[0].scale."""
     text = ""
     for part in place:
@@ -271,6 +318,8 @@ def _unknown_key(place: Place) -> str:
     models = _models_at(parent)
     siblings = [name for model in models for name in model.model_fields if model is not Scene or name not in _PYTHON_ONLY]
     elsewhere = [place for place in _all_keys(Scene) if place.rsplit(".", 1)[-1] == key and key not in _PYTHON_ONLY]
+    if key in siblings:  # of two kinds of table that may stand here
+        return f"belongs to another kind of table than the other keys of {place_text(tuple(parent))}"
     # a key that is right in another place needs a close likeness before it counts as misspelt
     near = nearest(key, siblings, 0.8 if elsewhere else 0.6)
     if elsewhere:
@@ -294,6 +343,8 @@ def _parts(annotation: Any) -> Iterator[tuple[type[BaseModel], str]]:
 
 def _models_at(place: Sequence[str | int]) -> list[type[BaseModel]]:
     """The models that the table at a place may follow, none if there is no table of known keys."""
+    if place[:1] in (("phases",), ["phases"]) and place[2:3] and place[2] not in Phase.model_fields:
+        place = place[2:]  # a phase holds keys of the scene
     here: list[tuple[type[BaseModel], str]] = [(Scene, "")]
     for part in place:
         following = [(model, "") for model, suffix in here if suffix == ("[]" if isinstance(part, int) else ".NAME")]

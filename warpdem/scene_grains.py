@@ -9,13 +9,20 @@ from pydantic_core import core_schema
 
 from warpdem.borders import Box
 from warpdem.scene_base import Duration, FileName, Length, SceneModel, Vec3, exactly_one, wrong
-from warpdem.sizes import Diameter
+from warpdem.sizes import Diameter, size_law
 from warpdem.units import Array, Quantity, Vector
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 
 # strict: neither true, nor 5000.5, nor "5000" is a count
 Whole = Annotated[int, Field(strict=True, ge=0)]
+
+
+GROUP_NAME = Field(
+    None,
+    min_length=1,
+    description="Name of the grains' group in results; entries of one name are one group; default: one of its own.",
+)
 
 
 class Fill(SceneModel):
@@ -59,6 +66,7 @@ class Fill(SceneModel):
 class Stream(SceneModel):
     """Grains that come in while the run goes on, at random free places of a region."""
 
+    name: str | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     box: Box = Field(description="Region in which they appear, whole.")
     diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
@@ -80,6 +88,11 @@ class Stream(SceneModel):
         exactly_one(self, "mass_rate", "count_rate")
         if self.until is not None and self.until <= self.start:
             raise wrong([(("until",), self.until, f"must be later than start = {self.start:g} s")])
+        largest = size_law(self.diameter).extremes[1]
+        sides = [high - low for low, high in zip(self.box.min, self.box.max, strict=True)]
+        if min(sides) < largest:
+            reason = f"its shortest side of {min(sides):g} m must hold the largest grain, {largest:g} m in diameter"
+            raise wrong([(("box",), None, reason)])
         return self
 
 
@@ -122,6 +135,7 @@ class Grains(SceneModel):
     give the columns that belong to ``positions`` with all defaults filled in.
     """
 
+    name: str | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     positions: Annotated[np.ndarray, Array(Quantity("m"), columns=3)] | None = Field(
         None, description="Centres [m], shape (n, 3); this, file or fill."

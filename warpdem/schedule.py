@@ -16,7 +16,7 @@ class WallMotion:
     @property
     def rests_in_frame(self) -> bool:
         """Whether it never moves relative to the frame (given that the frame moves)."""
-        return self.fixed_to == "frame" and not self.own.moves
+        return self.fixed_to == "frame" and not self.own.displaces
 
 
 class Schedule:
@@ -50,9 +50,9 @@ class Schedule:
         keys = []
         for number, wall in enumerate(scene.walls):
             own = wall_chain(scene, number)
-            # in a frame that never moves the laboratory is the frame
-            fixed_to = wall.fixed_to if self.shifting else "frame"
-            keys.append(f"{fixed_to} {wall.motion if own.moves else None!r}")
+            # in a frame that coincides with it the laboratory is the frame
+            fixed_to = wall.fixed_to if self.frame.displaces else "frame"
+            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}")
             found.setdefault(keys[-1], WallMotion(fixed_to, own))
         order = sorted(found, key=lambda key: found[key].rests_in_frame)
         self.motions = [found[key] for key in order]
@@ -77,7 +77,7 @@ class Schedule:
         rows[:, 0, 0] = np.where(k == 0, 0.0, self.dt)
         rows[:, 0, 1] = np.where(k == 0, 0.5 * self.dt, self.dt)
         rows[:, :, 2:5] = self.gravity
-        if self.turning and self.gravity.any():
+        if self.frame.displaces and self.gravity.any():
             back = transposed(self.frame.pose(self._times(step, step + count)).axes)
             rows[:, :, 2:5] = apply(back, self.gravity).astype(float).reshape(count + 1, -1, 3)
         if self.shifting:
@@ -133,9 +133,9 @@ class Schedule:
 
     def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool) -> np.ndarray:
         """The 18 numbers of one motion at ``time`` [s], shape (k, 18)."""
-        own = motion.own.pose(time) if motion.own.moves else still(len(time))
+        own = motion.own.pose(time) if motion.own.displaces else still(len(time))
         if motion.fixed_to == "frame":
-            body, turn, shift = compose(frame, own) if motion.own.moves else frame, own.axes, own.origin
+            body, turn, shift = compose(frame, own) if motion.own.displaces else frame, own.axes, own.origin
         else:
             back = transposed(frame.axes)
             body, turn, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)

@@ -3,19 +3,24 @@
 import hashlib
 import math
 import time
+from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import warp as wp
 
-from warpdem import checkpoint, observers, timestep, wall_loads
+from warpdem import checkpoint, measures, observation, observers, summary, timestep, wall_loads
+from warpdem.budget import Budget
 from warpdem.compiled import compile_plan
+from warpdem.contact_network import read_network
 from warpdem.domain import Domain
 from warpdem.domain import check as check_domain
 from warpdem.errors import SceneError, StabilityError
 from warpdem.grain_source import check_start, joined, load_grains
 from warpdem.kernels import grain
+from warpdem.kernels.budget import WallEntry
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.places import Hit
 from warpdem.models import model
@@ -24,11 +29,14 @@ from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
 from warpdem.scene import Scene
 from warpdem.schedule import Schedule
 from warpdem.snapshot import Snapshot, WallLoad, WallMesh
+from warpdem.start import Past, started_from
+from warpdem.start import read as read_start
 from warpdem.state import State
 from warpdem.stepper import Stepper
 from warpdem.streams import Feeder, representatives
-from warpdem.tessellation import drawn, tessellated
+from warpdem.tessellation import drawings
 from warpdem.threads import Threads, available_threads
+from warpdem.travel import TravelGuard
 from warpdem.walls import Walls, load_meshes, mesh_notes, named_diameters
 
 
@@ -39,6 +47,7 @@ class Simulation:
         scene: validated scene.
         device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one.
         threads: CPU threads; None takes all available cores.
+        start: checkpoint of another run to start from in place of the scene's grains, as the scene's key start.
 
     Attributes:
         notes: what is odd or was mended in the scene's meshes, for people.
@@ -47,18 +56,27 @@ class Simulation:
         SceneError: if the scene cannot be run: no such device, a bad mesh, overlapping start, time step over its limit.
     """
 
-    def __init__(self, scene: Scene, device: str | None = None, threads: int | None = None) -> None:
-        self.scene = scene
+    def __init__(
+        self, scene: Scene, device: str | None = None, threads: int | None = None, start: str | Path | None = None
+    ) -> None:
+        if scene.phases:
+            raise SceneError(f"{scene.source}: phases: a simulation is one of them: take scene.phase(0), or warpdem run")
+        self.given = scene = scene if start is None else started_from(scene, start)
+        self.given_json = scene.model_dump_json()
+        self.files = summary.file_digests(scene)
+        self.scene_hash = summary.scene_hash(scene, self.files)
         self.device = pick_device(device)
         self.seconds: dict[str, float] = {}
         if threads is not None and threads < 1:
             raise SceneError(f"threads = {threads}: at least 1 is needed")
         self.threads = Threads((threads or available_threads()) if self.device.is_cpu else 1)
         with self.clock("set-up"):
+            past = read_start(scene) if scene.start is not None else None
+            self.scene = scene = scene if past is None else past.scene
             self.meshes = load_meshes(scene)
             mesh_notes(scene, self.meshes, named_diameters(scene))
-            start = load_grains(scene, self.meshes)
-            check_start(start, self.meshes, scene)
+            start = load_grains(scene, self.meshes) if past is None else past.grains
+            check_start(start, self.meshes, scene, () if past is None else past.old_walls)
             self.domain = Domain(scene)
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
@@ -82,7 +100,7 @@ class Simulation:
             density = np.array([m.density for m in scene.materials.values()])
             moving = replace(start, velocity=start_velocity, spin=start_spin)
             self.density = density
-            self.state = State(moving, density, self.plan.spins, self.device)
+            self.state = State(moving, density, self.plan.spins, self.plan.orientation, self.device, self.plan.sums)
             self.walls = (
                 Walls(scene, self.meshes, self.schedule.wall_motion, self.device) if self.plan.walls else None
             )
@@ -90,17 +108,32 @@ class Simulation:
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
             self.lists = Lists(self)
             self.stepper = Stepper(self)
+            self.travel = TravelGuard(self)
         self.step_number = 0
         self._forces_ready = False
         self.steps_done = 0
         self.noticed: dict[str, str] = {}
         self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
-        self.feeders = [Feeder(stream, scene, self.dt) for stream in scene.streams]
+        self.feeders = [Feeder(number, scene, self.dt) for number in range(len(scene.streams))]
+        self.budget = Budget(self) if self.plan.sums else None
         self._next_id = int(start.id.max(initial=-1)) + 1
-        self._grown = False
+        self._grown = past is not None
+        if past is not None:
+            self._take_over(past)
         self._let_in()
-        if self.dt > self.limits.stable:
-            self._notice("time step", timestep.over_limit(scene, self.limits))
+        if over := timestep.over_limit(self.dt, self.limits):
+            self.notice("time step", over)
+
+    def _take_over(self, past: Past) -> None:
+        """Memory of contacts, orientation and random numbers of the run that this one starts from."""
+        self.notes += past.notes
+        self._next_id = max(self._next_id, past.next_id)
+        if len(self.state):
+            self.lists.remember(past.data)
+        if self.state.orientation is not None and "orientation" in past.data:
+            self.state.orientation.assign(past.data["orientation"])
+        for number, state in past.feeders.items():
+            self.feeders[number].restore({**state, "count": 0, "mass": 0.0})
 
     def _only_coefficients(self, start) -> np.ndarray:
         """The one row of coefficients that all contacts of the scene share."""
@@ -138,6 +171,8 @@ class Simulation:
         Raises:
             StabilityError: when the run became unstable; names grain, time and cause.
         """
+        if self.budget is not None:
+            self.budget.begin()
         left = count
         while left > 0:
             left -= self._advance(left)
@@ -178,7 +213,7 @@ class Simulation:
         return done
 
     def stay(self, position: np.ndarray) -> np.ndarray:
-        """Slots of the grains at ``position`` (n, 3) [m] that are still in the domain; the others are counted.
+        """Slots [-] of the grains at ``position`` [m] (n, 3) that are still in the domain, shape (m,); the others are counted.
 
         Raises:
             StabilityError: one is beyond a border that stops the run.
@@ -198,6 +233,8 @@ class Simulation:
                     )
                 self.left[name][0] += int(through.sum())
                 self.left[name][1] += float(mass[through].sum())
+            if self.budget is not None:
+                self.budget.left(np.flatnonzero(gone))
         return np.flatnonzero(~gone)
 
     def _let_in(self) -> None:
@@ -213,13 +250,16 @@ class Simulation:
                 continue
             velocity = np.tile(np.array(feeder.stream.velocity, dtype=float), (n, 1))
             ids = np.arange(self._next_id, self._next_id + n)
-            came = type(self.expected)(ids, np.full(n, feeder.type, np.int32), radius, position, velocity, np.zeros((n, 3)))
+            kinds = (np.full(n, number, np.int32) for number in (feeder.type, feeder.group))
+            came = type(self.expected)(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
             if not self.plan.scheme.RELATIVE:
                 spin, velocity = self._to_absolute(came, self.time)
                 if self.step_number > 0:  # the record holds the velocity of mid-step, and the next kick is a whole one
                     velocity = velocity - 0.5 * self.dt * self.schedule.rows(self.step_number, 0)[0, 2:5]
                 came = replace(came, velocity=velocity, spin=spin)
             self.state.add(came, self.density)
+            if self.budget is not None:
+                self.budget.came(np.arange(len(self.state) - n, len(self.state)))
             self._next_id += n
             self._grown, self._forces_ready = True, False
 
@@ -235,6 +275,9 @@ class Simulation:
         rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.rolling)), device=device)
         generations = 2 if len(self.plan.scheme.STAGES) == 1 else 3
         rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
+        if self.plan.energy:
+            rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
+            rows.power = wp.zeros((grains, self.plan.scene_walls), dtype=wp.float64, device=device)
         rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.memory), device=device)
         return rows
 
@@ -261,7 +304,7 @@ class Simulation:
         contacts = self.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."
-        self._notice(
+        self.notice(
             "overlap",
             f"at t = {self.time:.6g} s (step {self.step_number}): {kind} overlap by {share:.3g} of the radius, "
             f"allowed is engine.max_overlap = {limit:g}. {where} Time step {self.dt:.3g} s, stability limit "
@@ -270,7 +313,7 @@ class Simulation:
             "Take a smaller time.step, or a stiffer material.",
         )
 
-    def _notice(self, guard: str, message: str) -> None:
+    def notice(self, guard: str, message: str) -> None:
         """Stop the run, or note what a guard saw if the scene asks for that.
 
         Raises:
@@ -303,14 +346,23 @@ class Simulation:
         checkpoint.save(self, path)
 
     @classmethod
-    def from_checkpoint(cls, path, device: str | None = None, threads: int | None = None) -> "Simulation":
+    def from_checkpoint(
+        cls, path, device: str | None = None, threads: int | None = None, plugins: Sequence[str | Path] = ()
+    ) -> "Simulation":
         """The simulation that a checkpoint was saved from, on any device and number of threads.
+
+        Args:
+            path: the checkpoint.
+            device: as in ``Simulation``.
+            threads: as in ``Simulation``.
+            plugins: the .py files with models of your own that its scene names: no others are loaded.
 
         Raises:
             SceneError: if the file is missing, damaged or of another version.
         """
-        sim = cls(checkpoint.scene_of(checkpoint.read(path)), device=device, threads=threads)
-        checkpoint.restore(sim, path)
+        data = checkpoint.read(path)
+        sim = cls(checkpoint.scene_of(data, plugins), device=device, threads=threads)
+        checkpoint.restore(sim, data)
         return sim
 
     # -- reading --------------------------------------------------------------------------------
@@ -328,6 +380,21 @@ class Simulation:
     def energy(self) -> dict[str, float]:
         """Kinetic, rotational, elastic and potential energy in the laboratory [J]."""
         return observers.energy(self)
+
+    def measure(self) -> dict[str, float]:
+        """What the scene's ``measures`` tell at the present time, by the names of their columns in history.csv."""
+        return measures.measured(self)
+
+    def observe(self, name: str) -> np.ndarray:
+        """What an observer of the scene reads off each grain at the present time, in its unit, by id, shape (n,).
+
+        Args:
+            name: its name in the scene's ``observers``.
+
+        Raises:
+            SceneError: the scene has no observer of that name.
+        """
+        return observation.observe(self, name)
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
@@ -368,21 +435,22 @@ class Simulation:
             frame=self.schedule.pose(self.time),
             id=p.id,
             type=p.type,
+            group=p.group,
             radius=p.radius,
             mass=p.mass,
             position=p.position,
             velocity=p.velocity,
             spin=p.spin,
-            force=self.loads()[0],
+            force=p.force,
             walls=self.schedule.wall_placements(self.scene, self.time),
             loads=self.wall_loads() if self.scene.output.wall_loads else {},
+            orientation=p.orientation if self.scene.output.orientation else None,
+            contacts=read_network(self) if self.scene.output.contacts or self.scene.measures.grid else None,
         )
 
     def wall_meshes(self) -> list[WallMesh]:
-        """The walls to draw, in their body axes: meshes as they are, analytic ones cut into triangles, no planes."""
-        around = np.concatenate([self.expected.position, *(mesh.vertices for mesh in self.meshes.values())])
-        meshes = [WallMesh(name, m.vertices, m.triangles) for name, m in self.meshes.items()]
-        return meshes + [tessellated(wall.name, wall.shape, around) for wall in self.scene.walls if drawn(wall.shape)]
+        """The walls to draw, in their body axes: meshes as they are, analytic ones cut into triangles, patches of planes."""
+        return drawings(self.scene.walls, self.meshes, self.expected.position)
 
     def state_hash(self) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal hashes."""

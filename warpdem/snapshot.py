@@ -111,6 +111,36 @@ class WallLoad:
 
 
 @dataclass(frozen=True)
+class ContactNetwork:
+    """The contacts at one instant as lines, grain-grain first, then grain-wall, each by ids; vectors in frame axes.
+
+    A contact of two grains goes from the centre of i, the one of the lower id, to the centre of j (its nearest image, if the
+    domain is periodic); one with a wall from the centre of i to the contact point.
+    """
+
+    i: np.ndarray
+    """Id of the grain, shape (c,), int64."""
+    j: np.ndarray
+    """Id of the other grain, -1 for a wall, shape (c,), int64."""
+    wall: np.ndarray
+    """Number of the wall in the order of the scene, -1 for a grain, shape (c,), int32."""
+    start: np.ndarray
+    """Centre of i [m], shape (c, 3)."""
+    end: np.ndarray
+    """Centre of j, or contact point at the wall [m], shape (c, 3)."""
+    force: np.ndarray
+    """Force on i [N], shape (c, 3)."""
+    normal_force: np.ndarray
+    """Part of the force along the normal [N], positive when it pushes, shape (c,)."""
+    friction_force: np.ndarray
+    """Rest of the force on i, in the plane of contact [N], shape (c, 3)."""
+    overlap: np.ndarray
+    """Overlap [m], shape (c,)."""
+    sliding: np.ndarray
+    """1 where the friction force has reached the Coulomb limit, else 0, shape (c,), int8."""
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """State of a run at time t_k, ordered by grain id; vectors in frame axes, motion relative to the frame."""
 
@@ -122,6 +152,8 @@ class Snapshot:
     """Grain ids, shape (n,), int64, ascending."""
     type: np.ndarray
     """Material index in the order of the scene, shape (n,), int32."""
+    group: np.ndarray
+    """Number of the group, of those of ``Scene.groups``, shape (n,), int32."""
     radius: np.ndarray
     """Radius [m], shape (n,)."""
     mass: np.ndarray
@@ -138,6 +170,10 @@ class Snapshot:
     """Placement of each wall in frame axes, by wall name."""
     loads: dict[str, WallLoad] = field(default_factory=dict)
     """Load on each wall in frame axes, by wall name; empty when the scene leaves them out."""
+    orientation: np.ndarray | None = None
+    """Unit quaternions (w, x, y, z) from body axes to frame axes, shape (n, 4); None when the scene leaves them out."""
+    contacts: ContactNetwork | None = None
+    """The contacts; None when the scene leaves them out."""
 
 
 @dataclass(frozen=True)
@@ -149,3 +185,5 @@ class WallMesh:
     """Corners [m], shape (v, 3), float64."""
     triangles: np.ndarray
     """Corner numbers of each triangle, shape (t, 3), int32."""
+    infinite: bool = False
+    """Whether this is a patch of a plane without end, cut to what is seen."""

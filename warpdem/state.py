@@ -1,9 +1,17 @@
 """The grains of a run on the device: moving state, constants, and their order in memory."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
+
+
+def unturned(count: int) -> np.ndarray:
+    """Quaternions of grains whose body axes are the frame axes, shape (count, 4)."""
+    return np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
 
 
 class State:
@@ -14,12 +22,18 @@ class State:
         inverse: 1/m [1/kg] and 1/I [1/(kg m2)], shape (n,) of two numbers.
         id: grain ids, shape (n,), int64.
         kind: material index, shape (n,), int32.
+        group: number of the group, shape (n,), int32, on the host: only results show it.
+        orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
+        energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.budget``), shape (n, width each).
         rank: memory slots in ascending order of id, shape (n,), on the host.
     """
 
-    def __init__(self, start, density: np.ndarray, spins: bool, device) -> None:
+    def __init__(
+        self, start, density: np.ndarray, spins: bool, orientation: bool, device, sums: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
         self.device = device
         self.spins = spins
+        self.sums = sums
         n = len(start.id)
         mass = density[start.type] * (4.0 / 3.0) * np.pi * start.radius**3
         record = np.zeros((n, grain.WIDTH[spins]))
@@ -35,34 +49,54 @@ class State:
         self.inverse = wp.array(inverse, dtype=self._Inverse, device=device)
         self.id = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
         self.kind = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
+        self.group = np.asarray(start.group, dtype=np.int32)
+        self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device) if orientation else None
+        for name, width in sums.items():
+            setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self.rank = np.argsort(self.id.numpy(), kind="stable")
 
     def __len__(self) -> int:
         return self.record.shape[0]
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the device arrays."""
+        return ["record", "inverse", "id", "kind"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
+
+    def by_rank(self) -> dict[str, np.ndarray]:
+        """All arrays by name, in ascending order of id: what ``restore`` takes back."""
+        arrays = {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
+        return {name: values[self.rank] for name, values in arrays.items()}
+
     def add(self, start, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
-        more = State(start, density, self.spins, self.device)
-        for name in ("record", "inverse", "id", "kind"):
+        more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
+        for name in self.names:
             array = getattr(self, name)
             both = np.concatenate([array.numpy(), getattr(more, name).numpy()])
             setattr(self, name, wp.array(both, dtype=array.dtype, device=self.device))
+        self.group = np.concatenate([self.group, more.group])
         self.rank = np.argsort(self.id.numpy(), kind="stable")
 
     def reorder(self, order: np.ndarray) -> None:
         """Put the grains into ``order``: slot s gets what was in slot order[s]."""
-        for name in ("record", "inverse", "id", "kind"):
+        for name in self.names:
             array = getattr(self, name)
             setattr(self, name, wp.array(array.numpy()[order], dtype=array.dtype, device=self.device))
+        self.group = self.group[order]
         self.rank = np.argsort(self.id.numpy(), kind="stable")
 
     def by_id(self, columns: slice | int) -> np.ndarray:
-        """Columns of the record in ascending order of id."""
-        return self.record.numpy()[self.rank][:, columns]
+        """Columns of the record in ascending order of id, a fresh copy."""
+        return self.record.numpy()[self.rank, columns]
 
     def restore(self, data: dict) -> None:
         """Take over the arrays of a checkpoint, which are in order of id."""
-        for name in ("record", "inverse", "id", "kind"):
+        for name in self.names:
             array = getattr(self, name)
-            setattr(self, name, wp.array(data[name], dtype=array.dtype, device=self.device))
+            n = len(data["id"])
+            # a run that kept no orientation, or added nothing up, can start one that does
+            values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
+            setattr(self, name, wp.array(values, dtype=array.dtype, device=self.device))
+        self.group = np.asarray(data["group"], dtype=np.int32)
         self.rank = np.arange(len(self))

@@ -4,7 +4,9 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import barrier
+from warpdem.kernels.budget import Energies, Momenta
 from warpdem.kernels.field import Numbers
+from warpdem.kernels.flow import Plane
 from warpdem.kernels.loop import SPAN
 from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
@@ -15,6 +17,11 @@ from warpdem.threads import ranges
 
 CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
 SCHEDULE_STEPS = 256  # steps whose schedule is made at once
+
+
+def packed(array, dtype):
+    """The same memory as an array of vectors."""
+    return wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=array.device)
 
 
 class Stepper:
@@ -32,6 +39,8 @@ class Stepper:
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(sim.scene), dtype=Numbers, device=device)
         control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
+        planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in sim.scene.measures.flow]
+        control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
@@ -78,14 +87,19 @@ class Stepper:
         sim, loop = self.sim, self.sim.kernels.loop
         lane, lane_int = sim.kernels.pairs.Lane, sim.kernels.pairs.LaneInt
 
-        def packed(array, dtype):
-            return wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=sim.device)
-
         grains, packs = loop.Grains(), loop.Packs()
         grains.record, grains.inverse, grains.kind = sim.state.record, sim.state.inverse, sim.state.kind
+        if sim.plan.orientation:
+            grains.orientation = sim.state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
         grains.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
+        grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
+        for name, dtype in (("energies", Energies), ("momenta", Momenta)):
+            if name in sim.plan.sums:
+                setattr(grains, name, packed(getattr(sim.state, name), dtype))
+        for name in sim.plan.sums.keys() & {"wall_work", "flow"}:
+            setattr(grains, name, getattr(sim.state, name))
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
         packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
@@ -95,6 +109,22 @@ class Stepper:
         rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
         self._arguments, self._arguments_of = (grains, packs, rows), lists.refreshes
         return self._arguments
+
+    def read_sums(self) -> dict[str, np.ndarray]:
+        """What the plan's budgets have added up per grain up to the present instant, in memory order."""
+        sim, n = self.sim, len(self.sim.state)
+        plan = sim.plan
+        out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.sums.items()}
+        if "flow" in out:
+            out["flow"] = sim.state.flow
+        if n and (plan.energy or plan.momentum):
+            base, _ = self.row()
+            grains, _, rows = self.arguments()
+            none = wp.zeros((0, 1), dtype=wp.float64, device=sim.device)
+            energies, momenta = (packed(out.get(k, none), t) for k, t in (("energies", Energies), ("momenta", Momenta)))
+            inputs = [base, grains, rows, self.control, sim.dt, energies, momenta, out.get("wall_work", none)]
+            wp.launch(sim.kernels.loop.read_budget, dim=n, inputs=inputs, device=sim.device)
+        return {name: array.numpy() for name, array in out.items()}
 
     def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, bool]:
         """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces.

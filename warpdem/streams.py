@@ -17,6 +17,7 @@ def representatives(scene) -> Grains0:
     return Grains0(
         id=np.full(n, -1, dtype=np.int64),
         type=np.array([kind for kind, _, _ in rows], dtype=np.int32),
+        group=np.zeros(n, dtype=np.int32),
         radius=np.array([0.5 * d for _, d, _ in rows]).reshape(n),
         position=np.array([0.5 * (np.array(s.box.min) + s.box.max) for _, _, s in rows]).reshape(n, 3),
         velocity=np.array([s.velocity for _, _, s in rows]).reshape(n, 3),
@@ -34,8 +35,10 @@ class Feeder:
         blocked: whether a grain that is due found no room at the last look.
     """
 
-    def __init__(self, stream, scene, dt: float) -> None:
-        self.stream, self.dt = stream, dt
+    def __init__(self, number: int, scene, dt: float) -> None:
+        self.stream = stream = scene.streams[number]
+        self.dt = dt
+        self.group = scene.groups.index(scene.group_names[len(scene.grains) + number])
         self.type = list(scene.materials).index(stream.material)
         self.density = scene.materials[stream.material].density
         self.generator = np.random.default_rng(stream.seed)

@@ -1,22 +1,38 @@
-"""What a run tells at its end, and what ``check`` tells before it."""
+"""What a run tells at its end."""
 
 import hashlib
 import json
-import time
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from warpdem.dimensionless import Turning
+from warpdem.models import is_file
 from warpdem.plan import coefficient_table
+from warpdem.scene_file import place_text
 from warpdem.timestep import contact_time, damped_contact_factor
 
-PROBE_SECONDS = 2.0  # wall time of the short run that ``check`` estimates the whole from
+
+def file_digests(scene) -> dict[str, str]:
+    """SHA-256 of each file that the scene names, models among them, by the key that names it; missing ones are left out."""
+    laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in ("normal", "tangential", "rolling")]
+    laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
+    named = [(place_text(place), scene.resolve(name)) for place, name in scene.files()]
+    named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]
+    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in named if path.is_file()}
 
 
-def scene_hash(scene) -> str:
-    """SHA-256 of the validated scene in SI units: two files that say the same have the same hash."""
-    return hashlib.sha256(json.dumps(scene.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+def scene_hash(scene, files: dict[str, str] | None = None) -> str:
+    """SHA-256 of the validated scene in SI units and of its files: two scenes that say the same have the same hash.
+
+    Args:
+        scene: validated scene.
+        files: its ``file_digests``, if they are known.
+    """
+    table = scene.model_dump(mode="json", exclude={"start": {"checkpoint"}})  # wherever it lies, its contents count
+    data = [table, file_digests(scene) if files is None else files]
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def steps_per_contact(sim) -> float:
@@ -81,49 +97,3 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     table.add_row("state hash", sim.state_hash())
     table.add_row("results", str(folder))
     console.print(table)
-
-
-def describe(sim, probe: bool = True) -> dict:
-    """What ``check`` says: plan, time step with its limits, memory, and a run time estimated from a short probe."""
-    steps = sim.steps_until(sim.scene.time.end)
-    out = {
-        "scene": sim.scene.source,
-        "grains": len(sim.state),
-        "device": str(sim.device),
-        "threads": sim.threads.count,
-        "plan": sim.plan.explain(),
-        "notes": sim.notes,
-        "time_step": sim.dt,
-        "time_step_from": "time.step" if sim.scene.time.step != "auto" else sim.limits.binding,
-        "limits": {**sim.limits.candidates, "stability limit of one impact": sim.limits.stable},
-        "max_speed": sim.limits.max_speed,
-        "steps": steps,
-        "memory_bytes": sim.plan.bytes_per_grain * len(sim.state),
-        "bytes_per_grain": sim.plan.bytes_per_grain,
-    }
-    if probe and len(sim.state):
-        sim.step(1)  # compiles
-        begin, first = time.perf_counter(), sim.step_number
-        while time.perf_counter() - begin < PROBE_SECONDS and sim.step_number - first < steps:
-            sim.step(16)
-        per_step = (time.perf_counter() - begin) / (sim.step_number - first)
-        out["seconds_per_step"] = per_step
-        out["estimated_seconds"] = per_step * steps
-    return out
-
-
-def print_description(data: dict, console: Console) -> None:
-    """``describe`` for people."""
-    console.print(f"[bold]{data['scene']}[/]: {data['grains']} grains on {data['device']}, {data['threads']} threads")
-    for line in data["plan"]:
-        console.print("  " + line)
-    for note in data["notes"]:
-        console.print(f"  note: {note}", markup=False)
-    console.print(f"time step {data['time_step']:.4g} s, from {data['time_step_from']}; {data['steps']} steps")
-    for name, value in data["limits"].items():
-        mark = " <- binds" if name == data["time_step_from"] else ""
-        console.print(f"  {value:.4g} s  {name}{mark}")
-    console.print(f"memory {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
-    if "estimated_seconds" in data:
-        console.print(f"run time about {data['estimated_seconds']:.0f} s ({data['seconds_per_step'] * 1e3:.3g} ms per step, "
-                      f"measured from the start; output not counted)")  # fmt: skip

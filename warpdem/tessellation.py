@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from warpdem.plane_patch import patch
 from warpdem.snapshot import WallMesh
 from warpdem.wall_shapes import Plane, Revolved, Sphere
 
@@ -9,9 +10,24 @@ SECTIONS = 96
 """Facets around: chords leave the circle by 0.05 % of the radius."""
 
 
-def drawn(shape) -> bool:
-    """Whether the shape is drawn: a plane has no size to show."""
-    return shape is not None and not isinstance(shape, Plane)
+def drawings(walls, meshes: dict, positions: np.ndarray) -> list[WallMesh]:
+    """What is drawn of the walls of a scene, each in its body axes.
+
+    Args:
+        walls: The walls of the scene.
+        meshes: Triangles of the mesh walls, by name.
+        positions: Where grains are at the start [m], shape (n, 3): what has no end is drawn around them.
+    """
+    drawn = [WallMesh(name, mesh.vertices, mesh.triangles) for name, mesh in meshes.items()]
+    around = np.concatenate([positions, *(mesh.vertices for mesh in drawn)])
+    drawn += [tessellated(w.name, w.shape, around) for w in walls if isinstance(w.shape, Revolved | Sphere)]
+    around = np.concatenate([positions, *(mesh.vertices for mesh in drawn)])
+    planes = {w.name: (np.array(w.shape.normal), w.shape.offset) for w in walls if isinstance(w.shape, Plane)}
+    motions = {w.name: (w.fixed_to, w.motion) for w in walls}
+    for name, half in planes.items():
+        others = [planes[other] for other in planes if other != name and motions[other] == motions[name]]
+        drawn.append(patch(name, half, others, around))
+    return drawn
 
 
 def tessellated(name: str, shape, around: np.ndarray) -> WallMesh:

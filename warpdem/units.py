@@ -36,7 +36,7 @@ DIMENSIONS = {
     "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa"),
     "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm"),
     "N": Dimension("a force", {"kilogram": 1, "meter": 1, "second": -2}, "2 mN"),
-    "kg/s": Dimension("a drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s"),
+    "kg/s": Dimension("a mass rate or drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s"),
     "C": Dimension("a charge", {"ampere": 1, "second": 1}, "1 nC"),
     "T": Dimension("a magnetic flux density", {"kilogram": 1, "ampere": -1, "second": -2}, "5 mT"),
     "V/m": Dimension("an electric field", {"kilogram": 1, "meter": 1, "ampere": -1, "second": -3}, "10 kV/m"),

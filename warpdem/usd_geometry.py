@@ -8,6 +8,7 @@ mirroring are in X; a transform with time samples is taken at time 0, and ``wall
 there. Physics of bound materials is not read. Primitive shapes are cut into `SEGMENTS` facets round about.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +25,21 @@ AXES = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}
 """Number of the coordinate along each shape's first, second and own axis, sorted so that handedness stays."""
 
 
-def read_triangles(path: Path, prim: str, key: str) -> tuple[np.ndarray, tuple[str, ...]]:
+def read_triangles(
+    path: Path, prim: str, key: str, folders: Sequence[Path] | None = None
+) -> tuple[np.ndarray, tuple[str, ...]]:
     """Corners of all triangles at and below a prim [m], shape (t, 3, 3), float64 of float32, and what was met.
 
     Args:
         path: USD file.
         prim: Path of the prim; "" for the only surface of the stage.
         key: Scene key, for messages.
+        folders: Folders that all files it refers to must lie in; None is no bound.
 
     Raises:
         SceneError: The file cannot be read, there is no such prim, or it holds something that is no surface at rest.
     """
-    said, arrays = usd_stage.ask(path, "geometry", prim, key)
+    said, arrays = usd_stage.ask(path, "geometry", prim, key, folders)
     parts = []
     for number, surface in enumerate(said["surfaces"]):
         held = {name.split(".")[1]: a for name, a in arrays.items() if name.split(".")[0] == str(number)}

@@ -10,6 +10,7 @@ before the first and after the last sample both rest. Samples must therefore be 
 """
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -142,29 +143,32 @@ class SampledMotion:
         return (self.shift + self.centre).astype(float), reach
 
 
-def read(file: Path, prim: str, where: str) -> SampledMotion:
+def read(file: Path, prim: str, where: str, folders: Sequence[Path] | None = None) -> SampledMotion:
     """The motion of a prim.
 
     Args:
         file: USD file.
         prim: path of the prim on the stage.
         where: file and key of the scene, for messages.
+        folders: folders that all files it refers to must lie in; None is no bound.
 
     Raises:
         SceneError: there is no such prim, it has no time samples, or a transform holds scale or shear.
     """
     stamp = file.stat() if file.is_file() else None
-    return _read(file, prim, where, stamp and (stamp.st_mtime_ns, stamp.st_size))
+    return _read(file, prim, where, folders and tuple(folders), stamp and (stamp.st_mtime_ns, stamp.st_size))
 
 
 @functools.lru_cache(maxsize=32)
-def _read(file: Path, prim: str, where: str, stamp: tuple[int, int] | None) -> SampledMotion:
+def _read(
+    file: Path, prim: str, where: str, folders: tuple[Path, ...] | None, stamp: tuple[int, int] | None
+) -> SampledMotion:
     """As `read`; ``stamp`` tells the states of a file apart. A scene asks for each of its motions several times."""
-    said, arrays = usd_stage.ask(file, "motion", prim, where)
+    said, arrays = usd_stage.ask(file, "motion", prim, where, folders)
     up = usd_stage.TO_Z_UP[said["up"]]
     for code, matrix in zip(arrays["codes"], arrays["matrices"], strict=True):
         _check_rigid(matrix[:3, :3], f"{where}.prim = {prim!r}: time code {code:g}")
-    quaternion = np.array([_quaternion(up @ matrix[:3, :3]) for matrix in arrays["matrices"]])
+    quaternion = np.array([quaternion_of(up @ matrix[:3, :3]) for matrix in arrays["matrices"]])
     place = (arrays["matrices"][:, :3, 3] @ up.T).astype(WIDE) * WIDE(said["metres"])
     return _relative(arrays["codes"].astype(WIDE) / WIDE(said["rate"]), quaternion, place)
 
@@ -188,7 +192,7 @@ def _check_rigid(matrix: np.ndarray, where: str) -> None:
         )
 
 
-def _quaternion(matrix: np.ndarray) -> np.ndarray:
+def quaternion_of(matrix: np.ndarray) -> np.ndarray:
     """Unit quaternion, scalar first, of the turn nearest to a matrix, shape (4,), long double."""
     left, _, right = np.linalg.svd(matrix)
     m = left @ right

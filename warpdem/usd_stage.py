@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,17 @@ TO_Z_UP = {"Y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 
 """Turn of a stage's axes to the scene's, z upwards, by its upAxis: Y by 90 degrees about x; exact."""
 
 
-def ask(file: Path, what: str, prim: str, where: str) -> tuple[dict, dict[str, np.ndarray]]:
-    """What a USD file says about a prim at or below ``prim``.
+def ask(
+    file: Path, what: str, about: str, where: str, folders: Sequence[Path] | None = None
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """What a USD file says.
 
     Args:
         file: USD file.
-        what: "geometry" or "motion".
-        prim: Path of the prim; "" for the whole stage.
+        what: "geometry" or "motion" of a prim, or "scene".
+        about: Path of the prim, "" for the whole stage; of a scene the instant of the frame [s], "" for the last.
         where: Source and key of the scene, for messages.
+        folders: Folders that all files it refers to must lie in; None is no bound.
 
     Returns:
         The answer of `warpdem.usd_reader`: numbers and texts (with ``metres`` per unit, ``up`` axis, time codes per
@@ -39,17 +43,18 @@ def ask(file: Path, what: str, prim: str, where: str) -> tuple[dict, dict[str, n
     """
     if not file.is_file():
         raise SceneError(f"{where}: no such USD file: {file}")
+    head = where if where == str(file) else f"{where}: {file.name}"
     limit = TIME_LIMIT + file.stat().st_size / BYTES_PER_SECOND
     # one thread: a file damaged on purpose shall not fill all cores either
     environment = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1"}
-    command = [sys.executable, "-P", usd_reader.__file__, what, str(file), prim]
+    command = [sys.executable, "-P", usd_reader.__file__, what, str(file), about, *map(str, folders or ())]
     try:
         done = subprocess.run(
             command, check=False, capture_output=True, timeout=limit, env=environment, stdin=subprocess.DEVNULL
         )
     except subprocess.TimeoutExpired:
         raise SceneError(
-            f"{where}: {file.name}: reading it took longer than {limit:.3g} s: damaged, or too large"
+            f"{head}: reading it took longer than {limit:.3g} s: damaged, or too large"
         ) from None
     said, arrays = {}, {}
     if done.returncode == 0:
@@ -64,5 +69,5 @@ def ask(file: Path, what: str, prim: str, where: str) -> tuple[dict, dict[str, n
     if said.get("up", "Z") not in TO_Z_UP:
         said["refused"] = f"upAxis = {said['up']!r}, must be Y or Z"
     if "refused" in said:
-        raise SceneError(f"{where}: {file.name}: {said['refused']}")
+        raise SceneError(f"{head}: {said['refused']}")
     return said, arrays

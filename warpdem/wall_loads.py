@@ -11,7 +11,7 @@ at an edge or corner counts for one of the triangles that meet there.
 import numpy as np
 
 from warpdem.kernels import grain
-from warpdem.motion import Rotation
+from warpdem.motion import Rotation, Standing
 from warpdem.snapshot import WallLoad
 
 
@@ -21,8 +21,13 @@ def torque_point(scene, number: int) -> np.ndarray:
     if wall.torque_about is not None:
         return np.array(wall.torque_about)
     around = scene.frame or () if wall.fixed_to == "frame" else ()
-    origins = [motion.origin for motion in (*around, *(wall.motion or ())) if isinstance(motion, Rotation)]
-    return np.array(origins[-1] if origins else (0.0, 0.0, 0.0))
+    point = np.zeros(3)
+    for motion in (*around, *(wall.motion or ())):
+        if isinstance(motion, Rotation):
+            point = np.array(motion.origin)
+        elif isinstance(motion, Standing):
+            point = motion.inverse(point)
+    return point
 
 
 def read_loads(sim) -> dict[str, WallLoad]:

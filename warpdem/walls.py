@@ -25,7 +25,8 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
     for number, wall in enumerate(scene.walls):
         if wall.mesh is not None:
             key = f"{scene.source}: walls[{number}].mesh"
-            mesh = load_mesh(scene.resolve(wall.mesh), wall.scale, wall.rotate, wall.translate, wall.prim, key)
+            file, folders = scene.resolve(wall.mesh), scene.access.folders
+            mesh = load_mesh(file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders)
             if not wall.open:
                 require_closed(mesh, key)
             meshes[wall.name] = mesh

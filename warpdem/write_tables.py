@@ -5,12 +5,12 @@ import json
 import math
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 
-from warpdem.errors import WarpdemError
+from warpdem.errors import OutputError, WarpdemError
 
 
 @contextmanager
@@ -19,13 +19,25 @@ def replaced(path: Path) -> Iterator[Path]:
 
     Readers see the old file or the new one, never half of one, also when the run is killed in between. The suffix
     stays, since the VTK and USD libraries choose the format by it.
+
+    Raises:
+        OutputError: the system refuses to write; the old file is as it was.
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         yield part
         os.replace(part, path)
+    except OSError as error:
+        raise not_written(path, error) from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def not_written(path: Path, error: OSError | None = None) -> OutputError:
+    """The error of a file that cannot be written, with the system's reason if it gave one."""
+    reason = (error.strerror or str(error)) if error else "disk full, or no right to write there?"
+    return OutputError(f"{path}: cannot be written ({reason})")
 
 
 class HistoryWriter:
@@ -57,19 +69,26 @@ class HistoryWriter:
 
         Raises:
             ValueError: The count of numbers is not the count of columns.
+            OutputError: The row cannot be written.
         """
         if len(values) != len(self._columns):
             raise ValueError(f"{self._path}: {len(values)} values for {len(self._columns)} columns")
         if self._file is None:
             self._open(first=float(values[0]))
-        self._table.writerow([_digits(value) for value in values])
-        self._file.flush()
+        try:
+            self._table.writerow([_digits(value) for value in values])
+            self._file.flush()
+        except OSError as error:
+            raise not_written(self._path, error) from error
 
     def close(self) -> None:
         """Close the file; a writer that got no row leaves a header alone."""
         if self._file is None:
             self._open(first=math.inf)
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:
+            raise not_written(self._path, error) from error
 
     def _open(self, first: float) -> None:
         kept = [row for row in self._earlier if float(row[0]) < first]
@@ -79,11 +98,11 @@ class HistoryWriter:
         self._table = csv.writer(self._file, lineterminator="\n")
 
     def _read_rows(self) -> list[list[str]]:
-        with open(self._path, newline="", encoding="utf-8") as file:
-            header, *rows = list(csv.reader(file)) or [self._columns]
+        # a killed run may have left its last row unfinished, cut within its last number
+        whole, _, _ = self._path.read_text(encoding="utf-8", errors="replace").rpartition("\n")
+        header, *rows = list(csv.reader(whole.splitlines())) or [self._columns]
         if header != self._columns:
             raise WarpdemError(f"{self._path}: cannot go on, its columns are {header}; this run writes {self._columns}")
-        # a killed run may have left its last row unfinished
         return [row for row in rows if len(row) == len(header)]
 
 

@@ -1,5 +1,7 @@
 """Results as VTK files: one VTP per frame and body, one PVD that gives them their times; and the way back.
 
+The arrays are those of ``vtk_arrays``; the contact network has files and an index of its own, so that it can be shown or left.
+
 Everything stands in frame axes. The field data of each grain file tell where the frame stood, so that a reader can show
 the laboratory view: x_lab = frame_rotation x + frame_translation (rotation row by row; frame_spin and frame_velocity in
 frame axes; one row of frame_parts for each motion). All numbers are float64: a frame can start a new scene (but holds no
@@ -9,7 +11,7 @@ force, torque [N m] about the point torque_about [m], and power [W] of the whole
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
@@ -18,39 +20,18 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import (
-    FramePose,
-    Part,
-    Placement,
-    RotationPart,
-    SampledPart,
-    Snapshot,
-    TranslationPart,
-    WallLoad,
-    WallMesh,
-)
-from warpdem.write_tables import replaced
+from warpdem.snapshot import ContactNetwork, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
+from warpdem.write_tables import not_written, replaced
 
-INDEX = "result.pvd"
-
-# name in the file (as users of LIGGGHTS and LAMMPS know it), field of the snapshot
-_GRAIN_ARRAYS = {
-    "id": "id",
-    "type": "type",
-    "radius": "radius",
-    "mass": "mass",
-    "v": "velocity",
-    "omega": "spin",
-    "f": "force",
-}
-
+INDEX, CONTACT_INDEX = "result.pvd", "contacts.pvd"
 
 # field data of a wall file: field of its load, name in the file
 _WALL_ARRAYS = {"force": "force", "torque": "torque", "about": "torque_about", "power": "power"}
 
 
 @dataclass(frozen=True)
-class _Entry:
+class Entry:
     """One line of the index."""
 
     time: float
@@ -63,36 +44,46 @@ class VtkWriter:
     """Write ``grains_000000.vtp`` ... and ``wall_NAME_000000.vtp`` ... with ``result.pvd``.
 
     A wall gets a new file when it has moved in frame axes, and in every frame if the snapshots hold its load; otherwise the
-    index repeats the last one.
+    index repeats the last one. With ``contacts`` the contact network is written beside them: ``contacts_000000.vtp`` ... with
+    ``contacts.pvd``.
     """
 
-    def __init__(self, folder: Path, walls: list[WallMesh], *, resume: bool = False):
+    def __init__(self, folder: Path, walls: list[WallMesh], *, contacts: bool = False, resume: bool = False):
         """Prepare the folder.
 
         Args:
             folder: Where the files go; made if it is missing.
             walls: The mesh walls, each in its body axes.
+            contacts: Whether the snapshots hold the contact network.
             resume: Keep the frames of an earlier run that come before the first new one.
         """
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._walls = walls
-        self._entries = _read_index(self._folder / INDEX) if resume and (self._folder / INDEX).exists() else []
+        names = [INDEX, CONTACT_INDEX] if contacts else [INDEX]
+        paths = {name: self._folder / name for name in names}
+        self._entries = {name: read_index(path) if resume and path.exists() else [] for name, path in paths.items()}
         self._frame: int | None = None
         self._wall_files: dict[str, tuple[Placement, str]] = {}
 
     def write(self, snapshot: Snapshot) -> None:
         """Write one frame; when this returns the index holds it."""
         if self._frame is None:
-            self._entries = [entry for entry in self._entries if entry.time < snapshot.time]
-            self._frame = len({entry.time for entry in self._entries})
+            kept = {name: [entry for entry in entries if entry.time < snapshot.time] for name, entries in self._entries.items()}
+            self._entries, self._frame = kept, len({entry.time for entry in kept[INDEX]})
+        if CONTACT_INDEX in self._entries:
+            name = f"contacts_{self._frame:06d}.vtp"
+            save(_contacts_polydata(snapshot.contacts), self._folder / name)
+            self._entries[CONTACT_INDEX].append(Entry(snapshot.time, 0, "contacts", name))
+            write_index(self._folder / CONTACT_INDEX, self._entries[CONTACT_INDEX])
         name = f"grains_{self._frame:06d}.vtp"
-        _save(_grains_polydata(snapshot), self._folder / name)
-        self._entries.append(_Entry(snapshot.time, 0, "grains", name))
+        save(_grains_polydata(snapshot), self._folder / name)
+        entries = self._entries[INDEX]
+        entries.append(Entry(snapshot.time, 0, "grains", name))
         for part, wall in enumerate(self._walls, start=1):
             file = self._write_wall(wall, snapshot.walls[wall.name], snapshot.loads.get(wall.name))
-            self._entries.append(_Entry(snapshot.time, part, wall.name, file))
-        self._write_index()
+            entries.append(Entry(snapshot.time, part, wall.name, file))
+        write_index(self._folder / INDEX, self._entries[INDEX])
         self._frame += 1
 
     def close(self) -> None:
@@ -108,19 +99,21 @@ class VtkWriter:
                 return file
         file = f"wall_{quote(wall.name, safe='')}_{self._frame:06d}.vtp"
         vertices = wall.vertices @ placement.rotation.T + placement.translation
-        _save(_wall_polydata(vertices, wall.triangles, load), self._folder / file)
+        save(_wall_polydata(replace(wall, vertices=vertices), load), self._folder / file)
         self._wall_files[wall.name] = (placement, file)
         return file
 
-    def _write_index(self) -> None:
-        lines = [
-            f'<DataSet timestep="{entry.time!r}" group="{"walls" if entry.part else "grains"}" part="{entry.part}"'
-            f" name={quoteattr(entry.name)} file={quoteattr(entry.file)}/>"
-            for entry in self._entries
-        ]
-        text = "\n".join(['<VTKFile type="Collection" version="0.1">', "<Collection>", *lines, "</Collection>"])
-        with replaced(self._folder / INDEX) as part:
-            part.write_text(f'<?xml version="1.0"?>\n{text}\n</VTKFile>\n', encoding="utf-8")
+
+def write_index(path: Path, entries: list[Entry]) -> None:
+    """Write a PVD file."""
+    lines = [
+        f'<DataSet timestep="{entry.time!r}" group="{"walls" if entry.part else entry.name}" part="{entry.part}"'
+        f" name={quoteattr(entry.name)} file={quoteattr(entry.file)}/>"
+        for entry in entries
+    ]
+    text = "\n".join(['<VTKFile type="Collection" version="0.1">', "<Collection>", *lines, "</Collection>"])
+    with replaced(path) as part:
+        part.write_text(f'<?xml version="1.0"?>\n{text}\n</VTKFile>\n', encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -140,6 +133,10 @@ class Results:
     def walls(self, k: int) -> list[WallMesh]:
         """Mesh walls at frame ``k``, vertices in frame axes."""
         return [read_wall(name, path) for name, path in self.files[k].items() if name]
+
+    def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
+        """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
+        return read_fields(self.files[k][wall])
 
 
 @contextmanager
@@ -166,7 +163,7 @@ def read_results(folder: Path) -> Results:
     if not index.exists():
         raise WarpdemError(f'{folder}: no {INDEX} in this folder; run a scene with "vtk" among its output formats')
     frames: dict[float, dict[str, Path]] = {}
-    for entry in _read_index(index):
+    for entry in read_index(index):
         frames.setdefault(entry.time, {})[entry.name if entry.part else ""] = folder / entry.file
     if not frames:
         raise WarpdemError(f"{index}: holds no frame")
@@ -183,21 +180,9 @@ def read_frame(path: Path) -> Snapshot:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     data = _load(path)
-    field, point = data.GetFieldData(), data.GetPointData()
-
-    def array(group, name: str) -> np.ndarray:
-        values = group.GetArray(name)
-        if values is None:
-            raise WarpdemError(f"{path}: not a grain file of warpdem, array {name!r} is missing")
-        return vtk_to_numpy(values)
-
-    place = (array(field, f"frame_{name}")[0] for name in ("rotation", "translation", "spin", "velocity"))
-    rotation, *vectors = place
-    rows = array(field, "frame_parts") if field.HasArray("frame_parts") else ()  # an inertial frame has none
-    frame = FramePose(rotation.reshape(3, 3), *vectors, tuple(_part(row) for row in rows))
-    grains = {key: array(point, name) for name, key in _GRAIN_ARRAYS.items()}
-    step, time = int(array(field, "step")[0]), float(array(field, "time")[0])
-    return Snapshot(step=step, time=time, frame=frame, position=_points(data), **grains)
+    arrays = ({g.GetArrayName(k): vtk_to_numpy(g.GetArray(k)) for k in range(g.GetNumberOfArrays())} for g in
+              (data.GetPointData(), data.GetFieldData()))  # fmt: skip
+    return snapshot_of(path, _points(data), *arrays)
 
 
 def read_wall(name: str, path: Path) -> WallMesh:
@@ -210,13 +195,31 @@ def read_wall(name: str, path: Path) -> WallMesh:
 
     data = _load(path)
     triangles = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int32)
-    return WallMesh(name, _points(data), triangles)
+    return WallMesh(name, _points(data), triangles, bool(data.GetFieldData().HasArray("infinite")))
 
 
-def _read_index(path: Path) -> list[_Entry]:
+def read_fields(path: Path) -> dict[str, np.ndarray]:
+    """What a file says of each grain or of each triangle, by the name of the array, shapes (n,) or (n, components).
+
+    Raises:
+        WarpdemError: The file is missing or broken.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = _load(path)
+    groups = (data.GetPointData(), data.GetCellData())
+    return {g.GetArrayName(k): vtk_to_numpy(g.GetArray(k)) for g in groups for k in range(g.GetNumberOfArrays())}
+
+
+def read_index(path: Path) -> list[Entry]:
+    """Lines of a PVD file.
+
+    Raises:
+        WarpdemError: It cannot be read.
+    """
     try:
         return [
-            _Entry(float(e.attrib["timestep"]), int(e.attrib["part"]), e.attrib["name"], e.attrib["file"])
+            Entry(float(e.attrib["timestep"]), int(e.attrib["part"]), e.attrib["name"], e.attrib["file"])
             for e in ElementTree.parse(path).iter("DataSet")
         ]
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
@@ -228,52 +231,33 @@ def _grains_polydata(snapshot: Snapshot):
     data = _polydata(snapshot.position)
     # a vertex cell for each grain: without cells ParaView shows nothing
     data.SetVerts(_cells(1, np.arange(count)))
-    for name, key in _GRAIN_ARRAYS.items():
-        _add(data.GetPointData(), name, getattr(snapshot, key))
-    frame = snapshot.frame
-    for name, value in {
-        "time": [float(snapshot.time)],
-        "step": [int(snapshot.step)],
-        "frame_angle": [float(frame.angle)],
-        "frame_rotation": [frame.rotation.ravel()],
-        "frame_translation": [frame.translation],
-        "frame_spin": [frame.spin],
-        "frame_velocity": [frame.velocity],
-    }.items():
-        _add(data.GetFieldData(), name, np.array(value))
-    if frame.parts:
-        _add(data.GetFieldData(), "frame_parts", np.array([_numbers(part) for part in frame.parts]))
+    for name, values in grain_arrays(snapshot).items():
+        add_array(data.GetPointData(), name, values)
+    for name, values in frame_arrays(snapshot).items():
+        add_array(data.GetFieldData(), name, values)
     return data
 
 
-_PARTS = (RotationPart, TranslationPart, SampledPart)
+def _contacts_polydata(network: ContactNetwork):
+    ends, arrays = contact_arrays(network)
+    data = _polydata(ends)
+    data.SetLines(_cells(2, np.arange(len(ends))))
+    for name, values in arrays.items():
+        add_array(data.GetCellData(), name, values)
+    return data
 
 
-def _numbers(part: Part) -> np.ndarray:
-    """A motion as a row of frame_parts: its kind, then its fields one after the other, filled up with zeros, shape (8,)."""
-    row = np.zeros(8)
-    values = np.hstack([_PARTS.index(type(part)), *(getattr(part, f.name) for f in fields(part))])
-    row[: len(values)] = values
-    return row
-
-
-def _part(row: np.ndarray) -> Part:
-    """The motion that a row of frame_parts holds."""
-    kind, numbers = _PARTS[int(row[0])], row[1:]
-    if kind is RotationPart:
-        return RotationPart(numbers[:3], numbers[3:6], float(numbers[6]))
-    return TranslationPart(numbers[:3]) if kind is TranslationPart else SampledPart(numbers[:4], numbers[4:7])
-
-
-def _wall_polydata(vertices: np.ndarray, triangles: np.ndarray, load: WallLoad | None):
-    data = _polydata(vertices)
-    data.SetPolys(_cells(3, triangles))
+def _wall_polydata(wall: WallMesh, load: WallLoad | None):
+    data = _polydata(wall.vertices)
+    data.SetPolys(_cells(3, wall.triangles))
+    if wall.infinite:
+        add_array(data.GetFieldData(), "infinite", np.array([1]))
     if load is not None:
         if len(load.pressure):
-            _add(data.GetCellData(), "force", load.triangle_force)
-            _add(data.GetCellData(), "pressure", load.pressure)
+            add_array(data.GetCellData(), "force", load.triangle_force)
+            add_array(data.GetCellData(), "pressure", load.pressure)
         for name in ("force", "torque", "about", "power"):
-            _add(data.GetFieldData(), _WALL_ARRAYS[name], np.atleast_2d(getattr(load, name)))
+            add_array(data.GetFieldData(), _WALL_ARRAYS[name], np.atleast_2d(getattr(load, name)))
     return data
 
 
@@ -298,7 +282,8 @@ def _cells(size: int, numbers: np.ndarray):
     return cells
 
 
-def _add(group, name: str, values: np.ndarray) -> None:
+def add_array(group, name: str, values: np.ndarray) -> None:
+    """Add an array to point, cell or field data."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
     array = numpy_to_vtk(np.ascontiguousarray(values))
@@ -312,12 +297,12 @@ def _points(data) -> np.ndarray:
     return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64, copy=False).reshape(-1, 3)
 
 
-def _save(data, path: Path) -> None:
+def save(data, path: Path) -> None:
     """Write LZ4-packed blocks: as fast as raw ones and smaller; VTK's default, zlib, takes 15 times as long."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+    from vtkmodules import vtkIOXML
 
     with replaced(path) as part:
-        writer = vtkXMLPolyDataWriter()
+        writer = vtkIOXML.vtkXMLPolyDataWriter() if data.IsA("vtkPolyData") else vtkIOXML.vtkXMLImageDataWriter()
         writer.SetFileName(str(part))
         writer.SetInputData(data)
         writer.SetDataModeToAppended()
@@ -325,7 +310,7 @@ def _save(data, path: Path) -> None:
         writer.SetCompressorTypeToLZ4()
         writer.SetHeaderTypeToUInt64()
         if writer.Write() != 1:
-            raise WarpdemError(f"{path}: cannot be written (disk full, or no right to write there?)")
+            raise not_written(path)
 
 
 def _load(path: Path):

@@ -31,3 +31,8 @@ def build():
         return (wp.vec3d(p[1], p[2], p[3]) - v) * p[0]
 
     return force
+
+
+def rate(mass, p):
+    """Rate of decay |c|/m [1/s], shape (n,), of the velocity of grains of ``mass`` [kg]."""
+    return abs(p[0]) / mass

@@ -12,6 +12,7 @@ grows without bound with the distance; grains of one k and different masses swin
 
 import functools
 
+import numpy as np
 import warp as wp
 from warpdem.kernels.field import Numbers
 
@@ -30,6 +31,11 @@ def build():
         return (wp.vec3d(p[1], p[2], p[3]) - q) * p[0]
 
     return force
+
+
+def rate(mass, p):
+    """Angular frequency of the swing sqrt(|k|/m) [rad/s], shape (n,), of grains of ``mass`` [kg]."""
+    return np.sqrt(abs(p[0]) / mass)
 
 
 def energy(position, mass, radius, p):

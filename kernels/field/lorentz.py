@@ -15,6 +15,7 @@ field's own axes (in frame axes v is relative to the frame). Grains do not act o
 
 import functools
 
+import numpy as np
 import warp as wp
 from warpdem.kernels.field import Numbers
 
@@ -37,6 +38,11 @@ def build():
         return (wp.vec3d(p[4], p[5], p[6]) + wp.cross(v, wp.vec3d(p[1], p[2], p[3]))) * p[0]
 
     return force
+
+
+def rate(mass, p):
+    """Angular velocity of the circle |e B|/m [rad/s], shape (n,), of grains of ``mass`` [kg]."""
+    return np.linalg.norm(p[0] * p[1:4]) / mass
 
 
 def energy(position, mass, radius, p):

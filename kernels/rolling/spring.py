@@ -46,3 +46,8 @@ def build(real):
         return held * (-stiffness) - spin_predicted * viscous, held
 
     return torque
+
+
+def energy(angle, spring):
+    """Energy of rolling springs (1/2) k_r a^2 [J], shape (c,), bent by ``angle`` [rad], shape (c, 3); k_n (mu_r R*)^2 [N m]."""
+    return 0.5 * 2.25 * spring * (angle**2).sum(axis=1)

@@ -17,6 +17,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
+from warpdem.kernels.budget import WallEntry
+from warpdem.kernels.dissipation import PARTS
 from warpdem.kernels.schedule import (
     Placement,
     Row,
@@ -35,12 +37,13 @@ from warpdem.kernels.wall.surface import Surface
 
 @functools.cache
 def build(
-    law, constants, closest_on_feature, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
+    law, dissipation, constants, closest_on_feature, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
     moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 
-    Arguments as in ``pairs.build``; ``closest_on_feature`` of ``feature.build``; ``moving_frame``: the frame moves at all;
+    Arguments as in ``pairs.build``; ``dissipation``: (parts, stored) of ``dissipation.build`` when energies are added up, else
+    None; ``closest_on_feature`` of ``feature.build``; ``moving_frame``: the frame moves at all;
     ``lag``: inertia factor of the rolling model [-]; ``meshes``: some walls are meshes; ``moving``: number of wall motions
     relative to the frame.
     """
@@ -49,6 +52,7 @@ def build(
     Coefficients = wp.types.vector(7, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
     Memory = record.memory_type(history)
+    Parts = wp.types.vector(PARTS, wp.float64)
     Result = record.result_type(rolling)
 
     @wp.struct
@@ -68,7 +72,11 @@ def build(
         # places [generation, grain or slot]: 0 and 1 by turns of step, 2 for the stages within a step
         place_count: wp.array2d(dtype=wp.int32)
         place: wp.array2d(dtype=Memory)
+        # per grain, when energies are added up
+        entry: wp.array(dtype=WallEntry)
+        power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
 
+    parts, stored = dissipation or (None, None)
     find_places = places.build(Rows, closest_on_feature, meshes=meshes, moving=moving, gap=gap)
 
     @wp.func
@@ -100,6 +108,45 @@ def build(
         return found
 
     @wp.func
+    def wall_entry(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
+        """What the grain gets of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
+        pushed = n * p[0]
+        rest = wp.vec3d(p[1], p[2], p[3])
+        slid = rest * p[4]
+        stuck = rest - slid
+        slid_torque = wp.cross(slid, n) * distance
+        stuck_torque = wp.cross(stuck, n) * distance
+        rough = wp.vec3d(p[5], p[6], p[7])
+        return WallEntry(
+            pushed[0], pushed[1], pushed[2], stuck[0], stuck[1], stuck[2], stuck_torque[0], stuck_torque[1],
+            stuck_torque[2], slid[0], slid[1], slid[2], slid_torque[0], slid_torque[1], slid_torque[2], rough[0], rough[1],
+            rough[2], wp.dot(pushed, u), wp.dot(stuck, u), wp.dot(slid, u), wp.dot(rough, w), p[8], p[9], -p[11],
+        )  # fmt: skip
+
+    @wp.func
+    def in_springs(
+        i: int, old: int, radius: wp.float64, inv: Inverse, kind: wp.array(dtype=wp.int32), materials: int,
+        coefficients: wp.array(dtype=Coefficients), surface: Surface, rows: Rows, dt: wp.float64,
+    ) -> wp.float64:  # fmt: skip
+        """Energy in the springs of the places of the step before [J]."""
+        total = wp.float64(0.0)
+        for s in range(rows.first[i], rows.first[i] + rows.place_count[old, i]):
+            place = rows.place[old, s]
+            c = coefficients[0]
+            if wp.static(table):
+                c = coefficients[kind[i] * materials + surface.material[int(place[0])]]
+            stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / inv[0])
+            angle = wp.vec3d()
+            inertia = wp.float64(0.0)
+            if wp.static(rolling):
+                inertia = wp.float64(wp.static(lag)) / inv[1]
+            if wp.static(history == 6):
+                angle = wp.vec3d(place[12], place[13], place[14])
+            spring = wp.vec3d(place[9], place[10], place[11])
+            total += stored(place[1], stiffness, damping, radius, inertia, c, spring, angle, dt) * place[2]
+        return total
+
+    @wp.func
     def touch(
         r: int,  # number in the list of grains that have candidates
         grains: wp.array(dtype=g.Record),
@@ -122,7 +169,17 @@ def build(
         grain_i = grains[i]
         q = g.position(grain_i)
         radius = grain_i[3]
+        inv = inverse[i]
+        entry = WallEntry()
+        if wp.static(parts is not None):
+            for wall in range(rows.power.shape[1]):
+                rows.power[i, wall] = wp.float64(0.0)
+            if wp.static(history > 0):
+                # over all of them: a place may hand its springs on to several, or to none
+                entry[24] = in_springs(i, old, radius, inv, kind, materials, coefficients, surface, rows, dt)
         if find_places(i, q, radius, surface, rows, placements, now_row) == 0:
+            if wp.static(parts is not None):
+                rows.entry[i] = entry
             rows.place_count[new, i] = 0
             rows.load[i] = vec6()
             return wp.float64(0.0), wp.float64(0.0)
@@ -131,7 +188,6 @@ def build(
         share = wp.float64(0.0)
         approach = wp.float64(0.0)
         total = vec6()
-        inv = inverse[i]
         slip_dt = slip_time(state)
         turn = past_turn(state)
         v = g.velocity(grain_i)
@@ -205,6 +261,15 @@ def build(
                     w - w_wall, w_predicted - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle,
                 )  # fmt: skip
                 weight = hit[1]
+                if wp.static(parts is not None):
+                    lossy = parts(
+                        n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
+                        w - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle, force, moment, held, bent,
+                    )  # fmt: skip
+                    entry += wall_entry(n, distance, wall_velocity(now, point), w_wall, lossy) * weight
+                    rows.power[i, wall] = rows.power[i, wall] + weight * (
+                        wp.dot(force, wall_velocity(now, point)) + wp.dot(moment, w_wall)
+                    )
                 force = force * weight
                 torque = moment * weight - wp.cross(n, force) * distance
                 total += vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
@@ -232,6 +297,8 @@ def build(
                 approach = wp.max(approach, -wp.dot(velocity, n))
         rows.place_count[new, i] = count
         rows.load[i] = total
+        if wp.static(parts is not None):
+            rows.entry[i] = entry
         return share, approach
 
     return Rows, touch

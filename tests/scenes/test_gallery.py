@@ -1,0 +1,200 @@
+"""The scenes of the gallery come out as their first lines say: quick forms of each, and each in full (slow)."""
+
+import math
+
+import numpy as np
+import pytest
+from outcomes import (
+    centre_angle,
+    cone_angle,
+    instants,
+    jacobi,
+    mean_angular_velocity,
+    simulation,
+    solid_fraction,
+    surface_curvature,
+    time_in_air,
+)
+
+# --- quick ----------------------------------------------------------------------------------------------------------
+
+
+def test_marbles_are_back_after_seven_half_turns():
+    sim = simulation("disk", "time.step='20 us'")
+    p = sim.particles
+    start, circle = p.position_lab, np.linalg.norm(p.velocity_lab, axis=1) / (2.0 / 7.0 * 20.0)
+    np.testing.assert_allclose(circle, [0.00875, 0.0175, 0.02625, 0.035], rtol=1e-12)
+    sim.run(until=0.5 * sim.scene.time.end)
+    away = np.linalg.norm(sim.particles.position_lab - start, axis=1)
+    np.testing.assert_allclose(away, 2.0 * circle, rtol=0.01)
+    sim.run(until=sim.scene.time.end)
+    assert (np.linalg.norm(sim.particles.position_lab - start, axis=1) < 0.01 * circle).all()
+
+
+def test_drum_starts_alike_in_both_views():
+    # two layers on the wall, while the drum gathers speed; later each contact makes small differences larger
+    few = [f"grains.{k}.fill={{box={{min={low},max={high}}},count=60,diameter='5 mm'}}"
+           for k, (low, high) in enumerate([([-0.04, -0.013, -0.02], [0.04, 0.013, 0.0]),
+                                            ([-0.03, -0.013, -0.039], [0.03, 0.013, -0.022])])]  # fmt: skip
+    turning, resting = simulation("drum", *few), simulation("drum_laboratory", *few)
+    for sim in (turning, resting):
+        sim.run(until=0.04)
+    assert turning.extremes["wall_overlap_share"] > 0.001
+    apart = np.linalg.norm(turning.particles.position_lab - resting.particles.position_lab, axis=1)
+    assert apart.max() < 1e-6 * turning.particles.radius.max()
+
+
+def test_mill_pins_its_balls_when_the_jar_turns_fast():
+    far = away_from_wall("frame.1.rate='900 rpm'", until=0.08, start=0.05)
+    assert far < 0.1
+
+
+def test_bed_stays_on_the_plate_below_the_acceleration_of_gravity():
+    sim = simulation("shaker", "frame.amplitude=[0,0,'2 mm']", "grains.0.fill.box.max=[0.016,0.016,0.016]")
+    time, load = plate_load(sim, until=0.15, start=0.05)
+    expected = 1.0 - 2e-3 * (20.0 * math.pi) ** 2 / 9.81 * np.sin(20.0 * math.pi * time)
+    assert abs(load - expected).max() < 0.1
+    assert abs(load.mean() - 1.0) < 0.02
+
+
+def test_chute_keeps_the_jacobi_integral():
+    loss, count = loss_in_chute(simulation("turning_chute", "streams.0.count_rate=120"), until=0.26)
+    assert count >= 5
+    assert 0.0 < loss < 0.03
+
+
+def test_pile_holds_what_the_stream_brings():
+    sim = simulation("pile", "streams.0.count_rate=400")
+    sim.run(until=0.15)
+    assert abs(len(sim.particles.id) - 60) <= 6
+    assert (sim.particles.position[:, 2] > 0.9 * sim.particles.radius).all()
+
+
+def test_hopper_lets_out_what_it_held():
+    sim = simulation("hopper", "grains.0.fill.region.max=[0.05,0.05,0.02]", "grains.0.fill.solid_fraction=0.3")
+    start = sim.particles.mass.sum()
+    sim.run(until=0.11)
+    count, mass = sim.left["hole"]
+    assert count > 10
+    np.testing.assert_allclose(mass + sim.particles.mass.sum(), start, rtol=1e-12)
+
+
+def test_spinning_grains_move_outwards():
+    sim = simulation("centrifuge", "grains.0.fill.solid_fraction=0.1")
+    start = np.hypot(*sim.particles.position[:, :2].T).mean()
+    sim.run(until=0.08)
+    assert np.hypot(*sim.particles.position[:, :2].T).mean() > 1.1 * start
+    assert np.hypot(*sim.particles.position[:, :2].T).max() < 0.04
+
+
+# --- in full --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_hopper_follows_beverloos_law():
+    sim = simulation("hopper")
+    end, left, bulk = sim.scene.time.end, [], 0.0
+    for k in (1, 2, 3):
+        sim.run(until=0.25 * k * end)
+        left.append((sim.time, sim.left["hole"][1]))
+        if k == 2:
+            bulk = 2500.0 * solid_fraction(sim, 0.015, 0.04, 0.0, 0.038)
+    (t1, m1), (t2, m2), (t3, m3) = left
+    second, third = (m2 - m1) / (t2 - t1), (m3 - m2) / (t3 - t2)
+    assert abs(second / third - 1.0) < 0.1
+    beverloo = 0.58 * bulk * math.sqrt(9.81) * (0.04 - 1.4 * 0.006) ** 2.5
+    assert abs(beverloo - 0.45) < 0.02
+    assert abs(second / beverloo - 1.0) < 0.2
+
+
+@pytest.mark.slow
+def test_drum_flows_alike_in_both_views():
+    mean = []
+    for name in ("drum", "drum_laboratory"):
+        angle = np.array([centre_angle(sim) for sim in instants(simulation(name), 1.2, 0.02, start=0.6)])
+        assert 40.0 < angle.mean() < 47.0
+        assert abs(angle - angle.mean()).max() < 3.0
+        mean.append(angle.mean())
+    assert abs(mean[0] - mean[1]) < 1.5
+
+
+@pytest.mark.slow
+def test_mill_scales_with_its_rate():
+    assert abs(share_of_speed() - 0.43) < 0.04
+    slow = ("gravity=[0,0,0]", "frame.0.rate='150 rpm'", "frame.1.rate='-300 rpm'")
+    assert abs(share_of_speed(*slow, slowness=2.0) - share_of_speed("gravity=[0,0,0]")) < 0.02
+    assert 0.30 < away_from_wall(until=0.3, start=0.1) < 0.45
+    assert away_from_wall("frame.1.rate='900 rpm'", until=0.3, start=0.1) < 0.03
+
+
+@pytest.mark.slow
+def test_shaken_bed_flies_and_lands():
+    sim = simulation("shaker")
+    assert abs(time_in_air(2.0) - 0.74) < 0.01
+    _, load = plate_load(sim, until=0.7, start=0.2)
+    assert abs((load < 0.05).mean() - time_in_air(2.0)) < 0.1
+    assert abs(load.mean() - 1.0) < 0.02
+
+
+@pytest.mark.slow
+def test_centrifuge_makes_a_paraboloid():
+    sim = simulation("centrifuge")
+    sim.run(until=sim.scene.time.end)
+    rate, r = sim.scene.frame[0].rate, 0.03
+    slope = math.degrees(math.atan(2.0 * surface_curvature(sim, 6e-3, 0.034) * r))
+    assert 4.0 < math.degrees(math.atan(rate**2 * r / 9.81)) - slope < 9.0
+    assert abs(mean_angular_velocity(sim)) < 0.01 * rate
+
+
+@pytest.mark.slow
+def test_pile_stands_at_its_angle_of_repose():
+    sim = simulation("pile")
+    sim.run(until=sim.scene.time.end)
+    assert 25.0 < cone_angle(sim) < 33.0
+    assert np.linalg.norm(sim.particles.velocity, axis=1).max() < 5e-3
+    flat = simulation("pile", "pairs.0.rolling_friction=0", "streams.0.until=0.5")
+    flat.run(until=1.0)
+    assert flat.particles.position[:, 2].max() < 0.006
+
+
+@pytest.mark.slow
+def test_chute_in_full():
+    loss, count = loss_in_chute(simulation("turning_chute"), until=0.8)
+    assert count > 20
+    assert 0.0 < loss < 0.03
+
+
+# --- measured by several --------------------------------------------------------------------------------------------
+
+
+def plate_load(sim, until: float, start: float) -> tuple[np.ndarray, np.ndarray]:
+    """Instants [s] and the plate's load over the bed's weight."""
+    weight = 9.81 * sim.particles.mass.sum()
+    rows = [(s.time, -s.wall_loads(lab=True)["plate"].force[2] / weight) for s in instants(sim, until, 5e-4, start)]
+    return np.array(rows).T
+
+
+def away_from_wall(*overrides: str, until: float, start: float) -> float:
+    """Share of balls and instants at which a ball of 4 mm is more than 2 mm off the wall of the mill's jar."""
+    sims = instants(simulation("planetary_mill", *overrides), until, 1e-3, start)
+    away = [np.hypot(s.particles.position[:, 0] - 0.08, s.particles.position[:, 1]) < 0.019 for s in sims]
+    return float(np.mean(away))
+
+
+def share_of_speed(*overrides: str, slowness: float = 1.0) -> float:
+    """Root mean square speed of the mill's balls in its jar, over that of the jar on the disk."""
+    sim = simulation("planetary_mill", *overrides)
+    square = [(s.particles.velocity**2).sum(1).mean() for s in instants(sim, 0.3 * slowness, 1e-3, 0.1 * slowness)]
+    return math.sqrt(np.mean(square)) / (0.08 * sim.scene.frame[0].rate)
+
+
+def loss_in_chute(sim, until: float) -> tuple[float, int]:
+    """Mean loss of the Jacobi integral over the gain in v^2/2, and how many grains have left the chute."""
+    sim.run(until=until)
+    [stream], rate = sim.scene.streams, sim.scene.frame[0].rate
+    centre = 0.5 * (np.array(stream.box.min) + stream.box.max)
+    speed = 0.5 * np.dot(stream.velocity, stream.velocity)
+    start = speed - 0.5 * rate**2 * centre[0] ** 2 + 9.81 * centre[2]
+    out = (sim.particles.position - [0.02, 0.0, 0.0]) @ [math.sqrt(0.5), 0.0, -math.sqrt(0.5)] > 0.305
+    gain = 0.5 * (sim.particles.velocity[out] ** 2).sum(1).mean() - speed
+    return float((start - jacobi(sim)[out].mean()) / gain), int(out.sum())

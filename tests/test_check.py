@@ -1,0 +1,189 @@
+"""What check says: each limit of the time step against its closed form, warnings with numbers, estimates against the run."""
+
+import io
+import json
+import math
+
+import pytest
+import trimesh
+import warp as wp
+from rich.console import Console
+
+from warpdem import Scene, Simulation, advice, check
+from warpdem.runner import run_scene
+from warpdem.timestep import damped_contact_factor
+
+STEP = 1e-5
+FIELDS = [
+    {"model": "harmonic", "parameters": {"stiffness": 2.0}},
+    {"model": "drag", "parameters": {"coefficient": 1e-4}},
+    {"model": "lorentz", "parameters": {"charge": 1e-3, "magnetic": [0, 3, 4]}},
+]
+
+
+def scene(**changes) -> Scene:
+    """Two grains above a floor."""
+    data = {
+        "materials": {"g": {"density": 2500, "young_modulus": 5e6, "poisson_ratio": 0.3}},
+        "contact": {"tangential": "none"},
+        "pairs": [{"materials": ["g", "g"], "restitution": 0.5}],
+        "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 2e-3], [5e-3, 0, 2e-3]]}],
+        "walls": [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
+        "time": {"end": 0.01, "step": STEP, "max_speed": 0.1},
+        "output": {"formats": ["vtk", "usd"], "interval": 2e-3, "picture": False},
+    }
+    return Scene.model_validate(data | changes)
+
+
+def simulation(**changes) -> Simulation:
+    return Simulation(scene(**changes), device="cpu", threads=1)
+
+
+def said(**changes) -> str:
+    return "\n".join(advice.warnings(simulation(**changes)))
+
+
+def test_each_limit_has_its_time_and_the_share_of_the_step():
+    sim = simulation(frame={"axis": [0, 0, 1], "rate": -20.0}, fields=FIELDS)
+    rows = {row["key"]: row for row in advice.limit_rows(sim)}
+    mass = 2500 * 4 / 3 * math.pi * 1e-9
+    fastest = max(math.sqrt(2.0 / mass), 1e-4 / mass, 1e-3 * 5.0 / mass)
+    wanted = {
+        "rayleigh": sim.limits.rayleigh,
+        "contact": sim.limits.contact_time,
+        "packing": sim.limits.packed,
+        "impact": sim.limits.stable,
+        "frame": 1.0 / 20.0,
+        "fields": 1.0 / fastest,
+        "skin": 0.5 * sim.lists.skin / 0.1,
+    }
+    assert rows.pop("travel")["seconds"] is None, "there is no mesh"
+    assert rows.keys() == wanted.keys()
+    for name, seconds in wanted.items():
+        assert rows[name]["seconds"] == pytest.approx(seconds, rel=1e-12), name
+        assert rows[name]["share"] == pytest.approx(STEP / seconds, rel=1e-12), name
+
+
+def test_a_sound_scene_has_no_warnings_and_no_limit_that_is_not_there():
+    sim = simulation()
+    assert advice.warnings(sim) == []
+    assert [row["key"] for row in advice.limit_rows(sim) if row["seconds"] is None] == ["frame", "fields", "travel"]
+
+
+def pairs(restitution):
+    return [{"materials": ["g", "g"], "restitution": restitution}]
+
+
+WARNED = {
+    "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.92 of", "auto"]),
+    "few steps": ({"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}}, ["steps per contact", "28", "at most"]),
+    "soft": ({"time": {"end": 0.01, "step": 1e-6, "max_speed": 4.0}}, ["of the radius", "young_modulus", "max_overlap = 0.1"]),
+    "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),
+    "fields": ({"fields": [{"model": "drag", "parameters": {"coefficient": 1.0}}]}, ["external fields", "0.95 rad per step"]),
+    "restitution": ({"pairs": pairs(0.02)}, ["pairs[0].restitution = 0.02", "0.05 or more"]),
+    "sizes": (
+        {"grains": [{"material": "g", "radii": [1e-3, 2e-2], "positions": [[0, 0, 2e-3], [0.05, 0, 0.03]]}]},
+        ["20 times the smallest, 0.002 m wide"],
+    ),
+    "skin": ({"engine": {"skin": 1.9e-5}}, ["in 9.5 steps", "engine.skin"]),
+}
+
+
+@pytest.mark.parametrize("kind", WARNED)
+def test_warning_names_number_and_remedy(kind):
+    changes, words = WARNED[kind]
+    text = said(**changes)
+    for word in words:
+        assert word in text, text
+
+
+def test_open_mesh_without_borders_is_a_warning(tmp_path):
+    box = trimesh.creation.box((0.02, 0.02, 0.02))
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    box.export(tmp_path / "cup.stl")
+    cup = [{"name": "cup", "material": "g", "mesh": str(tmp_path / "cup.stl"), "open": True}]
+    text = said(walls=cup)
+    for word in ("walls[0].mesh", "open along 0.08 m (4 edges)", "[borders] or [[outlets]]"):
+        assert word in text, text
+    below = {"name": "below", "box": {"min": [-1, -1, -2], "max": [1, 1, -1]}}
+    assert "open along" not in said(walls=cup, outlets=[below])
+
+
+def test_field_without_a_rate_is_a_warning(tmp_path):
+    (tmp_path / "pull.py").write_text("PARAMETERS = {}\n\ndef build():\n    return None\n")
+    parts = scene(fields=[{"model": str(tmp_path / "pull.py")}])
+    sim = simulation()
+    sim.scene = parts
+    assert any("states no rate(mass, p)" in text for text in advice.warnings(sim))
+
+
+def arrays_of(root) -> int:
+    """Bytes of all device arrays that hang on a simulation; views count once."""
+    spans, seen, stack = [], set(), [root]
+    while stack:
+        here = stack.pop()
+        if id(here) in seen:
+            continue
+        seen.add(id(here))
+        if isinstance(here, wp.array):
+            if here.ptr:
+                spans.append((here.ptr, here.ptr + here.size * wp.types.type_size_in_bytes(here.dtype)))
+        elif isinstance(here, dict):
+            stack += here.values()
+        elif isinstance(here, (list, tuple)):
+            stack += here
+        elif type(here).__module__.startswith("warpdem") or "Struct" in type(here).__name__:
+            stack += vars(here).values()
+    total = end = 0
+    for first, last in sorted(spans):
+        total += max(0, last - max(first, end))
+        end = max(end, last)
+    return total
+
+
+@pytest.fixture(scope="module")
+def bed():
+    """343 grains pressed together: a settled bed in small."""
+    at = [[2e-3 * 0.99 * x, 2e-3 * 0.99 * y, 1e-3 + 2e-3 * 0.99 * z] for x in range(7) for y in range(7) for z in range(7)]
+    grains = [{"material": "g", "radius": 1e-3, "positions": at}]
+    return scene(grains=grains, time={"end": 0.004, "step": STEP, "max_speed": 0.1})
+
+
+def test_estimates_are_those_of_the_run(bed, tmp_path, monkeypatch):
+    """Steps, frames and rows exactly; size of the results closely; memory as a settled bed needs it."""
+    monkeypatch.setattr(check, "PROBE_SECONDS", 0.05)
+    data = check.describe(Simulation(bed, device="cpu", threads=1))
+    run_scene(bed, tmp_path, device="cpu", threads=1, quiet=True)
+    frames = list(tmp_path.glob("**/grains_*.vtp"))
+    rows = (tmp_path / "history.csv").read_text().count("\n") - 1
+    assert (data["frames"], data["rows"]) == (len(frames), rows)
+    written = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.suffix in (".vtp", ".usdc"))
+    assert data["output_bytes"] == pytest.approx(written, rel=0.2)
+    sim = Simulation(bed, device="cpu", threads=1)
+    sim.step(20)
+    assert 0.6 < data["memory_bytes"] / arrays_of(sim) < 1.7
+    assert data["settled_seconds"] >= data["estimated_seconds"] >= data["seconds_per_step"] * data["steps"]
+
+
+def test_what_is_said_is_json_and_text(bed):
+    data = check.describe(Simulation(bed, device="cpu", threads=1), probe=False)
+    assert "estimated_seconds" not in data
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    longer = data["steps_per_contact"] * STEP / Simulation(bed, device="cpu", threads=1).limits.contact_time
+    assert longer == pytest.approx(damped_contact_factor(0.5), rel=1e-12)
+    text = io.StringIO()
+    check.print_description(data, Console(file=text, width=200))
+    for word in ("343 grains", "normal: hertz", "left out", "[s]", "Rayleigh time", "none", "steps per contact", "MB"):
+        assert word in text.getvalue(), word
+
+
+def test_the_step_of_auto_knows_the_fields():
+    """The least is 0.1 of the fastest field's own time, when that is the least."""
+    mass = 2500 * 4 / 3 * math.pi * 1e-9
+    for field, rate in zip(FIELDS, (math.sqrt(2.0 / mass), 1e-4 / mass, 5e-3 / mass), strict=True):
+        sim = simulation(fields=[field], time={"end": 0.01, "max_speed": 1e-3})
+        assert sim.limits.field == pytest.approx(0.1 / rate, rel=1e-12)
+        assert sim.dt == min(sim.limits.candidates.values()) <= 0.1 / rate
+    stiff = simulation(fields=[{"model": "drag", "parameters": {"coefficient": 5.0}}], time={"end": 0.01, "max_speed": 1e-3})
+    assert stiff.dt == pytest.approx(0.1 * mass / 5.0, rel=1e-12)
+    assert "external fields" in stiff.limits.binding

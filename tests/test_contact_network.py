@@ -1,0 +1,141 @@
+"""The contact network: what its lines carry is what the grains feel, and VTK shows it."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from pydantic import ValidationError
+
+from warpdem import Scene, Simulation
+from warpdem.contact_network import read_network
+from warpdem.write_vtk import VtkWriter
+
+R, MU = 1e-3, 0.4
+
+
+def simulated(positions, **keys) -> Simulation:
+    grains = {"material": "g", "positions": positions, "radius": R, **keys.pop("grains", {})}
+    scene = {
+        "gravity": [0, 0, -50],
+        "materials": {"g": {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.3}},
+        "contact": {"rolling": "none"},
+        "pairs": [{"materials": ["g", "g"], "restitution": 0.5, "friction": MU}],
+        "grains": [grains],
+        "walls": [
+            {"name": "side", "material": "g", "plane": {"point": [-R, 0, 0], "normal": [1, 0, 0]}},
+            {"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+        ],
+        "time": {"end": 1.0, "step": 2e-5, "max_speed": 0.3},
+        "output": {"contacts": True, "formats": ["vtk"]},
+        **keys,
+    }
+    return Simulation(Scene.model_validate(scene), device="cpu", threads=1)
+
+
+def heap(**keys) -> Simulation:
+    """Grains pressed on the floor and against the side."""
+    cell = np.stack(np.meshgrid(np.arange(3), np.arange(3), np.arange(2), indexing="ij"), axis=-1).reshape(-1, 3)
+    velocities = np.random.default_rng(3).normal(0, 0.02, (18, 3)) - [0.05, 0.0, 0.0]
+    ids = np.random.default_rng(1).permutation(18) + 7
+    sim = simulated(cell * 1.999e-3 + [0, 0, 0.9999e-3], grains={"velocities": velocities, "ids": ids}, **keys)
+    sim.step(60)
+    return sim
+
+
+@pytest.fixture(scope="module")
+def settled():
+    return heap()
+
+
+def test_forces_of_the_lines_are_the_loads_of_the_grains(settled):
+    network, p = read_network(settled), settled.particles
+    total = np.zeros((len(p.id), 3))
+    np.add.at(total, np.searchsorted(p.id, network.i), network.force)
+    pairs = network.j >= 0
+    np.add.at(total, np.searchsorted(p.id, network.j[pairs]), -network.force[pairs])
+    assert pairs.sum() > 10
+    assert set(network.wall[~pairs]) == {0, 1}
+    assert_allclose(total, p.force, atol=1e-12 * np.abs(p.force).max())
+
+
+def test_lines_join_centres_and_end_on_walls(settled):
+    network, p = read_network(settled), settled.particles
+    pairs, floor = network.j >= 0, network.wall == 1
+    assert_array_equal(network.start, p.position[np.searchsorted(p.id, network.i)])
+    assert_allclose(network.end[pairs], p.position[np.searchsorted(p.id, network.j[pairs])], atol=1e-18)
+    assert_allclose(network.end[floor][:, 2], 0.0, atol=1e-18)
+    length = np.linalg.norm(network.end - network.start, axis=1)
+    assert_allclose(length, np.where(pairs, 2 * R, R) - network.overlap, rtol=1e-12)
+    assert (network.i < np.where(pairs, network.j, np.inf)).all()
+
+
+def test_force_is_split_along_and_across_the_line(settled):
+    network = read_network(settled)
+    normal = network.start - network.end
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    size = np.abs(network.force).max()
+    assert_allclose(network.normal_force[:, None] * normal + network.friction_force, network.force, atol=1e-12 * size)
+    assert_allclose(np.einsum("ij,ij->i", network.friction_force, normal), 0.0, atol=1e-12 * size)
+    limit = MU * np.maximum(network.normal_force, 0.0)
+    friction = np.linalg.norm(network.friction_force, axis=1)
+    slides = network.sliding == 1
+    assert 0 < slides.sum() < len(slides)
+    assert_allclose(friction[slides], limit[slides], rtol=1e-9)
+    assert (friction[~slides] <= limit[~slides] + 1e-12 * size).all()
+
+
+@pytest.mark.parametrize(("speed", "sliding"), [(0.2, 1), (0.0, 0)])
+def test_a_grain_pushed_over_the_floor_slides(speed, sliding):
+    overlap = 2e-6
+    sim = simulated([[0.01, 0, R - overlap]], grains={"velocities": [[0, speed, 0]]})
+    sim.step(3)
+    network = read_network(sim)
+    assert (network.i, network.j, network.wall, network.sliding) == ([0], [-1], [1], [sliding])
+    assert_allclose(network.friction_force[0], [0, -MU * network.normal_force[0] * sliding, 0], atol=1e-15)
+
+
+def test_a_contact_across_a_periodic_border_is_a_short_line():
+    side = {"min": 0.0, "max": 0.02, "kind": "periodic"}
+    sim = simulated([[0.0005, 0.01, 0.01], [0.01851, 0.01, 0.01]], walls=[], borders={"x": side}, gravity=[0, 0, 0])
+    network = read_network(sim)
+    assert_allclose(network.end - network.start, [[-0.00199, 0, 0]], atol=1e-15)
+
+
+def test_the_network_does_not_depend_on_the_order_in_memory(settled):
+    other = heap(engine={"skin": 3e-5})
+    assert other.lists.rebuilds != settled.lists.rebuilds
+    first, second = read_network(settled), read_network(other)
+    for name, values in vars(first).items():
+        assert_array_equal(getattr(second, name), values)
+
+
+def test_vtk_reads_the_lines_of_each_frame_with_their_times(tmp_path, settled):
+    import pyvista
+
+    writer = VtkWriter(tmp_path, [], contacts=True)
+    shots = []
+    for _ in range(2):
+        shots.append(settled.snapshot())
+        writer.write(shots[-1])
+        settled.step(20)
+    reader = pyvista.PVDReader(tmp_path / "contacts.pvd")
+    assert reader.time_values == [shot.time for shot in shots]
+    for k, shot in enumerate(shots):
+        reader.set_active_time_point(k)
+        [lines], wanted = reader.read(), shot.contacts
+        assert lines.n_lines == len(wanted.i) > 10
+        ends = lines.points[lines.lines.reshape(-1, 3)[:, 1:]]
+        assert_array_equal(ends, np.stack([wanted.start, wanted.end], axis=1))
+        for name in ("i", "j", "wall", "force", "normal_force", "friction_force", "overlap", "sliding"):
+            assert_array_equal(lines.cell_data[name], getattr(wanted, name))
+
+
+def test_nothing_is_made_when_nobody_asks(settled, tmp_path):
+    sim = simulated([[0.01, 0, R]], output={"formats": ["vtk"]})
+    assert sim.snapshot().contacts is None
+    VtkWriter(tmp_path, []).write(sim.snapshot())
+    assert not list(tmp_path.glob("contacts*"))
+
+
+def test_contacts_without_a_format_that_holds_them_are_refused():
+    with pytest.raises(ValidationError, match='only the formats "vtk" and "vtkhdf" hold contacts'):
+        simulated([[0, 0, R]], output={"contacts": True, "formats": ["usd"]})

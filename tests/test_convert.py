@@ -1,0 +1,182 @@
+"""Scene files from one format to the other and back: the same scene, readable, and nothing overwritten."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from warpdem import Scene, SceneError, load_scene
+from warpdem.cli import app
+from warpdem.convert import convert
+from warpdem.scene_base import FileName
+from warpdem.scene_file import _parts, scene_from_dict
+from warpdem.scene_tables import FILE_KEYS, MODEL_KEYS, relative_to, scene_tables
+from warpdem.write_toml import toml_text
+
+SCENES = Path(__file__).resolve().parent.parent / "scenes"
+ALL = sorted(path for path in SCENES.rglob("*") if path.suffix in (".toml", ".usda"))
+
+
+def plain(scene: Scene) -> dict:
+    """All values of a scene, files by where they are."""
+    data = scene.model_dump(mode="json")
+    for place, name in scene.files():
+        here = data
+        for part in place[:-1]:
+            # one motion may be held as a list of one
+            here = here[part] if isinstance(here, dict) or isinstance(part, int) else here[0][part]
+        here = here[0] if isinstance(here, list) else here
+        here[place[-1]] = str(scene.resolve(name).resolve())
+    return data
+
+
+def there_and_back(scene: Scene, folder: Path) -> list[Scene]:
+    """The scene by way of a text stage, a binary one, and TOML."""
+    (folder / "a.toml").write_text(toml_text(scene_tables(scene, relative_to(folder))), encoding="utf-8")
+    found, options = [], {"allow_paths": [SCENES, folder]}
+    for source, target in (("a.toml", "b.usda"), ("b.usda", "c.usdc"), ("c.usdc", "d.toml")):
+        convert(folder / source, folder / target, **options)
+        found.append(load_scene(folder / target, **options))
+    return [load_scene(folder / "a.toml", **options), *found]
+
+
+@pytest.mark.parametrize("path", ALL, ids=lambda path: path.relative_to(SCENES).as_posix())
+def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
+    scene, options = load_scene(path, allow_paths=[SCENES]), {"allow_paths": [SCENES]}
+    for source, target in ((path, "a.toml"), (tmp_path / "a.toml", "b.usda")):
+        convert(source, tmp_path / target, **options)
+        assert plain(load_scene(tmp_path / target, **options)) == plain(scene)
+
+
+def everything(folder: Path) -> Scene:
+    """A scene with what the gallery lacks: odd names, digits beyond single precision, lists in lists, files."""
+    np.savez(folder / "state.npz", position=[[0.0, 0.0, 0.5]], radius=[0.01])
+    rng = np.random.default_rng(0)
+    return scene_from_dict(
+        {
+            "title": 'a "title"\twith \\ and \x7f and é',
+            "gravity": [0.1, 0.2, -9.80665],
+            "materials": {
+                name: {"density": 2500.0 + 1e-9, "young_modulus": 1e7 / 3.0, "poisson_ratio": 0.3}
+                for name in ("glass bead", "glass_bead", "é", "steel")
+            },
+            "contact": {"rolling": "spring", "torsion": True},
+            "pairs": [
+                {"materials": [a, b], "restitution": 0.1 + 0.2, "friction": 1 / 3, "rolling_friction": 0.1}
+                for k, a in enumerate(names)
+                for b in names[k:]
+            ],
+            "grains": [
+                {"material": "é", "file": "state.npz"},
+                {
+                    "material": "glass bead", "positions": rng.random((3, 3)), "radii": rng.uniform(0.001, 0.002, 3),
+                    "velocities": rng.random((3, 3)), "spins": rng.random((3, 3)), "ids": [7, 2**40, 3], "name": "first layer",
+                },
+                {"material": "steel", "positions": [[2.0, 0.0, 0.0]], "diameters": [0.1 / 3.0]},
+                {
+                    "material": "glass_bead",
+                    "fill": {"box": {"min": [0, 0, 2], "max": [1, 1, 3]}, "count": 3,
+                             "diameter": {"cumulative": [[0.01, 0.0], [0.02, 0.5], [0.03, 1.0]], "by": "mass"}},
+                },
+            ],
+            "walls": [
+                {"name": "a-b", "material": "steel", "plane": {"point": [0, 0, -1], "normal": [1, 2, 3]}},
+                {
+                    "name": "a_b", "material": "steel", "cone": {"apex": [0, 0, -1], "axis": [0, 0, 1], "half_angle": "30 deg"},
+                    "motion": [{"velocity": [0, 0, 0]}, {"axis": [1, 1, 0], "table": [[0.0, 1.0], [0.5, 2.0], [1.0, -1.0]]}],
+                },
+            ],
+            "frame": [
+                {"axis": [0, 0, 1], "schedule": [{"until": 0.5, "rate": [0, "30 rpm"]}, {"rate": "30 rpm"}]},
+                {"axis": [1, 0, 0], "sinusoid": {"amplitude": 2.0, "frequency": "3 Hz"}},
+                {"amplitude": [0.0, 0.1, 0.0], "frequency": 2.0, "phase": 0.1},
+            ],
+            "fields": [{"model": "lorentz", "parameters": {"charge": 1e-9, "magnetic": [0.0, 0.0, 0.1]}}],
+            "borders": {"x": {"min": -3.0, "kind": "open"}, "z": {"min": -4.0, "max": 5.0, "kind": ["open", "stop"]}},
+            "outlets": [{"name": "drain", "box": {"min": [0, 0, -3], "max": [1, 1, -2]}}],
+            "streams": [{"material": "é", "box": {"min": [0, 0, 3], "max": [1, 1, 4]}, "diameter": 0.01, "count_rate": 5}],
+            "time": {"end": 1.0, "step": "auto"},
+            "output": {"formats": []},
+        },
+        folder,
+    )  # fmt: skip
+
+
+names = ("glass bead", "glass_bead", "é", "steel")
+
+
+def test_everything_that_a_scene_can_say_comes_back(tmp_path):
+    scene = everything(tmp_path)
+    others = there_and_back(scene, tmp_path)
+    assert [plain(other) == plain(scene) for other in others] == [True] * 4
+    # other programs see names that USD allows, all different
+    text = (tmp_path / "b.usda").read_text(encoding="utf-8")
+    for part in ('def Material "glass_bead"', 'def Material "glass_bead_2"', 'def "a_b_2"', 'def Points "first_layer"'):
+        assert part in text
+
+
+def test_a_user_can_read_what_is_written(tmp_path):
+    convert(SCENES / "hourglass.toml", tmp_path / "a.toml")
+    text = (tmp_path / "a.toml").read_text()
+    for part in (
+        "\n[materials.grain]\ndensity = 2653.0\n",
+        '\n[[pairs]]\nmaterials = ["grain", "grain"]\n',
+        "region = { min = [-2.0, -2.0, -3.0], max = [2.0, 2.0, 0.0] }\n",
+        "schedule = [\n  { until = 0.1, rate = [0.0, 3.141592653589793] },\n",
+    ):
+        assert part in text
+    rows = toml_text({"grains": [{"positions": np.arange(300.0).reshape(-1, 3).tolist(), "ids": list(range(100))}]})
+    assert "positions = [\n  [0.0, 1.0, 2.0],\n" in rows
+    assert "ids = [\n  0, 1, 2, 3, 4, 5, 6, 7,\n" in rows
+
+
+def test_toml_text_is_toml():
+    tables = {
+        "plain": "", "list": [], "empty": {}, "numbers": [1, -2.5e-300, float("inf"), 1e22], "truth": [True, False],
+        "a b": {"c.d": {"e": 'x"y', "f": [{"g": 1}, {}]}, "long": ["word " * 30, {"a": "b" * 200}]},
+        "tables": [{"a": [{"b": 1, "c": {"d": "e" * 150}}], "z": 1}, {}],
+    }  # fmt: skip
+    assert tomllib.loads(toml_text(tables)) == tables
+    with pytest.raises(TypeError):
+        toml_text({"a": None})
+
+
+def test_every_key_that_names_a_file_is_known():
+    """A new key for a file must be among those that are renamed when a scene goes to another folder."""
+    marker, keys, seen = FileName.__metadata__[0], set(), set()
+
+    def holds(annotation) -> bool:
+        return annotation is marker or any(
+            holds(inner) for inner in (*getattr(annotation, "__metadata__", ()), *getattr(annotation, "__args__", ()))
+        )
+
+    def visit(model: type[BaseModel]) -> None:
+        if model in seen:
+            return
+        seen.add(model)
+        for name, field in model.model_fields.items():
+            if marker in field.metadata or holds(field.annotation):
+                keys.add(name)
+            for part, _ in _parts(field.annotation):
+                visit(part)
+
+    visit(Scene)
+    assert {"mesh", "usd", "file", "normal"} <= keys <= {*FILE_KEYS, *MODEL_KEYS}
+
+
+def test_convert_overwrites_nothing_and_says_what_it_takes(tmp_path, capsys):
+    target = tmp_path / "a.toml"
+    target.write_text("mine")
+    for arguments, part in (
+        ([SCENES / "box_bed.toml", target], "is there already; take another name, or say --overwrite"),
+        ([SCENES / "box_bed.toml", tmp_path / "a.usdz"], "must end in .toml, .usda, .usdc, .usd"),
+        ([SCENES / "box_bed.toml", tmp_path / "no" / "a.usda"], "there is no folder"),
+        ([target, target, "--overwrite"], "is there already; take another name"),
+    ):
+        with pytest.raises(SceneError, match=part):
+            app(["convert", *map(str, arguments)], result_action="return_value")
+    assert target.read_text() == "mine"
+    app(["convert", str(SCENES / "box_bed.toml"), str(target), "--overwrite"], result_action="return_value")
+    assert plain(load_scene(target, allow_paths=[SCENES])) == plain(load_scene(SCENES / "box_bed.toml"))

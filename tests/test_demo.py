@@ -1,0 +1,90 @@
+"""The gallery as it is installed: listed, copied with its files, and run by one command."""
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from warpdem import demo
+from warpdem.errors import OutputError, SceneError
+
+SCENES = Path(__file__).resolve().parent.parent / "scenes"
+
+
+def warpdem(*arguments, cwd):
+    return subprocess.run([sys.executable, "-m", "warpdem", *map(str, arguments)], cwd=cwd, capture_output=True, text=True)
+
+
+def test_gallery_holds_every_scene_with_all_it_must_say():
+    found = demo.gallery()
+    assert list(found) == sorted(path.stem for path in SCENES.glob("*.toml"))
+    for scene in found.values():
+        assert all((scene.about, scene.shown, scene.outcome, scene.takes)), scene.name
+
+
+def test_parts_of_a_header_end_where_the_next_begins(tmp_path):
+    file = tmp_path / "one.toml"
+    file.write_text(
+        "# A ball\n# falls.\n#\n# Shown: gravity, at 1 m:\n# a fall.\n# Must come out, with e = 1: a bounce.\n# Takes: 1 s.\n"
+        "#\n# More.\ntitle = 'x'\n# Shown: not this\n"
+    )
+    assert demo.described(file) == demo.Demo(
+        "one", file, "A ball falls.", "gravity, at 1 m: a fall.", "a bounce.", "1 s"
+    )
+
+
+def test_header_without_a_part_is_refused(tmp_path):
+    file = tmp_path / "one.toml"
+    file.write_text("# A ball.\n#\n# Shown: gravity.\n# Must come out: a bounce.\ntitle = 'x'\n")
+    with pytest.raises(SceneError, match=r'one\.toml: its first comment has no part "Takes: \.\.\."'):
+        demo.described(file)
+
+
+def test_list_names_each_scene_its_outcome_and_time():
+    console = Console(width=150, record=True, file=io.StringIO())
+    demo.print_gallery(console)
+    text = console.export_text()
+    for scene in demo.gallery().values():
+        assert f"\n{scene.name} " in text and scene.takes in text and scene.about in text
+        assert scene.outcome[:30] in text
+    assert len(text.splitlines()) == 1 + 2 * len(demo.gallery())
+
+
+def test_copy_takes_the_scene_and_the_meshes_it_names(tmp_path):
+    file = demo.copy("hopper", tmp_path / "here")
+    assert file == tmp_path / "here" / "hopper.toml"
+    held = {path.relative_to(tmp_path / "here").as_posix() for path in (tmp_path / "here").rglob("*") if path.is_file()}
+    assert held == {"hopper.toml", "meshes/hopper.stl"}
+    assert file.read_bytes() == (SCENES / "hopper.toml").read_bytes()
+
+
+def test_copy_overwrites_nothing_and_knows_its_scenes(tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    with pytest.raises(SceneError, match=r"--out .*mine: is there already; take another folder$"):
+        demo.copy("disk", folder)
+    (folder / "disk.toml").write_text("mine")
+    with pytest.raises(SceneError, match=r"or run what is there: warpdem run .*mine/disk\.toml"):
+        demo.copy("disk", folder)
+    assert (folder / "disk.toml").read_text() == "mine"
+    with pytest.raises(SceneError, match=r'demo "hoper": there is no such scene; did you mean "hopper"\?'):
+        demo.copy("hoper", tmp_path / "other")
+    with pytest.raises(SceneError, match=r'demo "\.\./x": there is no such scene; there are bouncing_sphere, box_bed'):
+        demo.copy("../x", tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+    with pytest.raises(OutputError, match=r"--out .*: cannot be written \(Not a directory\)"):
+        demo.copy("disk", folder / "disk.toml" / "below")
+
+
+def test_command_copies_and_runs(tmp_path):
+    done = warpdem("demo", "two_spheres", "--until", "1e-4", "--set", "output.picture=false", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "must come out: momentum and angular momentum kept" in done.stdout
+    results = tmp_path / "two_spheres" / "results"
+    assert json.loads((results / "run.json").read_text())["status"] == "done"
+    again = warpdem("demo", "two_spheres", cwd=tmp_path)
+    assert again.returncode == 2 and "is there already" in again.stderr and "Traceback" not in again.stderr

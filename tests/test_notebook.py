@@ -1,0 +1,74 @@
+"""What a notebook shows: a picture of a simulation or of results, and a progress bar without widgets."""
+
+import sys
+from io import BytesIO, StringIO
+from types import ModuleType, SimpleNamespace
+
+import imageio.v2 as imageio
+import pytest
+from rich.console import Console
+
+import warpdem
+from warpdem.progress import progress_bar
+from warpdem.write_vtk import VtkWriter
+
+SCENE = {
+    "gravity": [0, 0, 0],
+    "materials": {"g": {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.3}},
+    "contact": {"normal": "hertz", "tangential": "mindlin", "rolling": "none"},
+    "pairs": [{"materials": ["g", "g"], "restitution": 0.5, "friction": 0.5}],
+    "grains": [{"material": "g", "positions": [[0, 0, 0], [0.01, 0, 0]], "radius": 4e-3}],
+    "time": {"end": 1e-3, "step": 1e-5, "max_speed": 1.0},
+}
+
+
+def test_simulation_and_results_show_the_same_picture(tmp_path):
+    sim = warpdem.Simulation(warpdem.Scene.model_validate(SCENE), device="cpu", threads=1)
+    look = {"size": (256, 192), "colour": "id"}
+    shown = warpdem.picture(sim, **look)
+    assert imageio.imread(BytesIO(shown._repr_png_())).shape[:2] == (192, 256)
+    VtkWriter(tmp_path, sim.wall_meshes()).write(sim.snapshot())
+    assert warpdem.picture(tmp_path, **look).png == shown.png
+    assert shown.save(tmp_path / "a.png").read_bytes() == shown.png
+    assert warpdem.picture(sim, size=(256, 192), colour="id", zoom=0.5).png != shown.png
+
+
+def test_what_is_not_there_is_not_there():
+    with pytest.raises(AttributeError, match="no attribute 'pictur'"):
+        warpdem.pictur  # noqa: B018
+
+
+class Display:
+    """Stands for IPython.display: keeps what is shown, and what it is changed to."""
+
+    def __init__(self):
+        self.texts = []
+
+    def display(self, thing, display_id):
+        assert display_id is True
+        return SimpleNamespace(update=self.show)
+
+    def show(self, thing):
+        self.texts.append(thing._repr_mimebundle_([], [])["text/plain"])
+
+
+def test_progress_in_a_notebook_needs_no_widgets(monkeypatch):
+    shown = Display()
+    module = ModuleType("IPython.display")
+    module.display = shown.display
+    monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", module)
+    with progress_bar(Console(force_jupyter=True, file=StringIO()), False, 10) as tell:
+        tell(5, "t = 1 s")
+        tell(10, "t = 2 s")
+    assert "t = 1 s" in shown.texts[0]
+    assert "t = 2 s" in shown.texts[-1]
+    assert shown.texts[0].count("━") > 5  # the bar
+
+
+def test_progress_is_shown_in_a_terminal_and_nowhere_else():
+    for terminal, quiet in ((True, False), (True, True), (False, False)):
+        out = StringIO()
+        with progress_bar(Console(force_terminal=terminal, file=out, width=120), quiet, 10) as tell:
+            tell(5, "half of it")
+        assert ("half of it" in out.getvalue()) == (terminal and not quiet)

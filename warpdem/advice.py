@@ -1,0 +1,166 @@
+"""What in a scene is likely to go wrong or to take long: each with its number and a remedy."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import psutil
+
+from warpdem.impact import stiffness
+from warpdem.models import model
+from warpdem.timestep import FIELD_ANGLE, FRAME_ANGLE, damped_contact_factor
+
+STABLE_SHARE = 0.5
+"""Of the stability limit of one impact: a denser packing has a lower limit."""
+RAYLEIGH_SHARE = 0.2
+CONTACT_STEPS = 28
+"""Steps per contact at which the default scheme returns the restitution within 1e-3."""
+OVERLAP = 0.05
+"""Of the radius: beyond it the volume that overlaps is not small and contacts feel each other."""
+RESTITUTION = 0.05
+"""The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
+SIZE_RATIO = 10.0
+"""Largest over smallest grain: the step is that of the smallest, the reach of the search that of the largest."""
+REBUILD_STEPS = 10.0
+"""Steps in which a grain at the expected speed crosses half the skin."""
+MEMORY_SHARE = 0.8
+
+
+def limit_rows(sim) -> list[dict]:
+    """Each limit of the time step: ``seconds`` [s], the step as a ``share`` of it [-], and the share that "auto" keeps below.
+
+    ``seconds`` and ``share`` are None where nothing limits.
+    """
+    found, speed = sim.limits, sim.limits.max_speed
+    travel = 0.5 * sim.lists.skin / speed if speed > 0 and len(sim.state) else math.inf
+    rows = [
+        ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
+        ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
+        ("packing", "spectral limit of a dense packing", found.packed, 0.5),
+        ("impact", "stability limit of one impact (a longer step is refused)", found.stable, None),
+        ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
+        ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),
+        ("travel", "limit of travel beside meshes (a longer step is refused)", found.travel, 0.5),
+        ("skin", "half the skin of the lists crossed", travel, None),
+    ]
+    return [
+        {
+            "key": key,
+            "name": name,
+            "seconds": value if math.isfinite(value) else None,
+            "share": sim.dt / value if math.isfinite(value) else None,
+            "auto_share": share,
+        }
+        for key, name, value, share in rows
+    ]
+
+
+def warnings(sim) -> list[str]:
+    """What to look at before the run, most dangerous first."""
+    return [*_step(sim), *_impacts(sim), *_restitutions(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
+
+
+def _step(sim) -> Iterator[str]:
+    dt, found = sim.dt, sim.limits
+    if dt > STABLE_SHARE * found.stable:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.stable:.2g} of the stability limit {found.stable:.3g} s of one impact at "
+            f"{found.max_speed:.3g} m/s, and {dt / found.packed:.2g} of that of a dense packing: take at most "
+            f'{STABLE_SHARE * found.packed:.2g} s, or "auto"'
+        )
+    if dt > RAYLEIGH_SHARE * found.rayleigh:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.rayleigh:.2g} of the Rayleigh time {found.rayleigh:.3g} s of the smallest "
+            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {RAYLEIGH_SHARE * found.rayleigh:.2g} s"
+        )
+    steps = found.damped_contact / dt
+    if steps < CONTACT_STEPS:
+        yield (
+            f"{steps:.3g} time steps per contact at {found.max_speed:.3g} m/s, where {CONTACT_STEPS} give the restitution "
+            f"asked for: take a time.step of at most {found.damped_contact / CONTACT_STEPS:.2g} s"
+        )
+    if dt * FRAME_ANGLE > found.frame * FRAME_ANGLE:
+        yield (
+            f"the frame turns by {FRAME_ANGLE * dt / found.frame:.2g} rad per step: contacts are followed in straight lines "
+            f"within a step; take a time.step of at most {found.frame:.2g} s"
+        )
+    if dt > found.field:
+        yield (
+            f"the external fields change the motion by {FIELD_ANGLE * dt / found.field:.2g} rad per step (a drag is unstable "
+            f"beyond 1): take a time.step of at most {found.field:.2g} s"
+        )
+    for i, one in enumerate(sim.scene.fields):
+        if not hasattr(model("field", sim.scene.located(one.model)), "rate"):
+            yield (
+                f"fields[{i}].model = {one.model!r} states no rate(mass, p): the time step does not know it; if the field "
+                "pulls back, brakes or turns, define rate in its file, or give time.step"
+            )
+    skin, speed = sim.lists.skin, found.max_speed
+    if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
+        yield (
+            f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "
+            f"steps, so often they are made anew: take engine.skin = {2 * REBUILD_STEPS * speed * dt:.2g} m, or a smaller step"
+        )
+
+
+def _impacts(sim) -> Iterator[str]:
+    share, speed = sim.limits.overlap, sim.limits.max_speed
+    if share <= OVERLAP:
+        return
+    normal = model("normal", sim.scene.located(sim.scene.contact.normal))
+    constant = stiffness(sim.scene.located(sim.scene.contact.normal), 1.0, 1.0)
+    stiffer = float(normal.energy(share, constant) / normal.energy(OVERLAP, constant))
+    key = "pairs[].stiffness" if sim.scene.contact.normal == "hooke" else "young_modulus"
+    limit = sim.scene.engine.max_overlap
+    stops = f"; over engine.max_overlap = {limit:g} the run stops itself" if share > limit else ""
+    yield (
+        f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: {stiffer:.2g} times "
+        f"the {key} brings that to {OVERLAP:.0%}, at a smaller time step"
+    )
+
+
+def _restitutions(sim) -> Iterator[str]:
+    for i, pair in enumerate(sim.scene.pairs):
+        if pair.restitution < RESTITUTION:
+            longer = damped_contact_factor(pair.restitution)
+            yield (
+                f"pairs[{i}].restitution = {pair.restitution:g}: a contact lasts {longer:.2g} times as long as an undamped one "
+                f"or more, attracts before it opens, and needs a smaller time step: take {RESTITUTION:g} or more"
+            )
+
+
+def _sizes(sim) -> Iterator[str]:
+    radius = sim.expected.radius
+    if len(radius) and radius.max() > SIZE_RATIO * radius.min():
+        yield (
+            f"the largest grain is {radius.max() / radius.min():.3g} times the smallest, {2 * radius.min():.3g} m wide: "
+            "the step is that of the smallest, and the search reaches as far as the largest; leave out the finest grains if "
+            "they do not matter"
+        )
+
+
+def _walls(sim) -> Iterator[str]:
+    radius = sim.expected.radius
+    for number, wall in enumerate(sim.scene.walls):
+        mesh = sim.meshes.get(wall.name)
+        if mesh is None or not mesh.open_edges or not len(radius):
+            continue
+        edges = np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        kinds, count = np.unique(edges, axis=0, return_counts=True)
+        start, stop = mesh.vertices[kinds[count == 1].T]
+        border = float(np.linalg.norm(stop - start, axis=1).sum())
+        smallest = 2.0 * float(radius.min())
+        if smallest < border / math.pi and not (sim.scene.borders or sim.scene.outlets):
+            yield (
+                f"walls[{number}].mesh = {wall.mesh!r} is open along {border:.3g} m ({mesh.open_edges} edges), wide enough for "
+                f"a grain of {smallest:.3g} m: what leaves falls on for ever; close the mesh, or add [borders] or [[outlets]]"
+            )
+
+
+def _machine(sim) -> Iterator[str]:
+    needed, free = sim.plan.bytes_per_grain * len(sim.state), psutil.virtual_memory().available
+    if sim.device.is_cpu and needed > MEMORY_SHARE * free:
+        yield (
+            f"the grains need about {needed / 1e9:.3g} GB and {free / 1e9:.3g} GB are free: take fewer grains, or "
+            'engine.precision = "mixed"'
+        )

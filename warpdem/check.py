@@ -1,0 +1,143 @@
+"""What ``warpdem check`` says before a run: plan, time step against its limits, memory, time and size of results, warnings."""
+
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from warpdem import advice
+from warpdem.runner import SECONDS_PER_CHUNK, Outputs, cadence
+
+PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
+SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
+CONTACT_SECONDS = 50e-9  # that one more contact costs per step on one core: 43 to 55 ns in scenes/box_bed.toml as it settles
+
+
+def describe(sim, probe: bool = True, later: Sequence[str] = ()) -> dict:
+    """What is said of a new simulation: numbers, lists and texts, fit for JSON; times in seconds, sizes in bytes.
+
+    Args:
+        sim: simulation that has made no step; the probe advances it.
+        probe: whether to run it for `PROBE_SECONDS`, and to write a frame, for the estimates.
+        later: names of the phases that follow it, of which nothing is known before it has run.
+    """
+    scene, found = sim.scene, sim.limits
+    steps = sim.steps_until(scene.time.end)
+    out = {
+        "scene": scene.source,
+        "title": scene.title,
+        "later_phases": list(later),
+        "grains": len(sim.state),
+        "device": str(sim.device),
+        "threads": sim.threads.count,
+        "plan": sim.plan.explain(),
+        "notes": sim.notes,
+        "time_step": sim.dt,
+        "time_step_from": found.binding if scene.time.step == "auto" else "time.step",
+        "limits": advice.limit_rows(sim),
+        "max_speed": found.max_speed,
+        "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
+        "expected_overlap": found.overlap,
+        "steps": steps,
+        "bytes_per_grain": sim.plan.bytes_per_grain,
+        "memory_bytes": sim.plan.bytes_per_grain * len(sim.state),
+        "warnings": advice.warnings(sim),
+    }
+    return {**out, **_probed(sim, steps)} if probe and len(sim.state) else out
+
+
+def _probed(sim, steps: int) -> dict:
+    """Estimates from a short run and one frame of its results."""
+    begin = time.perf_counter()
+    sim.step(1)
+    started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now
+    begin, first, chunk = time.perf_counter(), sim.step_number, 16
+    while (gone := time.perf_counter() - begin) < PROBE_SECONDS and sim.step_number < steps:
+        sim.step(min(chunk, steps - sim.step_number))
+        # as long as those of a run: each call costs as much as some steps of a few grains
+        chunk *= 2 if time.perf_counter() - begin - gone < SECONDS_PER_CHUNK / 2 else 1
+    per_step = (time.perf_counter() - begin) / max(1, sim.step_number - first)
+    frame_every, row_every = cadence(sim, sim.scene.time.end)
+    frames, rows = 2 + (steps - 1) // frame_every, 2 + (steps - 1) // row_every
+    size, frame_seconds, row_seconds = _written(sim)
+    output = frames * frame_seconds + rows * row_seconds
+    contacts = len(sim.contacts().i)
+    to_come = max(0.0, SETTLED * len(sim.state) - contacts) if any(sim.scene.gravity) and sim.device.is_cpu else 0.0
+    estimate = started + per_step * steps + output
+    return {
+        "contacts": contacts,
+        "start_seconds": started,
+        "seconds_per_step": per_step,
+        "output_seconds": output,
+        "estimated_seconds": estimate,
+        "settled_seconds": estimate + steps * to_come * CONTACT_SECONDS / sim.threads.count,
+        "frames": frames,
+        "rows": rows,
+        "output_bytes": frames * size,
+    }
+
+
+def _written(sim) -> tuple[int, float, float]:
+    """Bytes [B] and time [s] of a frame, and time [s] of a row of the history: of the second, a step after the first."""
+    with tempfile.TemporaryDirectory(prefix="warpdem-check-") as folder:
+        outputs = Outputs(sim, Path(folder))
+        sizes, seconds = [], []
+
+        def frame() -> None:
+            outputs.frame()
+            outputs.settle()
+
+        try:
+            for number, act in enumerate((frame, outputs.row) * 2):  # the first of each also writes what does not change
+                if number == 2:
+                    sim.step(1)  # equal arrays would be written once by some formats
+                begin = time.perf_counter()
+                act()
+                seconds.append(time.perf_counter() - begin)
+                sizes.append(sum(path.stat().st_size for path in Path(folder).rglob("*") if path.is_file()))
+        finally:
+            outputs.close()
+    return sizes[2] - sizes[1], seconds[2], seconds[3]
+
+
+def print_description(data: dict, console: Console) -> None:
+    """``describe`` for people."""
+    console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold")
+    for line in data["plan"]:
+        console.print(f"  {line}", markup=False)
+    for note in data["notes"]:
+        console.print(f"  note: {note}", markup=False)
+    console.print(f"time step {data['time_step']:.4g} s, from {data['time_step_from']}; {data['steps']} steps")
+    table = Table("limit", r"\[s]", "step / limit", "auto keeps below", box=None, padding=(0, 2, 0, 2))
+    for row in data["limits"]:
+        seconds, share, allowed = (row[key] for key in ("seconds", "share", "auto_share"))
+        values = [f"{seconds:.4g}", f"{share:.3g}"] if seconds is not None else ["none", "-"]
+        table.add_row(row["name"], *values, f"{allowed:g}" if allowed is not None else "-")
+    console.print(table)
+    if data["steps_per_contact"] is not None:
+        console.print(f"expected at {data['max_speed']:.3g} m/s: {data['steps_per_contact']:.3g} steps per contact, "
+                      f"overlaps up to {data['expected_overlap']:.2%} of the radius")  # fmt: skip
+    console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
+    if "estimated_seconds" in data:
+        console.print(
+            f"run time about {_duration(data['estimated_seconds'])} if it goes on as it starts, with "
+            f"{data['contacts'] / data['grains']:.2g} contacts per grain, {_duration(data['settled_seconds'])} as a settled "
+            f"bed: {data['start_seconds']:.1f} s to start, {data['seconds_per_step'] * 1e3:.3g} ms per step, "
+            f"{data['output_seconds']:.1f} s for output"
+        )
+        console.print(f"results about {data['output_bytes'] / 1e6:.3g} MB: {data['frames']} frames, "
+                      f"{data['rows']} rows of history")  # fmt: skip
+    if data["later_phases"]:
+        later = ", ".join(data["later_phases"])
+        console.print(f"all this is of the first phase; those after it begin with what it leaves: {later}", markup=False)
+    for warning in data["warnings"]:
+        console.print("[bold red]warning[/] ", end="")
+        console.print(warning, markup=False)
+
+
+def _duration(seconds: float) -> str:
+    hours, minutes = int(seconds // 3600), int(seconds % 3600 // 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds % 60:.0f} s" if minutes else f"{seconds:.1f} s"

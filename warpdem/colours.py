@@ -1,0 +1,161 @@
+"""From the values of a field to colours: which field, its title and unit, the range of the scale bar."""
+
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import Normalize
+
+from warpdem.errors import WarpdemError
+from warpdem.snapshot import FramePose
+
+CATEGORIES = "#4477aa #ee6677 #228833 #ccbb44 #66ccee #aa3377 #ee8866 #44bb99 #bbcc33 #999999".split()
+"""Colours of kinds that have no order (Tol, colour schemes, 2021: told apart also by the colour-blind)."""
+_SHORT = {"speed": "v", "spin": "omega", "force": "f", "size": "radius", "speed_lab": "v"}
+"""What users ask for, and the array that holds it."""
+_MEANING = {
+    "v": ("velocity", "m/s"),
+    "omega": ("spin", "rad/s"),
+    "f": ("contact force", "N"),
+    "radius": ("radius", "m"),
+    "mass": ("mass", "kg"),
+    "id": ("grain id", ""),
+    "type": ("material", ""),
+    "group": ("group", ""),
+    "pressure": ("pressure", "Pa"),
+    "force": ("force", "N"),
+}
+_RELATIVE = ("v", "omega")
+"""Arrays that are relative to the frame."""
+_KINDS = ("type", "group")
+_TAIL = 0.995
+"""Share of the values that the range holds: a few grains in free fall must not leave one colour for all others."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity that colours grains or triangles."""
+
+    name: str
+    """What the user calls it."""
+    array: str
+    """Array that holds it."""
+    component: str
+    """x, y or z; empty for the length of a vector and for plain numbers."""
+
+    @property
+    def is_kind(self) -> bool:
+        """Whether values are kinds without an order."""
+        return self.array in _KINDS
+
+    def values(self, arrays: dict[str, np.ndarray], pose: FramePose | None = None, points: np.ndarray | None = None):
+        """Values of the field, shape (n,).
+
+        Args:
+            arrays: Arrays of the grains or triangles by name.
+            pose: Where the frame stands; only for grains.
+            points: Positions of the grains in frame axes [m], shape (n, 3).
+        """
+        values = arrays[self.array]
+        if self.name.split(".")[0] == "speed_lab":
+            values = values + pose.velocity_at(points)
+        if values.ndim == 1:
+            return values
+        return values[:, "xyz".index(self.component)] if self.component else np.linalg.norm(values, axis=1)
+
+    def title(self, turning: bool) -> str:
+        """Name and unit beside the scale bar; ``turning`` if the frame is not the laboratory."""
+        meaning, unit = _MEANING.get(self.array, (self.array, ""))
+        if self.array == "v" and not self.component:
+            meaning = "speed"
+        elif self.component:
+            meaning += f", {self.component} component"
+        if turning and self.array in _RELATIVE:
+            meaning += " in the laboratory" if self.name.startswith("speed_lab") else " in the frame"
+        return f"{meaning} [{unit}]" if unit else meaning
+
+
+def field_of(name: str, arrays: dict[str, np.ndarray], key: str, whose: str) -> Field:
+    """The field that a user names.
+
+    Args:
+        name: As in ``speed``, ``v`` or ``v.x``.
+        arrays: Arrays there are.
+        key: Choice that held the name, for the message.
+        whose: What the arrays belong to, for the message.
+
+    Raises:
+        WarpdemError: There is no such field; the message lists those there are.
+    """
+    short, _, component = name.partition(".")
+    array = short if key == "wall_colour" else _SHORT.get(short, short)
+    values = arrays.get(array)
+    if values is None or values.dtype.kind not in "fiu" or values.ndim > 2:
+        there = [n for n in (*_SHORT, *arrays) if n in arrays or (key == "colour" and _SHORT.get(n) in arrays)]
+        raise WarpdemError(f"{key} {name!r} is unknown; {whose} have {', '.join(dict.fromkeys(there)) or 'no field'}")
+    if component and (values.ndim != 2 or values.shape[1] != 3 or component not in ("x", "y", "z")):
+        raise WarpdemError(f"{key} {name!r}: only a vector has components, and they are .x, .y and .z")
+    return Field(name, array, component)
+
+
+class Scale:
+    """Range and colour map of one scale bar; first fed with all values that will be shown."""
+
+    def __init__(self, field: Field, colour_map: str | None, given: tuple[float, float] | None) -> None:
+        name = colour_map or ("coolwarm" if field.component else "viridis")
+        if name not in matplotlib.colormaps:
+            raise WarpdemError(
+                f"colour_map {name!r} is unknown; Matplotlib has viridis, plasma, cividis, turbo, coolwarm, gray and others"
+            )
+        self.field, self.map, self._given = field, matplotlib.colormaps[name], given
+        self._least, self._most, self._low, self._high = np.inf, -np.inf, np.inf, -np.inf
+
+    def meet(self, values: np.ndarray) -> None:
+        """Widen the range for values, shape (n,), that will be shown."""
+        if len(values):
+            self._least, self._most = min(self._least, float(values.min())), max(self._most, float(values.max()))
+            low, high = np.quantile(values, [1.0 - _TAIL, _TAIL])
+            self._low, self._high = min(self._low, float(low)), max(self._high, float(high))
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Values at the ends of the bar."""
+        if self._given is not None:
+            return self._given
+        if not np.isfinite(self._least):
+            return 0.0, 1.0
+        if self.field.component:
+            reach = _rounded_up(max(-self._low, self._high)) or 1.0
+            return -reach, reach
+        low, high = (self._least, self._most) if self.field.array in ("radius", "mass", "id") else (self._low, self._high)
+        if low >= 0.0 and (low < 0.5 * high or low == high):
+            return 0.0, _rounded_up(high) or 1.0
+        return (low, high) if high > low else (low, 0.0)
+
+    @property
+    def beyond(self) -> str:
+        """At which ends of the bar values go on beyond it, in Matplotlib's words."""
+        low, high = self.range
+        slack = 1e-9 * (high - low)
+        under, over = self._least < low - slack, self._most > high + slack
+        return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[under, over]
+
+    @property
+    def kinds(self) -> range:
+        """Numbers of the kinds met, for a field of kinds."""
+        return range(int(self._most) + 1) if np.isfinite(self._most) else range(0)
+
+    def colours(self, values: np.ndarray) -> np.ndarray:
+        """Colours of values, shape (n,), as red, green, blue of 0 to 255, shape (n, 3), uint8."""
+        if self.field.is_kind:
+            table = [matplotlib.colors.to_rgb(colour) for colour in CATEGORIES]
+            return np.round(255.0 * np.array(table)).astype(np.uint8)[values.astype(int) % len(table)]
+        return self.map(Normalize(*self.range)(values.astype(float)), bytes=True)[:, :3]
+
+
+def _rounded_up(value: float) -> float:
+    """To two digits, so that the labels of the bar are short."""
+    if value <= 0.0:
+        return 0.0
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return float(np.ceil(value / unit * (1.0 - 1e-12)) * unit)

@@ -1,0 +1,113 @@
+"""The gallery: scenes that are installed with the package, what each says of itself, and copies of them to run.
+
+A scene of the gallery begins with comment lines: a sentence, then what is shown, what must come out, and how long it takes.
+"""
+
+import re
+import shutil
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from rich.console import Console
+
+from warpdem.errors import OutputError, SceneError
+from warpdem.models import nearest
+from warpdem.scene_file import load_scene
+
+PARTS = ("Shown", "Must come out", "Takes")
+"""Words that begin a part of a scene's first comment."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """A scene of the gallery and what its first lines say."""
+
+    name: str
+    file: Path
+    """The installed scene file."""
+    about: str
+    """What it is, in a sentence."""
+    shown: str
+    """What it is an example of."""
+    outcome: str
+    """What must come out."""
+    takes: str
+    """Wall time of a run on two cores, in words."""
+
+
+def gallery() -> dict[str, Demo]:
+    """The installed scenes by name, in alphabetical order.
+
+    Raises:
+        SceneError: A scene lacks one of the parts that its first comment must have.
+    """
+    folder = Path(str(resources.files("warpdem.scenes")))
+    return {file.stem: described(file) for file in sorted(folder.glob("*.toml"))}
+
+
+def described(file: Path) -> Demo:
+    """The scene of a file with the parts of its first comment.
+
+    Raises:
+        SceneError: One of the parts is missing.
+    """
+    text = file.read_text(encoding="utf-8")
+    comment = re.match(r"(?:#.*\n)*", text)[0].replace("\n#", "\n")[1:]
+    # a part ends where the next begins or at an empty line
+    found = {"about": re.split(r"\n\s*\n", comment)[0]}
+    for part in PARTS:
+        match = re.search(rf"^\s*{part}[^:\n]*:(.*?)(?=^\s*(?:{'|'.join(PARTS)})[^:\n]*:|^\s*$|\Z)", comment, re.M | re.S)
+        if match is None:
+            raise SceneError(f'{file}: its first comment has no part "{part}: ..."')
+        found[part] = match[1]
+    words = {key: " ".join(value.split()) for key, value in found.items()}
+    return Demo(file.stem, file, words["about"], words["Shown"], words["Must come out"], words["Takes"].rstrip("."))
+
+
+def copy(name: str, folder: Path) -> Path:
+    """Copy a scene of the gallery and the files it names to a new folder.
+
+    Args:
+        name: Name of the scene.
+        folder: Folder to make.
+
+    Returns:
+        The copied scene file.
+
+    Raises:
+        SceneError: There is no such scene, or the folder exists.
+        OutputError: The folder cannot be written.
+    """
+    scenes = gallery()
+    if name not in scenes:
+        hint = nearest(name, list(scenes)) or f"; there are {', '.join(scenes)}"
+        raise SceneError(f'demo "{name}": there is no such scene{hint} ("warpdem demo" lists them)')
+    file, target = scenes[name].file, folder / f"{name}.toml"
+    if folder.exists():
+        again = f", or run what is there: warpdem run {target}" if target.exists() else ""
+        raise SceneError(f"--out {folder}: is there already; take another folder{again}")
+    named = [Path(path) for _, path in load_scene(file).files()]
+    try:
+        for path in (Path(file.name), *named):
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file.parent / path, folder / path)
+    except OSError as error:
+        raise OutputError(f"--out {folder}: cannot be written ({error.strerror})") from error
+    return target
+
+
+def print_gallery(console: Console) -> None:
+    """Print name and time of each scene, and in a line each what happens and what must come out, cut to the width."""
+    scenes = gallery().values()
+    wide, long = max(len(scene.name) for scene in scenes), max(len(scene.takes) for scene in scenes)
+    console.print("warpdem demo NAME copies a scene to the folder NAME and runs it; here what happens, and what must come out")
+    for scene in scenes:
+        head = f"{scene.name:{wide}}  {scene.takes:{long}}  "
+        for line in (head + scene.about, " " * len(head) + scene.outcome):
+            console.print(line, no_wrap=True, overflow="ellipsis", markup=False)
+
+
+def print_outcome(file: Path, console: Console) -> None:
+    """Print what must come out of a copied scene."""
+    console.print(f"must come out: {described(file).outcome}", markup=False)

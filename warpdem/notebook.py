@@ -1,0 +1,43 @@
+"""Pictures that a notebook shows by itself."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from warpdem.rendering import render
+from warpdem.simulation import Simulation
+from warpdem.write_vtk import VtkWriter
+
+
+class Picture:
+    """A PNG; a notebook shows it when it is the last value of a cell."""
+
+    def __init__(self, png: bytes) -> None:
+        self.png = png
+        """The bytes of the file."""
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def save(self, path: Path | str) -> Path:
+        """Write the file, and return its path."""
+        Path(path).write_bytes(self.png)
+        return Path(path)
+
+
+def picture(source: Simulation | Path | str, *, time: float | None = None, **look) -> Picture:
+    """Picture of a simulation as it stands, or of results in a folder.
+
+    Args:
+        source: The simulation, or the folder of the results.
+        time: Time of the picture [s]; the last one for None. Only of results.
+        **look: Choices of ``warpdem.look.Look``: view, colour, camera, cut and so on.
+
+    Raises:
+        WarpdemError: As ``warpdem.render``.
+    """
+    with TemporaryDirectory() as made:
+        folder = source
+        if isinstance(source, Simulation):
+            folder = Path(made)
+            VtkWriter(folder, source.wall_meshes()).write(source.snapshot())
+        return Picture(render(folder, Path(made) / "picture.png", time=time, **look).read_bytes())
