@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from warpdem.background import Background
 from warpdem.errors import OutputError
+from warpdem.output.background import Background
 
 
 def fail():

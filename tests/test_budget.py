@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation, load_scene
-from warpdem.scene_file import scene_from_dict
+from warpdem.scene.file import scene_from_dict
 from warpdem.summary import steps_per_contact
 
 BOTH = {"energy": True, "momentum": True}

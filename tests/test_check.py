@@ -10,8 +10,8 @@ import warp as wp
 from rich.console import Console
 
 from warpdem import Scene, Simulation, advice, check
+from warpdem.engine.timestep import damped_contact_factor
 from warpdem.runner import run_scene
-from warpdem.timestep import damped_contact_factor
 
 STEP = 1e-5
 FIELDS = [

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import Scene, SceneError, Simulation, checkpoint
+from warpdem import Scene, SceneError, Simulation
+from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
-from warpdem.scene_file import load_scene
+from warpdem.scene.file import load_scene
 
 HOURGLASS = Path(__file__).resolve().parent.parent / "scenes" / "hourglass.toml"
 

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydantic import ValidationError
 
 from warpdem import Scene, Simulation
-from warpdem.contact_network import read_network
-from warpdem.write_vtk import VtkWriter
+from warpdem.measure.contact_network import read_network
+from warpdem.output.write_vtk import VtkWriter
 
 R, MU = 1e-3, 0.4
 

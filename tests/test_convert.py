@@ -9,11 +9,11 @@ from pydantic import BaseModel
 
 from warpdem import Scene, SceneError, load_scene
 from warpdem.cli import app
-from warpdem.convert import convert
-from warpdem.scene_base import FileName
-from warpdem.scene_file import _parts, scene_from_dict
-from warpdem.scene_tables import FILE_KEYS, MODEL_KEYS, relative_to, scene_tables
-from warpdem.write_toml import toml_text
+from warpdem.scene.base import FileName
+from warpdem.scene.convert import convert
+from warpdem.scene.file import _parts, scene_from_dict
+from warpdem.scene.tables import FILE_KEYS, MODEL_KEYS, relative_to, scene_tables
+from warpdem.scene.write_toml import toml_text
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 ALL = sorted(path for path in SCENES.rglob("*") if path.suffix in (".toml", ".usda"))

@@ -8,8 +8,8 @@ import warp as wp
 from warpdem.kernels import packing
 from warpdem.kernels.wall import distance
 
-from warpdem.compiled import compile_plan
-from warpdem.plan import Plan
+from warpdem.engine.compiled import compile_plan
+from warpdem.engine.plan import Plan
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""

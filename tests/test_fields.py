@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.plan import field_numbers
-from warpdem.scene_file import scene_from_dict
+from warpdem.engine.plan import field_numbers
+from warpdem.scene.file import scene_from_dict
 
 RADII = np.array([1e-3, 1.5e-3])
 MASS = 2500.0 * 4.0 / 3.0 * np.pi * RADII**3

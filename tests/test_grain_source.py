@@ -6,14 +6,14 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.geometry import build_mesh
-from warpdem.grain_source import Grains0, check_start, joined, load_grains, read_state
-from warpdem.motion import Rotation
-from warpdem.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
+from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.mesh.geometry import build_mesh
 from warpdem.paths import Access
-from warpdem.scene import Wall
-from warpdem.sizes import DiameterDistribution
-from warpdem.wall_shapes import Plane
+from warpdem.scene.model import Wall
+from warpdem.scene.motion import Rotation
+from warpdem.scene.sizes import DiameterDistribution
+from warpdem.scene.wall_shapes import Plane
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 
 from warpdem import Scene, Simulation
 from warpdem.errors import SceneError
-from warpdem.scene_file import scene_from_dict
+from warpdem.scene.file import scene_from_dict
 
 
 def data(**keys) -> dict:

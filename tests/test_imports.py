@@ -1,6 +1,7 @@
-"""Data flows one way: a file imports only from files before it, and the kernels stand alone."""
+"""Data flows one way: a layer imports only from layers before it, no circle within one, and the kernels stand alone."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -8,35 +9,43 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "warpdem"
 
-ORDER = (
-    "errors", "paths", "snapshot", "rigid", "units", "models", "scene_base", "usd_reader", "usd_stage", "usd_scene", "usd_motion",
-    "motion", "borders", "sizes", "wall_shapes", "scene_grains", "scene_measures", "scene_start", "scene", "scene_file", "demo", "polygons", "mesh_file", "usd_geometry",
-    "mesh_pieces", "mesh_check", "geometry", "threads", "region", "packing", "grain_source", "domain", "streams",
-    "plan", "impact", "travel", "timestep", "compiled", "schedule", "state", "walls", "plane_patch", "tessellation", "neighbours", "stepper",
-    "observers", "budget", "observation", "contact_network", "bulk", "mixing", "measures", "wall_loads", "dimensionless", "summary", "write_tables", "checkpoint", "start", "simulation",
-    "vtk_arrays", "committed_file", "write_vtk", "coarse_grain", "write_grid", "write_vtkhdf", "scene_tables", "write_toml", "write_usd_scene", "write_usd", "convert",
-    "look", "cuts", "camera", "visible", "colours", "legend", "stage", "show", "rendering", "notebook", "progress",
-    "background", "runner", "run_phases", "advice", "check", "cli",
-    "__init__", "__main__",
+LAYERS = (
+    "errors", "threads", "snapshot", "rigid", "progress", "paths", "write_tables",
+    "usd", "scene", "demo", "mesh", "filling", "engine", "measure", "output",
+    "advice", "summary", "simulation", "picture", "notebook", "runner", "check", "run_phases", "cli", "__init__", "__main__",
 )  # fmt: skip
+"""Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
-DRAWING = {"look", "cuts", "camera", "visible", "colours", "legend", "stage", "show", "rendering"}
-RESULTS = {"write_tables", "vtk_arrays", "committed_file", "write_vtk", "write_vtkhdf"}
-RENDER_IMPORTS = {"errors", "snapshot", "plane_patch", *RESULTS}
-"""Files and the formats they are written in; no simulation."""
+RESULTS = {"errors", "snapshot", "write_tables", "mesh.plane_patch"}
+"""What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
-    "write_usd": {"pxr"},
-    "write_usd_scene": {"pxr"},
-    "write_vtk": {"vtk", "pyvista"},
-    "colours": {"matplotlib"},
-    "legend": {"matplotlib"},
-    "stage": {"pyvista", "vtk", "matplotlib"},
-    "show": {"matplotlib"},
-    "rendering": {"imageio", "matplotlib"},
+    "output.write_usd": {"pxr"},
+    "scene.write_usd": {"pxr"},
+    "output.write_vtk": {"vtk", "pyvista"},
+    "picture.colours": {"matplotlib"},
+    "picture.legend": {"matplotlib"},
+    "picture.stage": {"pyvista", "vtk", "matplotlib"},
+    "picture.show": {"matplotlib"},
+    "picture.rendering": {"imageio", "matplotlib"},
 }
 """Files that own a heavy library and are themselves imported only when they are needed."""
+
+
+def module_name(path: Path) -> str:
+    """Name of a file within the package; that of a folder for its ``__init__``."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if len(parts) > 1 and parts[-1] == "__init__" else parts)
+
+
+FILES = {
+    module_name(path): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+    if path.relative_to(PACKAGE).parts[0] not in ("kernels", "scenes")
+}
+KERNEL_FILES = sorted((ROOT / "kernels").rglob("*.py"))
 
 
 def imports(path: Path) -> list[tuple[str, bool]]:
@@ -55,49 +64,57 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: relative import"
-            # "from warpdem import plan" names a file of the package, "from warpdem.plan import Plan" one of its things
-            is_package = node.module in ("warpdem", "warpdem.kernels")
-            names = [f"{node.module}.{alias.name}" for alias in node.names] if is_package else [node.module]
+            # "from warpdem.engine import plan" names a file, "from warpdem.engine.plan import Plan" one of its things
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         found += [(name, node not in lazy) for name in names]
     return found
 
 
-def own_files(path: Path) -> set[str]:
-    """Files of the package that a file imports, by stem."""
-    stems = {name.split(".")[1] for name, _ in imports(path) if name.startswith("warpdem.")}
-    return {stem for stem in stems if stem in ORDER}
+def own_files(name: str) -> set[str]:
+    """Files of the package that a file of it imports."""
+    named = {imported.removeprefix("warpdem.") for imported, _ in imports(FILES[name]) if imported.startswith("warpdem.")}
+    return named & FILES.keys() - {name}
 
 
-FILES = sorted((ROOT / "warpdem").glob("*.py"), key=lambda path: path.stem)
-KERNEL_FILES = sorted((ROOT / "kernels").rglob("*.py"))
+def layer(name: str) -> str:
+    """Layer that a file belongs to."""
+    return name.split(".")[0]
 
 
-def test_order_names_every_file_once():
-    assert sorted(ORDER) == sorted(path.stem for path in FILES)
+def test_layers_name_every_file_once():
+    assert sorted(LAYERS) == sorted({layer(name) for name in FILES})
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_file_imports_only_from_files_before_it(path):
-    later = ORDER[ORDER.index(path.stem) :]
-    assert not own_files(path) & set(later)
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_imports_only_from_its_layer_and_those_before(name):
+    before = LAYERS[: LAYERS.index(layer(name)) + 1]
+    assert {layer(other) for other in own_files(name)} <= set(before)
 
 
-def test_render_reads_files_only():
-    for stem in DRAWING | RENDER_IMPORTS:
-        assert own_files(ROOT / "warpdem" / f"{stem}.py") <= RENDER_IMPORTS | (DRAWING if stem in DRAWING else set())
-        assert "warp" not in {name for name, _ in imports(ROOT / "warpdem" / f"{stem}.py")}
+@pytest.mark.parametrize("folder", [name for name in LAYERS if (PACKAGE / name).is_dir()])
+def test_no_circle_within_a_layer(folder):
+    inside = {name: own_files(name) for name in FILES if layer(name) == folder}
+    graphlib.TopologicalSorter(inside).prepare()
+
+
+def test_pictures_read_files_only():
+    known = {name for name in FILES if layer(name) in ("picture", "output")} | RESULTS
+    for name in FILES:
+        if layer(name) == "picture":
+            assert own_files(name) <= known, name
+            assert "warp" not in {imported for imported, _ in imports(FILES[name])}
 
 
 @pytest.mark.parametrize("path", KERNEL_FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_kernels_stand_alone(path):
     for name, _ in imports(path):
-        assert name.split(".")[0] in KERNEL_IMPORTS or name.startswith("warpdem.kernels."), name
+        assert name.split(".")[0] in KERNEL_IMPORTS or name.startswith("warpdem.kernels"), name
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_heavy_libraries_are_imported_where_they_are_used(path):
-    at_once = {name.split(".")[0] for name, first in imports(path) if first}
-    assert at_once & HEAVY <= HEAVY_OWNERS.get(path.stem, set())
+@pytest.mark.parametrize("name", FILES)
+def test_heavy_libraries_are_imported_where_they_are_used(name):
+    at_once = {imported.split(".")[0] for imported, first in imports(FILES[name]) if first}
+    assert at_once & HEAVY <= HEAVY_OWNERS.get(name, set())
 
 
 def test_importing_warpdem_loads_nothing_heavy():

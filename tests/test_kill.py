@@ -59,7 +59,7 @@ class Runs:
         import vtkmodules.util.numpy_support
         import vtkmodules.vtkIOXML  # noqa: F401
 
-        from warpdem import Simulation, write_usd, write_vtk  # noqa: F401
+        from warpdem import Simulation
 
         sim = Simulation(scene(), device="cpu", threads=1)
         sim.step()
@@ -225,7 +225,7 @@ def stage_values(folder: Path) -> dict:
 
 def temporal_values(folder: Path) -> dict:
     """All that a VTKHDF result gives, by frame and name."""
-    from warpdem.write_vtkhdf import read_vtkhdf
+    from warpdem.output.write_vtkhdf import read_vtkhdf
 
     results = read_vtkhdf(folder)
     values = {"times": results.times}

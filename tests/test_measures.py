@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.bulk import bulk
-from warpdem.coarse_grain import Lattice, coarse_grained
-from warpdem.contact_network import read_network
-from warpdem.mixing import kinds, lacey_index
+from warpdem.measure.bulk import bulk
+from warpdem.measure.coarse_grain import Lattice, coarse_grained
+from warpdem.measure.contact_network import read_network
+from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.runner import run_scene
-from warpdem.scene_file import scene_from_dict
-from warpdem.scene_measures import Region
+from warpdem.scene.file import scene_from_dict
+from warpdem.scene.measures import Region
 
 GRAIN = {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.25}
 MASS = 2500.0 * 4 / 3 * np.pi * 1e-9  # of a grain of 1 mm radius

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.geometry import load_mesh
-from warpdem.mesh_file import read_triangles
+from warpdem.mesh.file import read_triangles
+from warpdem.mesh.geometry import load_mesh
 
 
 def box(size=(1.0, 2.0, 3.0)):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import mesh_pieces
-from warpdem.geometry import build_mesh
+from warpdem.mesh import pieces as mesh_pieces
+from warpdem.mesh.geometry import build_mesh
 
 
 def box(size=(1.0, 2.0, 3.0)):

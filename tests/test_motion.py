@@ -12,9 +12,9 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation as Turn
 
 from warpdem import SceneError
-from warpdem.motion import Chain, Motions, Rotation, Sampled, Standing, Translation
 from warpdem.rigid import PI
-from warpdem.scene_file import scene_from_dict
+from warpdem.scene.file import scene_from_dict
+from warpdem.scene.motion import Chain, Motions, Rotation, Sampled, Standing, Translation
 
 MOTIONS = TypeAdapter(Motions)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.neighbours import morton_order, starts
+from warpdem.engine.neighbours import morton_order, starts
 
 
 def simulate(positions, radii, *, velocities=None, ids=None, skin="auto", threads=1, rolling=0.1, **changes):

@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 import warpdem
+from warpdem.output.write_vtk import VtkWriter
 from warpdem.progress import progress_bar
-from warpdem.write_vtk import VtkWriter
 
 SCENE = {
     "gravity": [0, 0, 0],

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import packing
 from warpdem.errors import SceneError
-from warpdem.geometry import build_mesh, clipped_volume, signed_distance
-from warpdem.packing import fill, filling, pack, worst_overlaps
-from warpdem.region import region
-from warpdem.sizes import DiameterDistribution, size_law
+from warpdem.filling import packing
+from warpdem.filling.packing import fill, filling, pack, worst_overlaps
+from warpdem.filling.region import region
+from warpdem.mesh.geometry import build_mesh, clipped_volume, signed_distance
+from warpdem.scene.sizes import DiameterDistribution, size_law
 from warpdem.threads import Threads
 
 CUBE = np.array([[0.0, 0.0, 0.0], [0.01, 0.01, 0.01]])

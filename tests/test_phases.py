@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from warpdem import SceneError, Simulation, StabilityError, checkpoint
+from warpdem import SceneError, Simulation, StabilityError
+from warpdem.engine import checkpoint
 from warpdem.run_phases import run as run_all
-from warpdem.scene_file import load_scene, scene_from_dict
+from warpdem.scene.file import load_scene, scene_from_dict
 
 STEP = 2e-5
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from warpdem.kernels import grain
 
-from warpdem import Scene, SceneError, Simulation, models, plan
+from warpdem import Scene, SceneError, Simulation
+from warpdem.engine import plan
+from warpdem.scene import models
 
 ROOT = Path(__file__).resolve().parent.parent
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.plane_patch import patch, plane_of
+from warpdem.mesh.plane_patch import patch, plane_of
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpdem.polygons import LARGEST_CONCAVE, triangulate
+from warpdem.mesh.polygons import LARGEST_CONCAVE, triangulate
 
 
 def area(points, triangles):

@@ -11,7 +11,8 @@ import pytest
 from pydantic import BaseModel
 
 import warpdem
-from warpdem import observers, snapshot
+from warpdem import snapshot
+from warpdem.measure import observers
 
 NAMES = [name for name in warpdem.__all__ if name != "__version__"]
 CLASSES = [thing for name in NAMES if inspect.isclass(thing := getattr(warpdem, name))]

@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.geometry import build_mesh, signed_distance
-from warpdem.packing import filling, pack
-from warpdem.region import region
-from warpdem.sizes import size_law
+from warpdem.filling.packing import filling, pack
+from warpdem.filling.region import region
+from warpdem.mesh.geometry import build_mesh, signed_distance
+from warpdem.scene.sizes import size_law
 
 BOX = [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from warpdem.errors import WarpdemError
-from warpdem.legend import bar_width
-from warpdem.plane_patch import patch
-from warpdem.rendering import render
+from warpdem.mesh.plane_patch import patch
+from warpdem.output.write_vtk import VtkWriter
+from warpdem.output.write_vtkhdf import VtkhdfWriter
+from warpdem.picture.legend import bar_width
+from warpdem.picture.rendering import render
+from warpdem.picture.visible import visible
 from warpdem.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
-from warpdem.visible import visible
-from warpdem.write_vtk import VtkWriter
-from warpdem.write_vtkhdf import VtkhdfWriter
 
 SIZE = (400, 400)
 HEIGHT = 1.0  # [m] shown by the parallel camera, so 400 pixels per metre
@@ -382,9 +382,9 @@ def test_hidden_grains_are_left_out_and_no_pixel_changes(tmp_path, monkeypatch):
         return counts[-1]
 
     for camera in ("iso", "front"):
-        monkeypatch.setattr("warpdem.stage.visible", counted)
+        monkeypatch.setattr("warpdem.picture.stage.visible", counted)
         lean = draw(folder, tmp_path / "a.png", camera=camera, colour="id")
-        monkeypatch.setattr("warpdem.stage.visible", lambda position, *_: np.ones(len(position), dtype=bool))
+        monkeypatch.setattr("warpdem.picture.stage.visible", lambda position, *_: np.ones(len(position), dtype=bool))
         np.testing.assert_array_equal(lean, draw(folder, tmp_path / "b.png", camera=camera, colour="id"))
     assert max(shown.mean() for shown in counts) < 0.6
 

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from warpdem import Scene, SceneError, Simulation, StabilityError, checkpoint
+from warpdem import Scene, SceneError, Simulation, StabilityError
+from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
+from warpdem.output.write_vtk import read_results
 from warpdem.runner import check_folder, default_folder, run_scene
 from warpdem.summary import scene_hash, steps_per_contact
-from warpdem.write_vtk import read_results
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
 
@@ -121,7 +122,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim = Simulation(scene(), device="cpu", threads=1)
     assert steps_per_contact(sim) == math.inf
     sim.run(until=6e-3)
-    from warpdem.timestep import contact_time, damped_contact_factor
+    from warpdem.engine.timestep import contact_time, damped_contact_factor
 
     met = sim.extremes
     mass = 2500 * 4 / 3 * math.pi * 1e-9

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from warpdem.scene import Scene
+from warpdem.scene.model import Scene
 
 
 def minimal() -> dict:

@@ -7,7 +7,7 @@ import trimesh
 
 from warpdem.errors import SceneError
 from warpdem.paths import access_of_file
-from warpdem.scene_file import load_scene, scene_from_dict, scene_schema
+from warpdem.scene.file import load_scene, scene_from_dict, scene_schema
 
 SCHEMA = Path(__file__).parents[1] / "scenes" / "scene.schema.json"
 
@@ -306,7 +306,7 @@ def test_folder_and_binary_file_are_no_scenes(scene_path):
 def test_schema_file_is_up_to_date():
     written = json.loads(SCHEMA.read_text())
     assert written == scene_schema(), (
-        "write it anew: python -c 'import json, warpdem.scene_file as s; "
+        "write it anew: python -c 'import json, warpdem.scene.file as s; "
         "print(json.dumps(s.scene_schema(), indent=2))' > scenes/scene.schema.json"
     )
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import Scene, SceneError, Simulation, checkpoint
-from warpdem.motion import Rotation, Standing
+from warpdem import Scene, SceneError, Simulation
+from warpdem.engine import checkpoint
+from warpdem.scene.motion import Rotation, Standing
 
 STEP = 2e-5
 RATE = 30.0

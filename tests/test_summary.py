@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, Simulation
-from warpdem.dimensionless import TurningNumbers, turning_axes
+from warpdem.measure.dimensionless import TurningNumbers, turning_axes
 from warpdem.runner import run_scene
 from warpdem.summary import turning_line
 

@@ -7,9 +7,10 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 
-from warpdem import Scene, SceneError, timestep
-from warpdem.grain_source import load_grains
-from warpdem.impact import impact
+from warpdem import Scene, SceneError
+from warpdem.engine import timestep
+from warpdem.engine.impact import impact
+from warpdem.filling.grain_source import load_grains
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
+from warpdem.engine.travel import CLOSED, OPEN
 from warpdem.errors import SceneError, StabilityError
-from warpdem.travel import CLOSED, OPEN
 
 BOX = str(Path(__file__).resolve().parents[1] / "scenes/meshes/box.stl")
 RADIUS, STEP = 0.02, 1e-3
@@ -31,7 +31,7 @@ def scene(speed, place=(0.0, 0.0, 0.0), **changes):
 
 @pytest.fixture(scope="module")
 def middle():
-    from warpdem.geometry import load_mesh
+    from warpdem.mesh.geometry import load_mesh
 
     return load_mesh(BOX).vertices.mean(axis=0)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from warpdem.units import DIMENSIONS, Array, Quantity, Vector, to_si
+from warpdem.scene.units import DIMENSIONS, Array, Quantity, Vector, to_si
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_wrong_number_is_refused_in_words(value, unit, words):
 
 def test_pint_is_loaded_for_a_string_only():
     code = (
-        "import sys, warpdem.units as u; u.to_si(1.0, 'm'); assert 'pint' not in sys.modules;"
+        "import sys, warpdem.scene.units as u; u.to_si(1.0, 'm'); assert 'pint' not in sys.modules;"
         "u.to_si('1 m', 'm'); assert 'pint' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

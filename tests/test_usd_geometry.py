@@ -11,11 +11,13 @@ import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from rich.console import Console
 
-from warpdem import Scene, SceneError, Simulation, usd_geometry, usd_motion
+from warpdem import Scene, SceneError, Simulation
 from warpdem.check import describe
-from warpdem.geometry import build_mesh, load_mesh
+from warpdem.mesh import usd_geometry
+from warpdem.mesh.geometry import build_mesh, load_mesh
+from warpdem.mesh.usd_geometry import shape_triangles
 from warpdem.runner import run_scene
-from warpdem.usd_geometry import shape_triangles
+from warpdem.usd import motion as usd_motion
 
 MESH = np.array(trimesh.creation.icosphere(subdivisions=1, radius=0.1).triangles, np.float32)
 """Triangles of a ball [m], z upwards; none of its coordinates is special."""

@@ -5,7 +5,8 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 from scipy.spatial.transform import Rotation as Turn
 
-from warpdem import SceneError, usd_motion
+from warpdem import SceneError
+from warpdem.usd import motion as usd_motion
 
 CODES = (10.0, 20.0, 40.0, 50.0)
 ANGLES = (0.0, 90.0, 150.0, 150.0)

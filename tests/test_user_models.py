@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpdem import SceneError, Simulation, models
-from warpdem.impact import impact
-from warpdem.scene_file import scene_from_dict
+from warpdem import SceneError, Simulation
+from warpdem.engine.impact import impact
+from warpdem.scene import models
+from warpdem.scene.file import scene_from_dict
 
 KERNELS = Path(__file__).resolve().parent.parent / "kernels"
 STEP = 1e-5

@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rich.console import Console
 
 from warpdem import Scene, Simulation
+from warpdem.engine.schedule import Schedule
+from warpdem.measure.wall_loads import read_loads, torque_point
+from warpdem.output.write_usd import UsdWriter
+from warpdem.output.write_vtk import VtkWriter
 from warpdem.runner import run_scene
-from warpdem.schedule import Schedule
 from warpdem.snapshot import FramePose, Placement, Snapshot, WallLoad, WallMesh
-from warpdem.wall_loads import read_loads, torque_point
-from warpdem.write_usd import UsdWriter
-from warpdem.write_vtk import VtkWriter
 
 RADIUS = 1e-3
 NAMES = ("force", "torque", "about", "power", "triangle_force", "pressure")

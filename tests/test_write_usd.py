@@ -10,11 +10,11 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpdem import SceneError, Simulation, load_scene
 from warpdem.errors import WarpdemError
+from warpdem.output.write_usd import UsdWriter
+from warpdem.output.write_vtk import VtkWriter, read_results
 from warpdem.runner import run_scene
-from warpdem.scene_file import scene_from_dict
+from warpdem.scene.file import scene_from_dict
 from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
-from warpdem.write_usd import UsdWriter
-from warpdem.write_vtk import VtkWriter, read_results
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 GRAINS = "/World/Frame/Grains"

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from warpdem.errors import WarpdemError
+from warpdem.output.write_vtk import VtkWriter, read_frame, read_results
 from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
-from warpdem.write_vtk import VtkWriter, read_frame, read_results
 
 CUBE = WallMesh(
     "box",

@@ -30,8 +30,8 @@ from rich.console import Console
 from rich.table import Table
 
 import warpdem
-from warpdem.packing import fill
-from warpdem.sizes import DiameterDistribution
+from warpdem.filling.packing import fill
+from warpdem.scene.sizes import DiameterDistribution
 from warpdem.threads import available_threads
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -184,7 +184,7 @@ def mid_discharge(
     start = Start(f"hourglass_{count}", folder / f"hourglass_{count}_{flow:g}.npz", mesh=turned_mesh)
     if not start.file.exists():
         if states is None:
-            from warpdem.geometry import load_mesh
+            from warpdem.mesh.geometry import load_mesh
 
             upper = ((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
             position, radius = fill(load_mesh(turned_mesh), upper, SIZES, seed=1, count=count)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import warpdem
-from warpdem.scene_file import scene_from_dict
+from warpdem.scene.file import scene_from_dict
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes" / "paper"
 COLOURS = 96  # of a picture's palette: small files, and lines still smooth

@@ -11,8 +11,8 @@ warpdem.render("out/hourglass", "film.mp4")             # results in a folder
 from importlib.metadata import version
 
 from warpdem.errors import SceneError, StabilityError, WarpdemError
-from warpdem.scene import Scene
-from warpdem.scene_file import load_scene
+from warpdem.scene.file import load_scene
+from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 
 __version__ = version("warpdem")
@@ -33,7 +33,7 @@ __all__ = [
 def __getattr__(name: str):
     """Import what draws when it is first asked for: its libraries take seconds to load."""
     if name == "render":
-        from warpdem.rendering import render
+        from warpdem.picture.rendering import render
 
         return render
     if name == "picture":

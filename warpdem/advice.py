@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import psutil
 
-from warpdem.impact import stiffness
-from warpdem.models import model
-from warpdem.timestep import FIELD_ANGLE, FRAME_ANGLE, damped_contact_factor
+from warpdem.engine.impact import stiffness
+from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, damped_contact_factor
+from warpdem.scene.models import model
 
 STABLE_SHARE = 0.5
 """Of the stability limit of one impact: a denser packing has a lower limit."""

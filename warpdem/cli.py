@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.errors import WarpdemError
-from warpdem.look import Look
+from warpdem.picture.look import Look
 
 app = App(
     name="warpdem",
@@ -63,7 +63,7 @@ def run(
     """
     from warpdem.run_phases import run as run_all
     from warpdem.runner import check_folder, default_folder
-    from warpdem.scene_file import load_scene
+    from warpdem.scene.file import load_scene
 
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
@@ -95,7 +95,7 @@ def check(
         probe: Measure a few steps for the estimate.
     """
     from warpdem.check import describe, print_description
-    from warpdem.scene_file import load_scene
+    from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
@@ -125,7 +125,7 @@ def convert(
         target: File to write: .toml, .usda, .usdc or .usd.
         overwrite: Allow a target that exists.
     """
-    from warpdem.convert import convert as write
+    from warpdem.scene.convert import convert as write
 
     write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
     Console(highlight=False).print(f"wrote {target}")
@@ -159,7 +159,7 @@ def render(
     """
     from rich.progress import Progress
 
-    from warpdem.rendering import render as draw
+    from warpdem.picture.rendering import render as draw
 
     target = out or folder / "picture.png"
     console = Console(highlight=False)

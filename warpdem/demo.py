@@ -12,8 +12,8 @@ from pathlib import Path
 from rich.console import Console
 
 from warpdem.errors import OutputError, SceneError
-from warpdem.models import nearest
-from warpdem.scene_file import load_scene
+from warpdem.scene.file import load_scene
+from warpdem.scene.models import nearest
 
 PARTS = ("Shown", "Must come out", "Takes")
 """Words that begin a part of a scene's first comment."""

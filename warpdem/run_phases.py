@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 
 from rich.console import Console
 
+from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
 from warpdem.runner import CHECKPOINT, run_scene
-from warpdem.scene import Scene
+from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
-from warpdem.start import started_from
 from warpdem.summary import scene_hash
 from warpdem.write_tables import replaced, write_run_record
 

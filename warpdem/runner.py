@@ -13,15 +13,17 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from warpdem import checkpoint, measures, observation, summary
-from warpdem.background import Background
-from warpdem.dimensionless import Turning, TurningNumbers
+from warpdem import summary
+from warpdem.engine import checkpoint
 from warpdem.errors import OutputError, SceneError, StabilityError
+from warpdem.measure import measures, observation
+from warpdem.measure.dimensionless import Turning, TurningNumbers
+from warpdem.output.background import Background
+from warpdem.output.write_grid import GridWriter
 from warpdem.progress import progress_bar
-from warpdem.scene import Scene
+from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 from warpdem.snapshot import Snapshot, WallMesh
-from warpdem.write_grid import GridWriter
 from warpdem.write_tables import HistoryWriter, write_run_record
 
 HISTORY_COLUMNS = (
@@ -100,14 +102,14 @@ def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resu
         resume: keep the frames of an earlier run that come before the first new one.
     """
     if name == "usd":
-        from warpdem.write_usd import UsdWriter
+        from warpdem.output.write_usd import UsdWriter
 
         return UsdWriter(folder, walls, scene=scene, resume=resume)
     if name == "vtkhdf":
-        from warpdem.write_vtkhdf import VtkhdfWriter
+        from warpdem.output.write_vtkhdf import VtkhdfWriter
 
         return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
-    from warpdem.write_vtk import VtkWriter
+    from warpdem.output.write_vtk import VtkWriter
 
     return VtkWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
 
@@ -275,7 +277,7 @@ def run_scene(
             write_run_record(folder / "run.json", written)
     if scene.output.picture and {"vtk", "vtkhdf"} & set(scene.output.formats):
         with sim.clock("picture"):
-            from warpdem.rendering import render
+            from warpdem.picture.rendering import render
 
             render(folder, folder / "picture.png")
         write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))

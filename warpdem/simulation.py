@@ -11,33 +11,35 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpdem import checkpoint, measures, observation, observers, summary, timestep, wall_loads
-from warpdem.budget import Budget
-from warpdem.compiled import compile_plan
-from warpdem.contact_network import read_network
-from warpdem.domain import Domain
-from warpdem.domain import check as check_domain
+from warpdem import summary
+from warpdem.engine import checkpoint, timestep
+from warpdem.engine.compiled import compile_plan
+from warpdem.engine.domain import Domain
+from warpdem.engine.domain import check as check_domain
+from warpdem.engine.neighbours import Lists
+from warpdem.engine.plan import SIMD_LANES, coefficient_table, make_plan
+from warpdem.engine.schedule import Schedule
+from warpdem.engine.start import Past, started_from
+from warpdem.engine.start import read as read_start
+from warpdem.engine.state import State
+from warpdem.engine.stepper import Stepper
+from warpdem.engine.travel import TravelGuard
+from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters
 from warpdem.errors import SceneError, StabilityError
-from warpdem.grain_source import check_start, joined, load_grains
+from warpdem.filling.grain_source import check_start, joined, load_grains
+from warpdem.filling.streams import Feeder, representatives
 from warpdem.kernels import grain
 from warpdem.kernels.budget import WallEntry
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.places import Hit
-from warpdem.models import model
-from warpdem.neighbours import Lists
-from warpdem.plan import SIMD_LANES, coefficient_table, make_plan
-from warpdem.scene import Scene
-from warpdem.schedule import Schedule
+from warpdem.measure import measures, observation, observers, wall_loads
+from warpdem.measure.budget import Budget
+from warpdem.measure.contact_network import read_network
+from warpdem.mesh.tessellation import drawings
+from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.snapshot import Snapshot, WallLoad, WallMesh
-from warpdem.start import Past, started_from
-from warpdem.start import read as read_start
-from warpdem.state import State
-from warpdem.stepper import Stepper
-from warpdem.streams import Feeder, representatives
-from warpdem.tessellation import drawings
 from warpdem.threads import Threads, available_threads
-from warpdem.travel import TravelGuard
-from warpdem.walls import Walls, load_meshes, mesh_notes, named_diameters
 
 
 class Simulation:

@@ -7,11 +7,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from warpdem.dimensionless import Turning
-from warpdem.models import is_file
-from warpdem.plan import coefficient_table
-from warpdem.scene_file import place_text
-from warpdem.timestep import contact_time, damped_contact_factor
+from warpdem.engine.plan import coefficient_table
+from warpdem.engine.timestep import contact_time, damped_contact_factor
+from warpdem.measure.dimensionless import Turning
+from warpdem.scene.file import place_text
+from warpdem.scene.models import is_file
 
 
 def file_digests(scene) -> dict[str, str]:
@@ -56,7 +56,7 @@ def steps_per_contact(sim) -> float:
 
 
 def turning_line(turning: Turning) -> str:
-    """Rossby and Froude number with what they are made of; see ``warpdem.dimensionless``."""
+    """Rossby and Froude number with what they are made of; see ``warpdem.measure.dimensionless``."""
     numbers = [("Rossby", turning.rossby), ("Froude", turning.froude)]
     told = ", ".join(f"{name} number {value:.3g}" for name, value in numbers if value is not None)
     return (f"{told or 'neither Rossby nor Froude number'}: {turning.axes} at {turning.angular_velocity:.3g} rad/s, "

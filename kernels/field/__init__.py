@@ -1,7 +1,7 @@
 """External fields: forces that the scene imposes on each grain; one file each, the file name is the name in the scene.
 
-A file states ``PARAMETERS``: name -> (unit, numbers, default): the unit as ``warpdem.units`` knows it, 1 or 3 numbers, the
-default or None where the scene must give them; at most ``NUMBERS`` in all. ``build()``, cached, returns
+A file states ``PARAMETERS``: name -> (unit, numbers, default): the unit as in scene files, 1 or 3 numbers, the default or None
+where the scene must give them; at most ``NUMBERS`` in all. ``build()``, cached, returns
 
     force(q, v, mass, radius, time, p) -> F     [m], [m/s], [kg], [m], [s], Numbers -> [N]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpdem.models import model, model_names
+from warpdem.scene.models import model, model_names
 
 SCHEMES = model_names("integrator")
 ORDER_IN_A_FRAME = {  # with the velocity-dependent Coriolis force; None: exact

@@ -4,8 +4,8 @@ import warp as wp
 from warpdem.kernels.wall import plane, revolved, sphere
 from warpdem.kernels.wall.surface import Ball, Revolved
 
-from warpdem.tessellation import tessellated
-from warpdem.wall_shapes import Cone, Cylinder, Plane, Sphere
+from warpdem.mesh.tessellation import tessellated
+from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
 RADIUS = 0.1
 AXIS = (1.0, 2.0, -2.0)

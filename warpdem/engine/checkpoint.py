@@ -1,0 +1,173 @@
+"""Save and resume: a resumed run equals the uninterrupted one bit for bit.
+
+HDF5, float64, written beside its place and moved over it. It holds the moving state, and of every contact the memory and
+the forces of the present instant, keyed by grain ids and walls; lists are made anew, which changes no bit of the result.
+What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.kernels import grain
+from warpdem.paths import Access, access_of_file
+from warpdem.write_tables import replaced
+
+FORMAT = "warpdem checkpoint 4"
+
+
+def save(sim, path: Path) -> None:
+    """Write the present state of ``sim`` to ``path``.
+
+    Raises:
+        OutputError: if the file cannot be written; an older one is as it was.
+    """
+    arrays = _arrays(sim)  # first: it evaluates the forces, where grains may leave
+    image = _image(sim.given_json, json.dumps(_about(sim)), arrays)
+    # the file is made in memory: HDF5 cannot close a file on a full disk
+    with replaced(Path(path)) as part, open(part, "wb") as file:
+        file.write(image)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _about(sim) -> dict:
+    """What a checkpoint holds beside arrays."""
+    scene = sim.scene
+    return {
+        "base": str(scene.base.resolve()),
+        "source": scene.source,
+        "scene_hash": sim.scene_hash,
+        "files": sim.files,
+        "groups": scene.groups,
+        "motions": {
+            "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
+            "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
+        },
+        "places": _places(sim),
+        "step": sim.step_number,
+        "dt": sim.dt,
+        "left": sim.left,
+        "feeders": [feeder.state() for feeder in sim.feeders],
+        "next_id": sim._next_id,
+        "budget": sim.budget.state() if sim.budget is not None else None,
+    }
+
+
+def _arrays(sim) -> dict[str, np.ndarray]:
+    """The arrays of a checkpoint, those of grains in order of id.
+
+    Beside the state, velocity [m/s] and spin [rad/s] of this instant, absolute, in frame axes: another scene starts from them.
+    """
+    _, _, velocity, spin = sim.readings()
+    pose = sim.schedule.pose(sim.time)
+    if sim.plan.scheme.RELATIVE:
+        velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
+    if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
+        spin = spin + pose.spin
+    readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
+    return {**sim.state.by_rank(), **readings, **sim.lists.pair_contacts(), **sim.lists.wall_contacts()}
+
+
+def _places(sim) -> dict:
+    """Where frame and walls stand, matrices of shape (3, 4): the frame in the laboratory, walls in the frame."""
+    pose = sim.schedule.frame.pose(np.array([sim.time]))
+    bodies = sim.schedule.bodies(sim.time)
+    walls = [np.hstack([body[:9].reshape(3, 3), body[9:12, None]]).tolist() for body in bodies]
+    return {
+        "frame": np.hstack([pose.axes[0], pose.origin[0][:, None]]).astype(float).tolist(),
+        "walls": dict(zip((wall.name for wall in sim.scene.walls), walls, strict=True)),
+    }
+
+
+def _image(scene: str, about: str, arrays: dict[str, np.ndarray]) -> bytes:
+    """Bytes of the file."""
+    with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
+        file.attrs["format"], file.attrs["scene"], file.attrs["about"] = FORMAT, scene, about
+        file.attrs["digest"] = _digest(scene + about, arrays)
+        for name, values in arrays.items():
+            file[name] = values
+        file.flush()
+        return file.id.get_file_image()
+
+
+def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
+    """SHA-256 of all that a checkpoint holds."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        values = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        digest.update(values.tobytes())
+    return digest.hexdigest()
+
+
+def read(path: Path) -> dict:
+    """Contents of a checkpoint: its arrays, and what ``about`` holds.
+
+    Raises:
+        SceneError: if it is missing, damaged, or not a checkpoint of this version.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise SceneError(f"{path}: no checkpoint there")
+    try:
+        with h5py.File(path, "r") as file:
+            found = file.attrs.get("format")
+            if found != FORMAT:
+                known = isinstance(found, str) and found.startswith("warpdem checkpoint")
+                what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
+                raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
+            scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
+            arrays = {name: file[name][()] for name in file}
+            if digest != _digest(scene + about, arrays):
+                raise SceneError(f"{path}: damaged: its content is not what was written")
+            return {**arrays, **json.loads(about), "scene": json.loads(scene), "path": path}
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
+        raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
+
+
+def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
+    """The scene that a checkpoint belongs to; it loads code from no other files than ``plugins``."""
+    from warpdem.scene.file import scene_from_dict
+
+    access = Access(plugins=access_of_file(Path(), plugins=plugins).plugins)
+    return scene_from_dict(data["scene"], data["base"], data["source"], access)
+
+
+def _check(sim, data: dict) -> None:
+    """Refuse what another scene, or the same with other files, was run to."""
+    if data["scene_hash"] != sim.scene_hash:
+        there, here = data["scene"], sim.given.model_dump(mode="json")
+        keys = [key for key in {**here, **there} if here.get(key) != there.get(key)]
+        files = [place for place, digest in sim.files.items() if data["files"].get(place) != digest]
+        found = f"other values of {', '.join(keys)}" if keys else f"other contents of the file of {', '.join(files)}"
+        raise SceneError(f"{data['path']}: belongs to another scene than {sim.scene.source}: {found}; nothing was changed")
+    if data["dt"] != sim.dt:
+        raise SceneError(
+            f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {sim.dt!r} s; nothing was changed"
+        )
+
+
+def restore(sim, data: dict) -> None:
+    """Bring ``sim`` to the state that ``data``, as ``read`` gives it, holds.
+
+    Raises:
+        SceneError: if it belongs to another scene or time step; ``sim`` is unchanged then.
+    """
+    _check(sim, data)
+    sim.state.restore(data)
+    sim.step_number = data["step"]
+    sim.stepper.restore(data["extreme"])
+    sim.left, sim._next_id, sim._grown = data["left"], data["next_id"], False
+    for feeder, state in zip(sim.feeders, data["feeders"], strict=True):
+        feeder.restore(state)
+    if sim.budget is not None:
+        sim.budget.restore(data["budget"])
+    sim.lists.restore(data)
+    sim._forces_ready = True

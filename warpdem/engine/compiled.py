@@ -1,0 +1,90 @@
+"""From a plan to its kernels: imports only the chosen models and builds each once."""
+
+import functools
+
+import warp as wp
+
+from warpdem.engine.plan import Plan
+from warpdem.kernels import Built, border, budget, dissipation, flow, law, loop, motion, neighbours, orientation, pairs
+from warpdem.kernels.wall import candidates, contact, feature
+from warpdem.scene.models import model
+
+
+@functools.cache
+def compile_plan(plan: Plan) -> Built:
+    """Kernels and array structs of a plan; nothing is compiled until it is launched.
+
+    Returns:
+        Namespace with ``loop`` (the step), ``lists`` (neighbours), ``walls`` (candidate kernels or None), ``Rows``.
+    """
+    models = (
+        model("normal", plan.normal),
+        model("tangential", plan.tangential) if plan.tangential else None,
+        model("rolling", plan.rolling) if plan.rolling else None,
+    )
+    constants, wall_law = law.build(wp.float64, *models, plan.torsion)
+    _, pair_law = law.build(plan.real, *models, plan.torsion)
+    pair_parts = dissipation.build(plan.real, *models, plan.torsion)[0] if plan.energy else None
+    wall_parts = dissipation.build(wp.float64, *models, plan.torsion) if plan.energy else None
+    spins = {"spins": plan.spins}
+    shared = {
+        **spins, "rolling": plan.rolling is not None, "history": plan.memory, "table": plan.table, "gap": plan.gap,
+    }  # fmt: skip
+    scheme = plan.scheme
+    # a scheme with frame-relative velocities sees contacts as if the frame were at rest
+    turning = plan.turning_frame and not scheme.RELATIVE
+    shifting = plan.moving_frame and not scheme.RELATIVE
+    images = border.build(plan.period, plan.lower)
+    pair_pack = pairs.build(plan.real, pair_law, pair_parts, images, plan.lanes, **shared, turning_frame=turning)
+    shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
+    meshes = plan.meshes > 0
+    closest_on_feature = feature.build(meshes, *shapes)
+    Rows, touch = contact.build(
+        wall_law, wall_parts, constants, closest_on_feature, images, **shared, turning_frame=turning, moving_frame=shifting,
+        lag=plan.lag, meshes=meshes, moving=plan.moving,
+    )  # fmt: skip
+    fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
+    stages = len(scheme.STAGES)
+    sums = None
+    if plan.energy or plan.momentum:
+        sums = budget.build(
+            plan.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in plan.fields), **spins,
+            walls=plan.walls, energy=plan.energy, momentum=plan.momentum, turning_frame=plan.turning_frame,
+            moving_frame=plan.moving_frame, periodic=any(plan.period),
+        )  # fmt: skip
+    step = loop.build(
+        pair_pack,
+        touch,
+        Rows,
+        motion.build_load(plan.real, **spins, walls=plan.walls),
+        motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
+        # a stage may look ahead of the step's beginning by about a step
+        motion.build_travel(
+            images,
+            **spins,
+            moving=plan.moving,
+            in_frame=plan.in_frame,
+            outlets=plan.outlets,
+            ahead=1.5 if stages > 1 else 0.0,
+        ),
+        scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
+        images,
+        orientation.build(turning_axes=turning) if plan.orientation else None,
+        sums,
+        flow.build(moving_frame=plan.moving_frame) if plan.flows else None,
+        **spins,
+        stages=stages,
+        walls=plan.walls,
+    )
+    lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag)
+    walls = None
+    if plan.walls:
+        walls = candidates.build(
+            closest_on_feature,
+            Rows,
+            spins=plan.spins,
+            meshes=meshes,
+            shapes=any(shapes),
+            gap=plan.gap,
+        )
+    return Built(loop=step, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

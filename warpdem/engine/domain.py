@@ -1,0 +1,133 @@
+"""Borders of the domain and outlets as the engine takes them: where grains come round, leave, or stop the run."""
+
+import math
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.filling.packing import worst_overlaps
+from warpdem.scene.motion import Chain, Standing, Translation
+
+AXES = "xyz"
+LEAST_PERIOD = 4.4  # in largest diameters: a grain must not meet two images of another, with room for a skin
+
+
+class Domain:
+    """Borders and outlets of a scene as the engine takes them.
+
+    Attributes:
+        period: length along each axis [m], 0 where it is not periodic.
+        lower: lower border along each periodic axis [m], else 0.
+        boxes: regions in which grains leave, lower and upper corner [m], shape (b, 6).
+        names: what each box is called.
+        stops: whether a grain in it stops the run.
+    """
+
+    def __init__(self, scene) -> None:
+        borders = [getattr(scene.borders, axis) if scene.borders else None for axis in AXES]
+        round_ = [b is not None and b.kind == "periodic" for b in borders]
+        self.period = tuple(b.max - b.min if p else 0.0 for b, p in zip(borders, round_, strict=True))
+        self.lower = tuple(b.min if p else 0.0 for b, p in zip(borders, round_, strict=True))
+        boxes, self.names, self.stops = [], [], []
+        for k, (border, periodic) in enumerate(zip(borders, round_, strict=True)):
+            if border is None or periodic:
+                continue
+            kinds = border.kind if isinstance(border.kind, list) else [border.kind] * 2
+            for side, place, kind in (("min", border.min, kinds[0]), ("max", border.max, kinds[1])):
+                if place is not None:
+                    corners = np.array([[-np.inf] * 3, [np.inf] * 3])
+                    corners[1 if side == "min" else 0, k] = place
+                    boxes.append(corners.ravel())
+                    self.names.append(f"{AXES[k]} {side}")
+                    self.stops.append(kind == "stop")
+        for outlet in scene.outlets:
+            boxes.append(np.array([*outlet.box.min, *outlet.box.max]))
+            self.names.append(outlet.name)
+            self.stops.append(False)
+        self.boxes = np.array(boxes).reshape(-1, 6)
+
+    def left_by(self, position: np.ndarray) -> np.ndarray:
+        """Number of the box that each position (n, 3) [m] is in, -1 if none; shape (n,)."""
+        out = np.full(len(position), -1)
+        for number in reversed(range(len(self.boxes))):
+            low, high = self.boxes[number, :3], self.boxes[number, 3:]
+            out[((position >= low) & (position < high)).all(axis=1)] = number
+        return out
+
+    def wrapped(self, position: np.ndarray) -> np.ndarray:
+        """Images of positions (n, 3) [m] within the periodic borders."""
+        period, lower = np.array(self.period), np.array(self.lower)
+        turns = np.floor_divide(position - lower, np.where(period > 0, period, np.inf))
+        return position - np.where(period > 0, turns * period, 0.0)
+
+    def nearest(self, way: np.ndarray) -> np.ndarray:
+        """The shortest of the differences (n, 3) [m] between images, as ``kernels.border`` computes it."""
+        period = np.array(self.period)
+        turns = np.where(way > 0.5 * period, 1.0, np.where(way < -0.5 * period, -1.0, 0.0))
+        return way - np.where(period > 0, turns * period, 0.0)
+
+
+def check(scene, start, frame: Chain, gap: float) -> None:
+    """Refuse borders that cannot be, and grains that start beyond them.
+
+    Args:
+        scene: validated scene.
+        start: grains at the start.
+        frame: motions of the frame.
+        gap: how far beyond contact the normal law acts [m].
+
+    Raises:
+        SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
+    """
+    domain, largest = Domain(scene), float(start.radius.max(initial=0.0))
+    for k, length in enumerate(domain.period):
+        if length == 0.0:
+            continue
+        key = f"{scene.source}: borders.{AXES[k]}"
+        if length < LEAST_PERIOD * (2.0 * largest + gap):
+            raise SceneError(
+                f"{key}: its length of {length:g} m is below {LEAST_PERIOD} diameters of the largest grain "
+                f"({2.0 * largest:g} m): a grain would meet two images of another"
+            )
+        for motion in scene.frame or ():
+            axis = getattr(motion, "axis", None)
+            along = axis is not None and math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12)
+            if isinstance(motion, Standing):
+                along = np.allclose(np.delete(motion.quaternion[1:], k), 0.0, atol=1e-12)
+            if not (isinstance(motion, Translation) or along) and frame.turns:
+                raise SceneError(f"{key}: periodic, but the frame turns about another axis; only the axis of rotation may be")
+        for number, wall in enumerate(scene.walls):
+            for motion in wall.motion or ():
+                axis = getattr(motion, "axis", None)
+                if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):
+                    raise SceneError(f"{key}: periodic, but walls[{number}].motion turns about another axis")
+    where = domain.left_by(start.position)
+    if (where >= 0).any():
+        first = int(np.flatnonzero(where >= 0)[0])
+        place = ", ".join(f"{x:.4g}" for x in start.position[first])
+        outlet = where[first] >= len(domain.names) - len(scene.outlets)
+        raise SceneError(
+            f"{scene.source}: grains: grain {start.id[first]} at ({place}) m starts "
+            f"{'in the outlet' if outlet else 'beyond the border'} {domain.names[where[first]]} "
+            f"({int((where >= 0).sum())} of {len(where)} grains do)"
+        )
+    _check_overlaps_of_images(scene, start, domain, largest)
+
+
+def _check_overlaps_of_images(scene, start, domain: Domain, largest: float) -> None:
+    """Grains that overlap across a periodic border."""
+    for k, length in enumerate(domain.period):
+        if length == 0.0:
+            continue
+        close = np.flatnonzero(start.position[:, k] < domain.lower[k] + 2.0 * largest)
+        if not len(close):
+            continue
+        beyond = start.position[close] + length * np.eye(3)[k]
+        share, _ = worst_overlaps(np.concatenate([start.position, beyond]), np.concatenate([start.radius, start.radius[close]]))
+        deepest = int(np.argmax(share))
+        if share[deepest] > scene.engine.max_overlap:
+            ids = np.concatenate([start.id, start.id[close]])
+            raise SceneError(
+                f"{scene.source}: grains: grain {ids[deepest]} overlaps another across the periodic borders of {AXES[k]} by "
+                f"{share[deepest]:.3g} of the smaller radius; allowed at the start is {scene.engine.max_overlap:g}"
+            )

@@ -1,0 +1,187 @@
+"""Launching steps: the array structs of the present lists, and one batch of steps on CPU threads or a GPU."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.engine.plan import field_numbers
+from warpdem.kernels import barrier
+from warpdem.kernels.budget import Energies, Momenta
+from warpdem.kernels.field import Numbers
+from warpdem.kernels.flow import Plane
+from warpdem.kernels.loop import SPAN
+from warpdem.kernels.motion import Box
+from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
+from warpdem.kernels.schedule import FrameRow, Placement, Row
+from warpdem.kernels.wall.surface import Surface
+from warpdem.threads import ranges
+
+CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
+SCHEDULE_STEPS = 256  # steps whose schedule is made at once
+
+
+def packed(array, dtype):
+    """The same memory as an array of vectors."""
+    return wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=array.device)
+
+
+class Stepper:
+    """Owns what a batch of steps needs besides state and lists: schedule rows, flags, extremes, scratch."""
+
+    def __init__(self, sim) -> None:
+        self.sim = sim
+        self.stages = len(sim.plan.scheme.STAGES)
+        device, cpu = sim.device, sim.device.is_cpu
+        slots = sim.threads.count if cpu else CUDA_THREADS
+        control = self.control = sim.kernels.loop.Control()
+        control.share = wp.zeros((slots if cpu else 0, 6), dtype=wp.int32, device=device)
+        control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
+        control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
+        control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
+        control.field = wp.array(field_numbers(sim.scene), dtype=Numbers, device=device)
+        control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
+        planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in sim.scene.measures.flow]
+        control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        control.done = wp.zeros(1, dtype=wp.int32, device=device)
+        control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
+        self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
+        self._arguments = None
+        self._arguments_of = -1  # refresh that they belong to
+        self._yield_to = wp.uint64(barrier.yield_address())
+
+    @property
+    def extreme(self) -> np.ndarray:
+        """Largest overlap share [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
+        return self.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+
+    def restore(self, extreme: np.ndarray) -> None:
+        """Take over the extremes of a checkpoint; schedule and arguments are made anew."""
+        values = self.control.extreme.numpy()
+        values[:4] = extreme
+        self.control.extreme.assign(values)
+        self._block, self._arguments_of = None, -1
+
+    def row(self) -> tuple[int, int]:
+        """Row of the present step in the schedule on the device, and how many steps may follow."""
+        sim, first = self.sim, self.sim.step_number
+        if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
+            with sim.clock("schedule"):
+                self.control.row = wp.array(sim.schedule.rows(first, SCHEDULE_STEPS), dtype=Row, device=sim.device)
+                if sim.plan.frame_rows:
+                    self.control.frame = wp.array(sim.schedule.frames(first, SCHEDULE_STEPS), dtype=FrameRow, device=sim.device)
+                self._placements = sim.schedule.placements(first, SCHEDULE_STEPS)
+                self.control.placement = wp.array(self._placements, dtype=Placement, device=sim.device)
+                self._block = (first, SCHEDULE_STEPS)
+        base = first - self._block[0]
+        return base, self._block[1] - base
+
+    def placements(self) -> np.ndarray:
+        """Placements of the wall motions at the present step, shape (motions, 18)."""
+        base, _ = self.row()
+        return self._placements[(base + 1) * self.stages]
+
+    def arguments(self):
+        """Structs of grains, packs and wall rows for the present lists."""
+        lists = self.sim.lists
+        if self._arguments_of == lists.refreshes:
+            return self._arguments
+        sim, loop = self.sim, self.sim.kernels.loop
+        lane, lane_int = sim.kernels.pairs.Lane, sim.kernels.pairs.LaneInt
+
+        grains, packs = loop.Grains(), loop.Packs()
+        grains.record, grains.inverse, grains.kind = sim.state.record, sim.state.inverse, sim.state.kind
+        if sim.plan.orientation:
+            grains.orientation = sim.state.orientation
+        grains.reference, grains.row_start = lists.reference, lists.row_start
+        grains.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
+        grains.row = packed(lists.row, sim.kernels.pairs.Share)
+        grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
+        for name, dtype in (("energies", Energies), ("momenta", Momenta)):
+            if name in sim.plan.sums:
+                setattr(grains, name, packed(getattr(sim.state, name), dtype))
+        for name in sim.plan.sums.keys() & {"wall_work", "flow"}:
+            setattr(grains, name, getattr(sim.state, name))
+        packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
+        packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
+        packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
+        packs.trial = packed(lists.trial, lane) if self.stages > 1 else packs.memory
+        if sim.plan.table:
+            packs.kind = packed(lists.kind, lane_int)
+        rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
+        self._arguments, self._arguments_of = (grains, packs, rows), lists.refreshes
+        return self._arguments
+
+    def read_sums(self) -> dict[str, np.ndarray]:
+        """What the plan's budgets have added up per grain up to the present instant, in memory order."""
+        sim, n = self.sim, len(self.sim.state)
+        plan = sim.plan
+        out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.sums.items()}
+        if "flow" in out:
+            out["flow"] = sim.state.flow
+        if n and (plan.energy or plan.momentum):
+            base, _ = self.row()
+            grains, _, rows = self.arguments()
+            none = wp.zeros((0, 1), dtype=wp.float64, device=sim.device)
+            energies, momenta = (packed(out.get(k, none), t) for k, t in (("energies", Energies), ("momenta", Momenta)))
+            inputs = [base, grains, rows, self.control, sim.dt, energies, momenta, out.get("wall_work", none)]
+            wp.launch(sim.kernels.loop.read_budget, dim=n, inputs=inputs, device=sim.device)
+        return {name: array.numpy() for name, array in out.items()}
+
+    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, bool]:
+        """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces.
+
+        ``hold`` leaves the forces of the last step to the next call: grains come in there.
+        """
+        sim = self.sim
+        base, _ = self.row()
+        grains, packs, rows = self.arguments()
+        surface = sim.walls.surface if sim.walls else Surface()
+        run = self._on_cpu if sim.device.is_cpu else self._on_gpu
+        return run(base, count, forces_first, hold, sim.step_number & 1, grains, packs, rows, surface)
+
+    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+        """One launch per thread for the whole batch."""
+        sim, control, n = self.sim, self.control, self.sim.threads.count
+        kernel = sim.kernels.loop.run
+        wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
+        parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
+        control.share.assign(np.hstack(parts).astype(np.int32))
+        control.meeting.zero_()
+        control.moved.zero_()
+        shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
+
+        def job(thread: int):
+            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared, self._yield_to]
+            return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=sim.device)
+
+        sim.threads.together([job(t) for t in range(n)])
+        if count == 0:
+            return 0, False
+        return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
+
+    def _on_gpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+        """One launch per phase, and a look at the flags after each step."""
+        sim, loop, control, n = self.sim, self.sim.kernels.loop, self.control, len(self.sim.state)
+
+        def launch(kernel, last, *inputs):
+            dim = min(last, CUDA_THREADS)
+            if dim:
+                wp.launch(kernel, dim=dim, inputs=[dim, last, *inputs], device=sim.device)
+
+        def forces(s: int, stage: int = 0) -> None:
+            launch(loop.pair_forces, packs.owner.shape[0], base + s, stage, grains, packs, control, sim.coefficients, sim.dt)
+            launch(loop.wall_forces, sim.lists.row_count, base + s, stage, grains, rows, surface, control,
+                   sim.coefficients, sim.plan.materials, (parity + s) & 1, sim.dt)  # fmt: skip
+
+        if forces_first:
+            forces(0)
+        for s in range(1, count + 1):
+            for stage in range(self.stages):
+                if stage:
+                    forces(s - 1, stage)
+                launch(loop.move, n, base + s - 1, stage, grains, rows, control, sim.dt, sim.lists.reach)
+            if control.moved.numpy()[::SPAN].any():
+                control.moved.zero_()
+                return s, True
+            if s < count or not hold:
+                forces(s)
+        return count, False

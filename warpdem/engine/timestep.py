@@ -1,0 +1,218 @@
+"""Characteristic times of a scene and the time step chosen from them.
+
+Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
+contact time      of an undamped impact at max_speed, from the law's energy (Hertz: 2.9433 d_max/v; Hooke: pi sqrt(m*/k))
+spectral limit    2/w_max x (sqrt(1 + 4 z^2) - 2 z),   w_max^2 = (Z/m) max((2/3)(k_n + 2 k_t), (10/3) k_t)
+frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
+travel            s r / max_speed beside meshes, see ``travel``
+external fields   0.1 / the largest rate at which one changes a grain's motion: sqrt(k/m), c/m, e B/m
+
+The spectral limit is that of a packing of Z contacts per grain with free rotation (checked against Bloch waves), its factor
+that of the predicted velocity v* at the damping ratio z of the tangential mode (exact for a damped oscillator). Stiffnesses
+are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of "auto"; Z = 2 is one
+impact of two grains, beyond which a given step is refused (a dense packing hardly ever holds impact overlaps everywhere).
+
+``step = "auto"`` is the least of 10 % of the Rayleigh time, contact time / 40, half the spectral limit, and what frame and
+fields allow.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.engine.impact import impact
+from warpdem.engine.plan import coefficient_table
+from warpdem.engine.travel import longest_step
+from warpdem.errors import SceneError
+from warpdem.scene.models import model, numbers
+from warpdem.scene.motion import frame_chain, wall_chain
+
+PACKED, BINARY = 6, 2  # contacts per grain: dense frictional packing; an impact of two grains
+RAYLEIGH_SHARE = 0.1
+CONTACT_STEPS = 40
+FRAME_ANGLE = 0.02  # [rad] per step
+FIELD_ANGLE = 0.1  # [rad] per step: second order leaves 4e-4 of the motion; a drag is stable up to 1
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What bounds the time step of a scene; inf where nothing does [s]."""
+
+    rayleigh: float
+    contact_time: float
+    """Undamped contact time of the quickest impact at ``max_speed`` [s]."""
+    packed: float
+    """Spectral limit of a packing at impact overlaps [s]."""
+    stable: float
+    """Spectral limit of one impact at ``max_speed`` [s]: the largest step that is accepted."""
+    frame: float
+    field: float
+    """Largest step for the external fields [s]."""
+    travel: float
+    """Largest step that keeps a grain at ``max_speed`` on its side of the mesh walls [s]."""
+    max_speed: float
+    """Speed that the limits are made for [m/s]."""
+    damped_contact: float
+    """Duration of the quickest impact at ``max_speed`` with its damping [s]."""
+    overlap: float
+    """Deepest overlap of an undamped impact at ``max_speed`` over the smaller radius [-]."""
+
+    @property
+    def candidates(self) -> dict[str, float]:
+        """The steps that "auto" chooses the least of [s], by what binds them."""
+        return {
+            f"{RAYLEIGH_SHARE:.0%} of the Rayleigh time": RAYLEIGH_SHARE * self.rayleigh,
+            f"contact time / {CONTACT_STEPS} at {self.max_speed:.3g} m/s": self.contact_time / CONTACT_STEPS,
+            "half the spectral stability limit": 0.5 * self.packed,
+            f"{FRAME_ANGLE} rad of the frame": self.frame,
+            f"{FIELD_ANGLE} rad of the external fields": self.field,
+            "half the limit of travel beside meshes": 0.5 * self.travel,
+        }
+
+    @property
+    def binding(self) -> str:
+        """Which of the candidates is the least."""
+        return min(self.candidates, key=self.candidates.__getitem__)
+
+
+def damped_contact_factor(restitution: float) -> float:
+    """Contact time of the damped Hertz law over the undamped one [-].
+
+    Table of the closed relation (Antypov and Elliott 2011) interpolated in restitution.
+    """
+    e = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
+    factor = (1.778, 1.511, 1.296, 1.195, 1.134, 1.093, 1.064, 1.042, 1.025, 1.011, 1.005, 1.0)
+    return float(np.interp(restitution, e, factor))
+
+
+def damping_ratio(restitution: float) -> float:
+    """Share of critical damping [-] of a linear contact that returns ``restitution``."""
+    return -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+
+
+def contact_time(scene, base: float, mass: float, radius: float, speed: float) -> float:
+    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``base`` is the stiffness base of the normal law."""
+    return impact(scene.located(scene.contact.normal), base, mass, radius, speed).time
+
+
+def fall_speed(scene, start, meshes: dict) -> float:
+    """sqrt(2 g H) plus the largest wall speed and start speed [m/s]; H is the extent of walls and grains along gravity."""
+    if not len(start.id):
+        return 0.0
+    points = [start.position, *(m.vertices for m in meshes.values())]
+    for wall in scene.walls:
+        if wall.shape is not None:  # the feet of the grains: a plane has no extent of its own
+            points.append(wall.shape.nearest(start.position)[0])
+    cloud = np.concatenate(points)
+    extent = cloud.max(axis=0) - cloud.min(axis=0)
+    gravity = np.array(scene.gravity)
+    g = float(np.linalg.norm(gravity))
+    chains = [frame_chain(scene), *(wall_chain(scene, k) for k in range(len(scene.walls)))]
+    height = float(np.linalg.norm(extent)) if chains[0].turns else float(abs(gravity) @ extent) / g if g else 0.0
+    speed = math.sqrt(2.0 * g * height) + sum(chain.speed(cloud, scene.time.end) for chain in chains)
+    start_speed = float(np.linalg.norm(start.velocity, axis=1).max())
+    return max(speed, 0.0) + start_speed
+
+
+def limits(scene, start, meshes: dict) -> Limits:
+    """Limits of the time step of ``scene`` for the grains it starts with."""
+    rate = frame_chain(scene).max_rate
+    frame = FRAME_ANGLE / rate if rate > 0 else math.inf
+    speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
+    rayleigh = contact = packed = damped = math.inf
+    overlap = 0.0
+    law = scene.located(scene.contact.normal)
+    materials = list(scene.materials.values())
+    names = list(scene.materials)
+    table = coefficient_table(scene).reshape(len(names), len(names), -1)
+    for t in np.unique(start.type):
+        m = materials[t]
+        radius = float(start.radius[start.type == t].min())
+        shear = m.young_modulus / (2.0 * (1.0 + m.poisson_ratio))
+        rayleigh = min(
+            rayleigh, math.pi * radius * math.sqrt(m.density / shear) / (0.1631 * m.poisson_ratio + 0.8766)
+        )
+        mass = m.density * 4.0 / 3.0 * math.pi * radius**3
+        walls = {names.index(w.material) for w in scene.walls}
+        partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type)]
+        partners += [(o, mass, radius) for o in walls]
+        for other, reduced_mass, reduced_radius in partners:
+            restitution = scene.pair(names[t], names[other]).restitution
+            base, _, shear_ratio, _, friction, *_ = table[t, other]
+            met = impact(law, base, reduced_mass, reduced_radius, max(speed, 1e-6))
+            if speed > 0:
+                contact = min(contact, met.time)
+                damped = min(damped, met.time * damped_contact_factor(restitution))
+                overlap = max(overlap, met.overlap / radius)
+            k_n = met.tangent
+            k_t = shear_ratio * met.secant if friction > 0 else 0.0
+            beta = damping_ratio(restitution)
+            # damping ratio of the mode that governs: rolling at a contact (k_t, m* 2/7) with friction, else the normal one
+            gamma = math.sqrt(3.5) * math.sqrt(5.0 / 6.0) * beta if k_t > 0 else beta
+            omega = math.sqrt(PACKED / mass * max(2.0 / 3.0 * (k_n + 2.0 * k_t), 10.0 / 3.0 * k_t))
+            packed = min(packed, 2.0 / omega * (math.sqrt(1.0 + 4.0 * gamma**2) - 2.0 * gamma))
+    return Limits(
+        rayleigh=float(rayleigh),
+        contact_time=float(contact),
+        packed=float(packed),
+        stable=float(packed * math.sqrt(PACKED / BINARY)),
+        frame=float(frame),
+        field=field_limit(scene, start),
+        travel=longest_step(scene, start.radius, speed),
+        max_speed=float(speed),
+        damped_contact=float(damped),
+        overlap=float(overlap),
+    )
+
+
+def field_limit(scene, start) -> float:
+    """Largest time step [s] for the external fields that state their rate; inf without any.
+
+    Raises:
+        SceneError: a field's ``rate`` fails, or gives no numbers from 0.
+    """
+    density = np.array([m.density for m in scene.materials.values()])
+    mass = density[start.type] * (4.0 / 3.0) * np.pi * start.radius**3
+    fastest = 0.0
+    for i, one in enumerate(scene.fields):
+        rate = getattr(model("field", scene.located(one.model)), "rate", None)
+        if rate is None or not len(mass):
+            continue
+        key = f"{scene.source}: fields[{i}].model = {one.model!r}: rate(mass, p)"
+        try:
+            found = np.asarray(rate(mass, numbers(one.parameters)), dtype=float)
+        except Exception as error:  # whatever the user's function stumbles over
+            raise SceneError(f"{key} fails: {type(error).__name__}: {error}") from error
+        if not (np.isfinite(found).all() and (found >= 0.0).all()):
+            raise SceneError(f"{key} gives {float(found.min()):g}; finite rates [rad/s], >= 0, are needed")
+        fastest = max(fastest, float(found.max()))
+    return FIELD_ANGLE / fastest if fastest > 0.0 else math.inf
+
+
+def choose(scene, found: Limits) -> float:
+    """The time step [s]: as given, or by the rule of "auto".
+
+    Raises:
+        SceneError: if the step given is over the limit of stability or travel, or "auto" has nothing to go by.
+    """
+    if scene.time.step == "auto":
+        step = min(found.candidates.values())
+        if not math.isfinite(step):
+            raise SceneError(f'{scene.source}: time.step = "auto": nothing limits it here; give a number of seconds')
+        return step
+    over = over_limit(scene.time.step, found)
+    if over and scene.engine.guards == "stop":
+        raise SceneError(f"{scene.source}: {over}")
+    return float(scene.time.step)
+
+
+def over_limit(step: float, found: Limits) -> str:
+    """Words on a time step [s] over the limits that no step may pass; none when it is not."""
+    limit, what = min((found.stable, "stability limit"), (found.travel, "limit of travel beside meshes"))
+    if step <= limit:
+        return ""
+    return (
+        f"time.step = {step:g} s is over the {what} {limit:.3g} s of contacts at {found.max_speed:.3g} m/s (time.max_speed); "
+        f"allowed is less, and 'auto' would take {min(found.candidates.values()):.3g} s"
+    )

@@ -1,0 +1,140 @@
+"""The walls of a scene on the device: triangles in float64, their trees, analytic shapes, materials and motions."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels.wall.surface import Ball, Revolved, Surface
+from warpdem.mesh.check import size_warning
+from warpdem.mesh.geometry import TriangleMesh, load_mesh, require_closed
+from warpdem.scene.sizes import size_law
+from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
+
+SHAPE_ORDER = (Plane, (Cylinder, Cone), Sphere)
+"""Kinds of analytic walls in the order of their features."""
+ROUNDING_REACH = 4.0
+"""Mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]: both sides, both ways."""
+
+
+def load_meshes(scene) -> dict[str, TriangleMesh]:
+    """The mesh walls of a scene by name, posed and checked.
+
+    Raises:
+        SceneError: if a mesh is missing, empty, not finite, or open without ``open = true``.
+    """
+    meshes = {}
+    for number, wall in enumerate(scene.walls):
+        if wall.mesh is not None:
+            key = f"{scene.source}: walls[{number}].mesh"
+            file, folders = scene.resolve(wall.mesh), scene.access.folders
+            mesh = load_mesh(file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders)
+            if not wall.open:
+                require_closed(mesh, key)
+            meshes[wall.name] = mesh
+    return meshes
+
+
+def mesh_notes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
+    """What a user should know about the meshes: what was mended or is odd in their files, and odd sizes.
+
+    Every mesh is compared with the grains' ``diameters`` [m]: one in millimetres is a thousand times too large.
+
+    Raises:
+        SceneError: if a mesh and the grains cannot belong together.
+    """
+    notes = []
+    for number, wall in enumerate(scene.walls):
+        if wall.mesh is None:
+            continue
+        key, mesh = f"walls[{number}].mesh", meshes[wall.name]
+        # borders are meant where a scene says that a mesh is open
+        notes += [f"{key}: {mesh.name}: {note}" for note in mesh.notes if not (wall.open and "open edges" in note)]
+        if len(diameters) and (warning := size_warning(mesh.name, mesh.bounds, diameters, f"{scene.source}: {key}")):
+            notes.append(warning)
+    return notes
+
+
+def named_diameters(scene) -> np.ndarray:
+    """Diameters that the scene itself names [m]: known before anything is filled."""
+    found = []
+    for group in scene.grains:
+        if group.fill is not None:
+            found.append(np.array([size_law(group.fill.diameter).mean_diameter]))
+        elif group.positions is not None:
+            found.append(2.0 * group.explicit_radii)
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+class Walls:
+    """Device side of all walls, in the order of the scene.
+
+    Attributes:
+        surface: what the kernels read.
+        mesh_arrays: mesh ids, their walls and first triangles, for the candidate search.
+    """
+
+    def __init__(self, scene, meshes: dict, wall_motion: np.ndarray, device) -> None:
+        corners, vertices, pieces, planes, owners = [], [], [], [], []
+        mesh_ids, mesh_wall, mesh_first = [], [], []
+        self._trees = []
+        vertex_count = piece_count = triangle_count = 0
+        names = list(scene.materials)
+        rounding = np.zeros(len(scene.walls))
+        for number, wall in enumerate(scene.walls):
+            if wall.mesh is None:
+                continue
+            mesh = meshes[wall.name]
+            normal, offset = mesh.plane_normal[mesh.plane], mesh.plane_offset[mesh.plane]
+            corners.append(mesh.corners)
+            height = np.einsum("tcx,tx->tc", mesh.corners, normal) - offset[:, None]
+            rounding[number] = ROUNDING_REACH * np.abs(height).max()
+            vertices.append(mesh.triangles + vertex_count)
+            pieces.append(mesh.piece + piece_count)
+            planes.append(np.concatenate([normal, offset[:, None]], axis=1))
+            owners.append(np.full(len(mesh.triangles), number))
+            tree = wp.Mesh(
+                points=wp.array(mesh.vertices.astype(np.float32), dtype=wp.vec3, device=device),
+                indices=wp.array(mesh.triangles.astype(np.int32).ravel(), dtype=wp.int32, device=device),
+            )
+            self._trees.append(tree)
+            mesh_ids.append(tree.id)
+            mesh_wall.append(number)
+            mesh_first.append(triangle_count)
+            vertex_count += len(mesh.vertices)
+            piece_count += int(mesh.piece.max()) + 1
+            triangle_count += len(mesh.triangles)
+        shapes = [
+            (number, wall.shape)
+            for kind in SHAPE_ORDER
+            for number, wall in enumerate(scene.walls)
+            if isinstance(wall.shape, kind)
+        ]
+        planes += [np.array([[*s.normal, s.offset]]) for _, s in shapes if isinstance(s, Plane)]
+        owners.append(np.array([number for number, _ in shapes], dtype=int))
+        pieces.append(piece_count + np.arange(len(shapes)))
+
+        def upload(parts, dtype, shape):
+            data = np.concatenate(parts) if parts else np.zeros((0, *shape))
+            return wp.array(np.ascontiguousarray(data), dtype=dtype, device=device)
+
+        surface = Surface()
+        surface.triangles = triangle_count
+        surface.planes, surface.revolutions, surface.spheres = (
+            sum(isinstance(shape, kind) for _, shape in shapes) for kind in SHAPE_ORDER
+        )
+        surface.corner = upload(corners, wp.mat33d, (3, 3))
+        surface.vertex = upload([v.astype(np.int32) for v in vertices], wp.vec3i, (3,))
+        surface.piece = upload([p.astype(np.int32) for p in pieces], wp.int32, ())
+        surface.plane = upload(planes, wp.vec4d, (4,))
+        surface.revolved = upload([s.numbers[None] for _, s in shapes if isinstance(s, (Cylinder, Cone))], Revolved, (13,))
+        surface.ball = upload([s.numbers[None] for _, s in shapes if isinstance(s, Sphere)], Ball, (5,))
+        surface.rounding = wp.array(rounding, dtype=wp.float64, device=device)
+        surface.wall = upload([o.astype(np.int32) for o in owners], wp.int32, ())
+        surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
+        material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
+        surface.material = wp.array(material, dtype=wp.int32, device=device)
+        self.surface = surface
+        self.mesh_arrays = (
+            wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device),
+            wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device),
+            wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device),
+        )

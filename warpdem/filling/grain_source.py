@@ -1,0 +1,400 @@
+"""Where the grains of a scene come from (arrays, state files, fillings), and whether they can start there."""
+
+import zipfile
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
+from warpdem.filling.region import region
+from warpdem.mesh.geometry import TriangleMesh, signed_distance
+from warpdem.scene.motion import Chain, frame_chain, wall_chain
+from warpdem.scene.sizes import size_law
+from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
+
+NPZ_KEYS = {
+    "position": ("position", "x"),
+    "radius": ("radius", "r"),
+    "velocity": ("velocity", "v"),
+    "spin": ("spin", "w"),
+    "id": ("id",),
+}
+"""Names in a .npz file of each field of a grain."""
+CSV_COLUMNS = {
+    "position": ("x", "y", "z"),
+    "radius": ("radius",),
+    "velocity": ("vx", "vy", "vz"),
+    "spin": ("wx", "wy", "wz"),
+    "id": ("id",),
+}
+"""Columns in a .csv file of each field of a grain."""
+VTP_ARRAYS = {"radius": "radius", "velocity": "v", "spin": "omega", "id": "id"}
+"""Names in a .vtp file of each field of a grain, beside its points."""
+
+
+@dataclass(frozen=True)
+class Grains0:
+    """The grains at time 0: vectors in frame axes, motion relative to the frame."""
+
+    id: np.ndarray
+    """Grain ids, all different, shape (n,), int64."""
+    type: np.ndarray
+    """Material index in the order of the scene, shape (n,), int32."""
+    group: np.ndarray
+    """Number of the group, of those of ``Scene.groups``, shape (n,), int32."""
+    radius: np.ndarray
+    """Radius [m], shape (n,)."""
+    position: np.ndarray
+    """Position [m], shape (n, 3)."""
+    velocity: np.ndarray
+    """Velocity relative to the frame [m/s], shape (n, 3)."""
+    spin: np.ndarray
+    """Angular velocity relative to the frame [rad/s], shape (n, 3)."""
+    packings: tuple[Packing, ...] = ()
+    """What packing the fillings took."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
+def joined(first: Grains0, second: Grains0) -> Grains0:
+    """The grains of both."""
+    both = zip(vars(first).values(), vars(second).values(), strict=True)
+    return Grains0(*(np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b for a, b in both))
+
+
+def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
+    """All grains of a scene, group after group in the scene's order.
+
+    Grains without ids get the least numbers that no other grain has, running on from group to group. Fillings
+    keep clear of all other grains, but know their own wall or box only: `check_start` finds grains beyond other walls.
+
+    Args:
+        scene: Validated scene.
+        meshes: Mesh walls by name, placed where they stand at time 0.
+
+    Raises:
+        SceneError: A state file is missing, unreadable or holds no grains; a filling does not fit; an id comes twice.
+    """
+    names = list(scene.materials)
+    if not scene.grains:
+        none = np.zeros(0, np.int32)
+        return Grains0(none.astype(np.int64), none, none, np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
+    groups, packings = _placed(scene, meshes)
+    for number, (group, grains) in enumerate(zip(scene.grains, groups, strict=True)):
+        if group.velocities_in == "laboratory":
+            grains = groups[number] = _relative_to_frame(grains, frame_chain(scene))
+        grains["type"] = np.full(len(grains["radius"]), names.index(group.material), np.int32)
+        grains["group"] = np.full(len(grains["radius"]), scene.groups.index(scene.group_names[number]), np.int32)
+    fields = {
+        key: np.concatenate([g[key] for g in groups])
+        for key in ("type", "group", "radius", "position", "velocity", "spin")
+    }
+    return Grains0(id=_unique_ids(groups, scene.source), **fields, packings=packings)
+
+
+def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: Collection[str] = ()) -> None:
+    """Refuse a start that the engine would answer with an explosion.
+
+    A closed mesh with more than half of the grains inside, or one that a filling names, is a container: all other
+    grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
+    meshes have no inside and are not checked, nor are ``known`` walls, which were there before the start.
+
+    Raises:
+        SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
+            centre is on the wrong side of a wall.
+    """
+    if len(grains) == 0:
+        return
+    _check_overlaps(grains, scene)
+    meshes = {name: mesh for name, mesh in meshes.items() if name not in known}
+    seen = {wall.name: _in_body_axes(scene, number, grains.position) for number, wall in enumerate(scene.walls)}
+    for number, wall in enumerate(scene.walls):
+        if wall.shape is not None and wall.name not in known:
+            _check_shape(grains, seen[wall.name], wall, f"{scene.source}: walls[{number}]")
+    _check_closed_meshes(grains, seen, meshes, scene)
+
+
+def _in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
+    wall, begin = scene.walls[number], np.zeros(1)
+    frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
+    if wall.fixed_to == "laboratory":
+        position = position @ frame.axes[0].T.astype(float) + frame.origin[0].astype(float)
+    return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)
+
+
+def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], tuple[Packing, ...]]:
+    """Fields of all groups by name, without type, fillings among the grains of all others; and what packing took."""
+    keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
+    fillings = {k: _filling(scene, meshes, g, f"{keys[k]}.fill") for k, g in enumerate(scene.grains) if g.fill is not None}
+    groups = {k: _given(scene, g, keys[k]) for k, g in enumerate(scene.grains) if g.fill is None}
+    held = [np.concatenate([g[name] for g in groups.values()]) for name in ("position", "radius")] if groups else None
+    places, packings = pack(list(fillings.values()), held)
+    for (k, asked), position in zip(fillings.items(), places, strict=True):
+        rest = np.zeros_like(position)
+        groups[k] = {"position": position, "radius": asked.radius, "velocity": rest, "spin": rest, "id": None}
+    return [groups[k] for k in range(len(scene.grains))], tuple(packings)
+
+
+def _filling(scene, meshes: dict[str, TriangleMesh], group, key: str) -> Filling:
+    """Region and sizes that a filling asks for."""
+    asked = group.fill
+    mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
+    corners = None if box is None else (box.min, box.max)
+    if mesh is not None:
+        number = [wall.name for wall in scene.walls].index(asked.wall)
+        if not np.array_equal(_in_body_axes(scene, number, corner := mesh.bounds), corner):
+            raise SceneError(f"{key}.wall: {asked.wall!r} has been moving before time 0; only a wall in place can be filled")
+    axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
+    space = region(mesh, corners, key, asked.height, up=-(np.asarray(scene.gravity, float) @ axes))
+    volume = None if asked.mass is None else asked.mass / scene.materials[group.material].density
+    fraction = HEIGHT_FRACTION if (asked.count, volume, asked.solid_fraction) == (None,) * 3 else asked.solid_fraction
+    return filling(space, size_law(asked.diameter), asked.seed, asked.count, fraction, volume, key)
+
+
+def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
+    """Fields of a group given by positions or a file, by name, without type; id None when the source has none."""
+    if group.positions is not None:
+        return {
+            "position": np.array(group.positions, float),
+            "radius": np.array(group.explicit_radii, float),
+            "velocity": np.array(group.explicit_velocities, float),
+            "spin": np.array(group.explicit_spins, float),
+            "id": None if group.ids is None else np.array(group.ids, np.int64),
+        }
+    return read_state(scene.resolve(group.file), f"{key}.file")
+
+
+def read_state(path: Path, key: str) -> dict[str, np.ndarray | None]:
+    """Fields of the grains in a state file: position, radius, velocity, spin (zero when absent), id (or None).
+
+    Args:
+        path: .npz with the keys of `NPZ_KEYS`, .csv with a header of `CSV_COLUMNS`, or .vtp with `VTP_ARRAYS`.
+        key: Scene key, for messages.
+
+    Raises:
+        SceneError: Missing file, key or column; a number that is not finite; a radius that is not above 0; ids that
+            are not whole or come twice. Names the row, counted from 1.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(f"{key}: no such state file: {path}")
+    readers = {".npz": _read_npz, ".csv": _read_csv, ".vtp": _read_vtp}
+    if path.suffix.lower() not in readers:
+        raise SceneError(f"{key}: {path.name}: a state file ends in one of {', '.join(readers)}")
+    key = f"{key}: {path.name}"
+    fields = readers[path.suffix.lower()](path, key)
+    count = len(np.atleast_1d(fields["radius"]))
+    if count == 0:
+        raise SceneError(f"{key}: holds no grains")
+    checked = {}
+    for name, width in (("position", (3,)), ("radius", ()), ("velocity", (3,)), ("spin", (3,)), ("id", ())):
+        values = fields.get(name)
+        if values is None:
+            checked[name] = None if name == "id" else np.zeros((count, *width))
+            continue
+        checked[name] = _checked_field(np.asarray(values), (count, *width), name, key)
+    _refuse_row(checked["radius"] <= 0.0, checked["radius"], "radius", "must be above 0", key)
+    if checked["id"] is not None:
+        checked["id"] = _checked_ids(checked["id"], key)
+    return checked
+
+
+def _checked_field(values: np.ndarray, shape: tuple[int, ...], name: str, key: str) -> np.ndarray:
+    """Field as finite float64 (integers stay as they are), of the shape that belongs to it."""
+    if values.shape != shape:
+        raise SceneError(f"{key}: {name} has the shape {values.shape}, must be {shape}")
+    if values.dtype.kind not in "fiu":
+        raise SceneError(f"{key}: {name} must hold numbers, holds {values.dtype}")
+    bad = ~np.isfinite(values)
+    _refuse_row(bad if bad.ndim == 1 else bad.any(axis=1), values, name, "must be finite", key)
+    return values if name == "id" else values.astype(np.float64)
+
+
+def _checked_ids(ids: np.ndarray, key: str) -> np.ndarray:
+    """Ids as int64."""
+    _refuse_row((ids < 0) | (ids != np.floor(ids)), ids, "id", "must be a whole number from 0", key)
+    ids = ids.astype(np.int64)
+    _, first = np.unique(ids, return_index=True)
+    again = np.ones(len(ids), bool)
+    again[first] = False
+    _refuse_row(again, ids, "id", "comes twice, ids must be unique", key)
+    return ids
+
+
+def _refuse_row(bad: np.ndarray, values: np.ndarray, name: str, what: str, key: str) -> None:
+    """Raise for the first bad row."""
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise SceneError(
+            f"{key}: row {row + 1}: {name} = {values[row].tolist()} {what} ({int(bad.sum())} of {len(bad)} rows)"
+        )
+
+
+def _read_npz(path: Path, key: str) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            held = {name: data[name] for name in data.files}
+    except (OSError, EOFError, zipfile.BadZipFile) as error:
+        raise SceneError(f"{key}: cannot be read as .npz: {error}") from error
+    except ValueError as error:  # NumPy's words advise to run what the file holds
+        raise SceneError(f"{key}: cannot be read as .npz: it is no archive of plain arrays of numbers") from error
+    fields = {}
+    for field, names in NPZ_KEYS.items():
+        present = [name for name in names if name in held]
+        if present:
+            fields[field] = held[present[0]]
+        elif field in ("position", "radius"):
+            raise SceneError(f"{key}: has no key {' or '.join(names)}; it has {', '.join(held) or 'none'}")
+    return fields
+
+
+def _read_csv(path: Path, key: str) -> dict[str, np.ndarray]:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        header = [name.strip() for name in file.readline().split(",")]
+        known = [name for names in CSV_COLUMNS.values() for name in names]
+        wrong = [name for name in header if name not in known]
+        if wrong:
+            raise SceneError(f"{key}: unknown column {wrong[0]!r}; allowed: {', '.join(known)}")
+        if len(set(header)) < len(header):
+            raise SceneError(f"{key}: a column comes twice in {', '.join(header)}")
+        lines = [line for line in file if line.strip()]
+    try:
+        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, len(header)))
+    except ValueError as error:
+        raise SceneError(f"{key}: the rows below the header, counted from 0, must hold numbers: {error}") from error
+    if table.shape[1] != len(header):
+        raise SceneError(f"{key}: the header names {len(header)} columns, the rows have {table.shape[1]}")
+    fields = {}
+    for field, names in CSV_COLUMNS.items():
+        missing = [name for name in names if name not in header]
+        if not missing:
+            columns = table[:, [header.index(name) for name in names]]
+            fields[field] = columns if len(names) == 3 else columns[:, 0]
+        elif field in ("position", "radius") or len(missing) < len(names):
+            raise SceneError(f"{key}: missing column {missing[0]}; it has {', '.join(header)}")
+    return fields
+
+
+def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
+    import pyvista  # slow to import: only scenes that start from a .vtp pay
+
+    try:
+        data = pyvista.read(path)
+    except Exception as error:  # whatever VTK's reader runs into
+        raise SceneError(f"{key}: cannot be read as .vtp: {error}") from error
+    if "radius" not in data.point_data:
+        held = ", ".join(data.point_data.keys()) or "none"
+        raise SceneError(f"{key}: has no point array radius; it has {held}")
+    fields = {field: np.asarray(data.point_data[n]) for field, n in VTP_ARRAYS.items() if n in data.point_data}
+    return {"position": np.asarray(data.points), **fields}
+
+
+def _relative_to_frame(grains: dict[str, np.ndarray], frame: Chain) -> dict[str, np.ndarray]:
+    """Velocities and spins relative to the frame at time 0 from those in the laboratory: v - u - w x q and spin - w."""
+    pose = frame.pose(np.zeros(1))
+    spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
+    return {
+        **grains,
+        "velocity": grains["velocity"] - velocity - np.cross(spin, grains["position"]),
+        "spin": grains["spin"] - spin,
+    }
+
+
+def _unique_ids(groups: list[dict[str, np.ndarray]], source: str) -> np.ndarray:
+    """Ids of all grains: given ones as they are, the others the least free numbers in turn."""
+    owner = {}
+    for number, group in enumerate(groups):
+        for name in [] if group["id"] is None else group["id"].tolist():
+            if owner.setdefault(name, number) != number:
+                raise SceneError(
+                    f"{source}: grains[{number}]: grains[{owner[name]}] has the id {name} too: ids must be unique"
+                )
+    wanted = sum(len(group["radius"]) for group in groups if group["id"] is None)
+    free = np.setdiff1d(np.arange(wanted + len(owner)), np.fromiter(owner, np.int64, len(owner)))[:wanted]
+    parts = []
+    for group in groups:
+        if group["id"] is not None:
+            parts.append(group["id"])
+            continue
+        count = len(group["radius"])
+        parts.append(free[:count])
+        free = free[count:]
+    return np.concatenate(parts).astype(np.int64)
+
+
+def _place(grains: Grains0, i: int) -> str:
+    """Grain i by id and position, for messages."""
+    return f"grain {grains.id[i]} at ({', '.join(f'{v:.6g}' for v in grains.position[i])}) m"
+
+
+def _check_overlaps(grains: Grains0, scene) -> None:
+    share, partner = worst_overlaps(grains.position, grains.radius)
+    i = int(np.argmax(share))
+    allowed = scene.engine.max_overlap
+    if share[i] <= allowed:
+        return
+    i, j = sorted((i, int(partner[i])), key=lambda k: grains.id[k])
+    apart = np.linalg.norm(grains.position[i] - grains.position[j])
+    both = f"{_place(grains, i)} and {_place(grains, j)}"
+    count = int((share > allowed).sum())
+    if apart == 0.0:
+        raise SceneError(f"{scene.source}: grains: {both} coincide; each grain needs a place of its own")
+    overlap = grains.radius[i] + grains.radius[j] - apart
+    raise SceneError(
+        f"{scene.source}: grains: {both} overlap by {overlap:.6g} m, {share.max():.3g} of the smaller radius; allowed "
+        f"at the start is {allowed:g} ({count} grains overlap by more)"
+    )
+
+
+def _check_shape(grains: Grains0, position: np.ndarray, wall, key: str) -> None:
+    kind = next(name for name in SHAPES if getattr(wall, name) is not None)
+    shape = wall.shape
+    if isinstance(shape, (Cylinder, Sphere)):
+        tight = shape.holds(position) & (grains.radius >= shape.radius)
+        if tight.any():
+            i = int(np.argmax(tight))
+            raise SceneError(
+                f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
+                f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
+            )
+    height = shape.nearest(position)[1]
+    behind = height < 0.0
+    if behind.any():
+        i = int(np.argmin(height))
+        asked = "whose normal must point to the grains"
+        if kind != "plane":
+            asked = f"whose grains are {'inside' if shape.inside else 'outside'} (inside = {str(shape.inside).lower()})"
+        raise SceneError(
+            f"{key}.{kind}: {_place(grains, i)} is {-height[i]:.6g} m behind the {kind} {wall.name!r}, {asked} "
+            f"({int(behind.sum())} of {len(grains)} grains are behind it)"
+        )
+
+
+def _check_closed_meshes(
+    grains: Grains0, seen: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
+) -> None:
+    keys = {wall.name: f"{scene.source}: walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
+    filled = {group.fill.wall for group in scene.grains if group.fill is not None}
+    depth = {
+        name: -signed_distance(mesh, seen[name])[0]
+        for name, mesh in meshes.items()
+        if mesh.is_closed and mesh.twisted_edges == 0
+    }
+    containers = {name for name, d in depth.items() if name in filled or 2 * int((d > 0.0).sum()) > len(grains)}
+    contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else None
+    for name, d in depth.items():
+        if name in containers:
+            wrong, side = ~contained & (d <= 0.0), "outside the closed mesh"
+        else:
+            wrong, side = d > 0.0, "inside the solid mesh"
+        if wrong.any():
+            i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
+            raise SceneError(
+                f"{keys[name]}: {_place(grains, i)} is {side} {name!r}, {abs(d[i]):.6g} m from its surface "
+                f"({int(wrong.sum())} of {len(grains)} grains are {side.split()[0]})"
+            )

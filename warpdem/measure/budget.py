@@ -1,0 +1,163 @@
+"""Budgets of energy and momentum in the laboratory: what there is, what came and went, and what does not close.
+
+    E(t) = E(0) + W_walls + W_fields + C - D + error,      E = kinetic + rotational + elastic + potential + fields
+    P(t) = P(0) + J_walls + J_gravity + J_fields + C + error,      L the same about the laboratory's origin
+
+    W_walls    work of the walls' own motion, int sum (F . v_wall + M . w_wall) dt                    [J]
+    W_fields   work of external fields without a potential, and of the axes that carry one with a potential  [J]
+    C          what grains carry in and out: streams, outlets, borders, periodic images               [J]
+    D          dissipated: normal and tangential damping, sliding, rolling, rescaling of springs      [J]
+    J          impulse [N s] and angular impulse [N m s]
+    error      what is left over: the error of the time integration                                  [J]
+
+Where the frame turns, the integral of Jacobi, E - sum (m V . v_frame + I W . w_frame) [J], is what an observer in it takes for
+the energy, -(1/2) m v_frame^2 being the potential of the centrifugal force: at a steady rate, and with gravity along the axis,
+walls at rest in the frame do not change it.
+
+The kernels add up D, W and J per grain at every step (``kernels.budget``). In the laboratory the frame does no work: the
+walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity of mid-step and its place
+there, at which the books of its work begin or end.
+"""
+
+import numpy as np
+
+from warpdem.kernels import grain
+from warpdem.kernels.budget import ENERGIES, MOMENTA
+from warpdem.measure import observers
+
+STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
+DISSIPATED = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
+VECTORS = tuple(f"{kind}_{axis}" for kind in ("momentum", "angular_momentum") for axis in "xyz")
+
+
+class Budget:
+    """What has come to a simulation's grains and gone from them since its first step.
+
+    Args:
+        sim: the simulation, whose plan adds something up.
+    """
+
+    def __init__(self, sim) -> None:
+        self.sim = sim
+        self.start: dict[str, list[float]] = {}
+        self.gone = {name: [0.0] * width for name, width in sim.plan.sums.items()}  # sums of grains that have left
+        self.carried = [0.0] * 7  # energy [J], momentum [N s], angular momentum [N m s] by grains that came and left
+
+    def begin(self) -> None:
+        """Note what there is at the first instant; later calls do nothing."""
+        if not self.start:
+            self.start = {"energy": [self._stored()], "momentum": self._momentum()}
+
+    def energy(self) -> dict[str, float]:
+        """Terms of the energy budget at the present time [J]."""
+        self.begin()
+        sim = self.sim
+        elastic, all_sums = observers.elastic_energies(sim, sim.contacts()), self._sums()
+        sums, works = all_sums["energies"], all_sums["wall_work"]
+        by_name = dict(zip(ENERGIES, sums, strict=True))
+        out = {f"elastic_{kind}": float(values.sum()) for kind, values in elastic.items()}
+        out |= {f"dissipated_{name}": by_name[name] for name in DISSIPATED}
+        out |= {"work_walls": float(sum(works)), "work_fields": by_name["fields"]}
+        out["carried_in"] = by_name["carried"] + self.carried[0]
+        given = out["work_walls"] + out["work_fields"] + out["carried_in"]
+        lost = sum(by_name[name] for name in DISSIPATED)
+        out["integration_error"] = self._stored() - self.start["energy"][0] - given + lost
+        out |= {"jacobi": self._jacobi()} if sim.plan.moving_frame else {}
+        return out | {f"{wall.name} work": float(work) for wall, work in zip(sim.scene.walls, works, strict=True)}
+
+    def momentum(self) -> dict[str, float]:
+        """Terms of the momentum budget [N s] and of the one of angular momentum [N m s], laboratory axes."""
+        self.begin()
+        now, sums = self._momentum(), self._sums()["momenta"]
+        parts = {name: np.array(sums[6 * k : 6 * k + 6]) for k, name in enumerate(MOMENTA)}
+        parts["carried"] = parts["carried"] + self.carried[1:]
+        terms = {"": now, **parts, "error": now - np.array(self.start["momentum"]) - sum(parts.values())}
+        return {
+            f"{vector} {name}".strip(): float(value)
+            for name, six in terms.items()
+            for vector, value in zip(VECTORS, six, strict=True)
+        }
+
+    def flow(self) -> list[float]:
+        """Mass [kg] and number that have gone through each plane along its normal, one plane after the other."""
+        return self._sums()["flow"]
+
+    def came(self, slots: np.ndarray) -> None:
+        """Count the grains in memory slots ``slots``, which have just been added."""
+        self._carry(slots, 1.0)
+
+    def left(self, slots: np.ndarray) -> None:
+        """Count the grains in memory slots ``slots``, which are about to be taken out, and keep what was added up of them."""
+        if not self.start:
+            return
+        sim = self.sim
+        self._carry(slots, -1.0)
+        contacts = observers.read_contacts(sim, since=1)
+        ids = sim.state.id.numpy()[slots]
+        theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
+        self.carried[0] -= sum(float(e[theirs].sum()) for e in observers.elastic_energies(sim, contacts).values())
+        order = slots[np.argsort(ids)]
+        for name, sums in self.gone.items():
+            sums[:] = np.add(sums, self._laboratory(name, getattr(sim.state, name).numpy()[order].sum(axis=0))).tolist()
+
+    def state(self) -> dict:
+        """What a checkpoint must hold of it beside the arrays of the grains, as JSON."""
+        self.begin()
+        return {"start": self.start, "gone": self.gone, "carried": self.carried}
+
+    def restore(self, state: dict) -> None:
+        """Go on from ``state``."""
+        self.start, self.gone, self.carried = state["start"], state["gone"], state["carried"]
+
+    def _stored(self) -> float:
+        energy = self.sim.energy()
+        return sum(energy.get(name, 0.0) for name in STORED)
+
+    def _jacobi(self) -> float:
+        """Energy less what goes with the frame: E - sum (m V . v_frame + I W . w_frame) [J]."""
+        sim, p = self.sim, self.sim.particles
+        pose = sim.schedule.pose(sim.time)
+        _, _, velocity, spin = sim.readings()
+        along = p.mass @ np.einsum("ij,ij->i", velocity, pose.velocity_at(p.position)) + p.inertia @ (spin @ pose.spin)
+        return self._stored() - float(along)
+
+    def _momentum(self) -> list[float]:
+        p = self.sim.particles
+        velocity, mass = p.velocity_lab, p.mass
+        spin = p.inertia @ p.spin_lab
+        return [*(mass @ velocity), *(mass @ np.cross(p.position_lab, velocity) + spin)]
+
+    def _carry(self, slots: np.ndarray, sign: float) -> None:
+        """Add what grains bring at mid-step, before the force call of the present instant."""
+        sim = self.sim
+        if not self.start:  # what is there at the first instant is part of the start
+            return
+        record, inverse = sim.state.record.numpy()[slots], sim.state.inverse.numpy()[slots]
+        mass, inertia = 1.0 / inverse[:, 0], 1.0 / inverse[:, 1]
+        pose = sim.schedule.pose(sim.time)
+        velocity = record[:, grain.VELOCITY]
+        spin = record[:, grain.SPIN] if sim.plan.spins else np.zeros_like(velocity)
+        place = record[:, grain.POSITION] - 0.5 * sim.dt * velocity
+        there = pose.to_laboratory(place)
+        fields = observers.field_energies(sim, place, there, mass, record[:, grain.RADIUS])
+        moving = 0.5 * (mass @ np.einsum("ij,ij->i", velocity, velocity) + inertia @ np.einsum("ij,ij->i", spin, spin))
+        velocity, spin = velocity @ pose.rotation.T, spin @ pose.rotation.T
+        energy = moving - mass @ (there @ np.array(sim.scene.gravity)) + sum(fields)
+        all_seven = [energy, *(mass @ velocity), *(mass @ np.cross(there, velocity) + inertia @ spin)]
+        self.carried = [float(have + sign * new) for have, new in zip(self.carried, all_seven, strict=True)]
+
+    def _sums(self) -> dict[str, list[float]]:
+        """What has been added up of all grains, those that left too; vectors in laboratory axes."""
+        sim = self.sim
+        sim._prepare()
+        per_grain = sim.stepper.read_sums()
+        return {
+            name: np.add(gone, self._laboratory(name, per_grain[name][sim.state.rank].sum(axis=0))).tolist()
+            for name, gone in self.gone.items()
+        }
+
+    def _laboratory(self, name: str, sums: np.ndarray) -> np.ndarray:
+        """Vectors turned from frame axes to the laboratory."""
+        if name != "momenta":
+            return sums
+        return (sums.reshape(-1, 3) @ self.sim.schedule.pose(self.sim.time).rotation.T).ravel()

@@ -1,0 +1,41 @@
+"""The contacts of a run as lines with what they carry: the network that force chains show."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.measure.observers import coefficients_of, read_contacts
+from warpdem.snapshot import ContactNetwork
+
+FRICTION = 4  # column of the table of coefficients
+_ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]
+
+
+def read_network(sim) -> ContactNetwork:
+    """Contacts of ``sim`` at its present time, from the results of its last force call.
+
+    F_n = F . n,  F_t = F - F_n n; a contact slides where |F_t| = mu F_n > 0, to the rounding of the law.
+    """
+    sim._prepare()
+    contacts = read_contacts(sim)
+    ids, position = sim.particles.id, sim.particles.position
+    start = position[np.searchsorted(ids, contacts.i)]
+    end = contacts.point.copy()
+    pairs = contacts.j >= 0
+    partner = position[np.searchsorted(ids, contacts.j[pairs])]
+    end[pairs] = start[pairs] - sim.domain.nearest(start[pairs] - partner)
+    normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
+    friction_force = contacts.force - normal_force[:, None] * contacts.normal
+    limit = coefficients_of(sim, contacts)[:, FRICTION] * np.maximum(normal_force, 0.0)
+    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[sim.plan.real]) * limit
+    return ContactNetwork(
+        i=contacts.i,
+        j=np.where(pairs, contacts.j, -1),
+        wall=np.where(pairs, -1, -1 - contacts.j).astype(np.int32),
+        start=start,
+        end=end,
+        force=contacts.force,
+        normal_force=normal_force,
+        friction_force=friction_force,
+        overlap=contacts.overlap,
+        sliding=(reached & (limit > 0.0)).astype(np.int8),
+    )

@@ -1,0 +1,294 @@
+"""Read-only measures of a run: grains, contacts, energies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.engine.impact import secant, stiffness
+from warpdem.engine.plan import field_numbers
+from warpdem.engine.state import unturned
+from warpdem.errors import SceneError
+from warpdem.kernels import grain
+from warpdem.scene.models import model
+
+LEAST_OVERLAP = 1.0e-300  # [m]: a law that acts beyond contact has contacts of none, whose springs are zero
+
+
+class Particles:
+    """The grains of a simulation at its present time t_k, ordered by id; NumPy arrays are fresh copies.
+
+    Velocities are those of t_k as the integrator completes its step: for exact_drift V_k = V + (dt/2) a_k.
+    """
+
+    def __init__(self, sim) -> None:
+        sim._prepare()
+        self._sim = sim
+        self._state = sim.state
+        self._pose = sim.schedule.pose(sim.time)
+        self._read_at = -1
+
+    def _readings(self) -> tuple[np.ndarray, ...]:
+        """Readings of the present step, made once for all properties."""
+        if self._read_at != self._sim.step_number:
+            self._read, self._read_at = self._sim.readings(), self._sim.step_number
+        return self._read
+
+    @property
+    def id(self) -> np.ndarray:
+        """Ids, shape (n,), int64, ascending."""
+        return self._state.id.numpy()[self._state.rank]
+
+    @property
+    def type(self) -> np.ndarray:
+        """Material index in the order of the scene, shape (n,), int32."""
+        return self._state.kind.numpy()[self._state.rank]
+
+    @property
+    def group(self) -> np.ndarray:
+        """Number of the group, of those of ``Scene.groups``, shape (n,), int32."""
+        return self._state.group[self._state.rank]
+
+    @property
+    def orientation(self) -> np.ndarray:
+        """Unit quaternions (w, x, y, z) from body axes to frame axes, shape (n, 4); body axes are frame axes at the start.
+
+        All grains are unturned while nothing turns them.
+
+        Raises:
+            SceneError: the scene does not ask for it with output.orientation = true.
+        """
+        if not self._sim.scene.output.orientation:
+            raise SceneError(f"{self._sim.scene.source}: output.orientation = false: how grains turn is not kept")
+        if self._state.orientation is None:
+            return unturned(len(self._state))
+        return self._state.orientation.numpy()[self._state.rank]
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radius [m], shape (n,)."""
+        return self._state.by_id(grain.RADIUS)
+
+    @property
+    def mass(self) -> np.ndarray:
+        """Mass [kg], shape (n,)."""
+        return 1.0 / self._state.inverse.numpy()[self._state.rank, 0]
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Moment of inertia (2/5) m R^2 [kg m2], shape (n,)."""
+        return 1.0 / self._state.inverse.numpy()[self._state.rank, 1]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Position in frame axes [m], shape (n, 3)."""
+        return self._state.by_id(grain.POSITION)
+
+    @property
+    def force(self) -> np.ndarray:
+        """Contact force in frame axes [N], shape (n, 3)."""
+        return self._readings()[0].copy()
+
+    @property
+    def position_lab(self) -> np.ndarray:
+        """Position in the laboratory [m], shape (n, 3)."""
+        return self._pose.to_laboratory(self.position)
+
+    def _absolute_velocity(self) -> np.ndarray:
+        velocity = self._readings()[2]
+        if not self._sim.plan.scheme.RELATIVE:
+            return velocity
+        omega, origin = self._frame_before()
+        return velocity + origin + np.cross(omega, self.position)
+
+    def _absolute_spin(self) -> np.ndarray:
+        if not self._state.spins:
+            return np.zeros((len(self._state), 3))
+        spin = self._readings()[3]
+        return spin + self._frame_before()[0] if self._sim.plan.scheme.RELATIVE else spin
+
+    def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
+        row = self._sim.schedule.frames(self._sim.step_number, 0)[0]
+        return row[12:15], row[15:18]
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Velocity relative to the frame, in frame axes [m/s], shape (n, 3): V - u - w x q of the frame."""
+        return self._absolute_velocity() - self._pose.velocity_at(self.position)
+
+    @property
+    def velocity_lab(self) -> np.ndarray:
+        """Velocity in the laboratory [m/s], shape (n, 3)."""
+        return self._absolute_velocity() @ self._pose.rotation.T
+
+    @property
+    def spin(self) -> np.ndarray:
+        """Angular velocity relative to the frame, in frame axes [rad/s], shape (n, 3): W - w of the frame."""
+        if not self._state.spins:
+            return np.zeros((len(self._state), 3))
+        return self._absolute_spin() - self._pose.spin
+
+    @property
+    def spin_lab(self) -> np.ndarray:
+        """Angular velocity in the laboratory [rad/s], shape (n, 3)."""
+        return self._absolute_spin() @ self._pose.rotation.T
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Touching pairs, grain-grain first, then grain-wall, each by ids; vectors in frame axes.
+
+    ``j`` is the partner's id, or -1 - w for wall w of the scene.
+    """
+
+    i: np.ndarray
+    j: np.ndarray
+    overlap: np.ndarray
+    """Overlap [m], shape (c,)."""
+    normal: np.ndarray
+    """Unit vector from j to i, shape (c, 3)."""
+    force: np.ndarray
+    """Force on i [N], shape (c, 3)."""
+    spring: np.ndarray
+    """Tangential spring [m], shape (c, 3)."""
+    point: np.ndarray
+    """Contact point [m], shape (c, 3)."""
+    share: np.ndarray
+    """Overlap over the smaller radius [-], shape (c,)."""
+    stiffness: np.ndarray
+    """Constant of the normal law (hertz: K [N/m^1.5], hooke: k [N/m]), shape (c,)."""
+    angle: np.ndarray
+    """Rolling spring [rad], shape (c, 3)."""
+    radius: np.ndarray
+    """R* [m], the grain's at a wall, shape (c,)."""
+
+    def worst(self) -> str:
+        """The deepest contact in words."""
+        c = int(np.argmax(self.share))
+        partner = f"grain {self.j[c]}" if self.j[c] >= 0 else f"wall {-1 - self.j[c]}"
+        place = ", ".join(f"{x:.4g}" for x in self.point[c])
+        return f"Deepest now: grain {self.i[c]} with {partner} at ({place}) m, {self.share[c]:.3g} of the radius."
+
+
+def read_contacts(sim, since: int = 0) -> Contacts:
+    """Contacts of ``sim`` at its present time, from the results of its last force call, ``since`` steps ago."""
+    lists, state, plan = sim.lists, sim.state, sim.plan
+    record, ids = state.record.numpy(), state.id.numpy()
+    position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
+    parts = []
+    if len(state) and lists.contact_count:
+        lanes = lists.real_lanes()
+
+        def flat(array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
+            return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
+
+        a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
+        way = sim.domain.nearest(position[a] - position[b])
+        distance = np.linalg.norm(way, axis=1)
+        overlap = radius[a] + radius[b] - distance
+        on = overlap > -plan.gap
+        a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
+        normal = way / distance[:, None]
+        memory = flat(lists.memory)[on]
+        spring = memory[:, :3] if plan.memory else np.zeros((len(a), 3))
+        angle = memory[:, 3:6] if plan.memory == 6 else np.zeros((len(a), 3))
+        parts.append(
+            (
+                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3], spring,
+                position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
+                flat(lists.constants)[on][:, 0], angle, radius[a] * radius[b] / (radius[a] + radius[b]),
+            )
+        )  # fmt: skip
+    if len(state) and plan.walls and lists.row_count:
+        rows, parity = lists.rows, (sim.step_number - since) & 1
+        slot, g = lists.place_slots(parity, rows.grain.numpy())
+        place = lists.places(parity, slot)
+        overlap, normal, wall = place["overlap"], place["normal"], place["wall"]
+        spring = place.get("spring", np.zeros((len(g), 3)))
+        table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
+        material = sim.walls.surface.material.numpy()[wall]
+        which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
+        # the law is linear in its constant: a place that carries part of a force has that part of it
+        base = stiffness(plan.normal, table[which, 0], radius[g]) * place["weight"]
+        parts.append(
+            (
+                ids[g], -1 - wall, overlap, normal, place["force"], spring,
+                position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
+                place.get("angle", np.zeros((len(g), 3))), radius[g],
+            )
+        )  # fmt: skip
+    if not parts:
+        empty, vectors = np.zeros(0), np.zeros((0, 3))
+        return Contacts(
+            np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty, vectors, vectors, vectors, vectors, empty,
+            empty, vectors, empty,
+        )  # fmt: skip
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order = np.lexsort((columns[1], columns[0], columns[1] < 0))  # stable: the places of a grain on a wall keep theirs
+    return Contacts(*(column[order] for column in columns))
+
+
+def energy(sim) -> dict[str, float]:
+    """Energies in the laboratory [J].
+
+    kinetic (1/2) m V^2, rotational (1/2) I W^2, elastic of the normal contacts, of the tangential springs (1/2) k_t s^2 and
+    of the rolling springs, potential -m g . x; and, where the scene has external fields with a potential, theirs at the
+    present positions.
+    """
+    p = sim.particles
+    elastic = elastic_energies(sim, sim.contacts())
+    velocity, spin = p.velocity_lab, p.spin_lab
+    out = {
+        "kinetic": float(0.5 * np.sum(p.mass * np.einsum("ij,ij->i", velocity, velocity))),
+        "rotational": float(0.5 * np.sum(p.inertia * np.einsum("ij,ij->i", spin, spin))),
+        "elastic": float(sum(energies.sum() for energies in elastic.values())),
+        "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(sim.scene.gravity)))),
+    }
+    fields = field_energies(sim, p.position, p.position_lab, p.mass, p.radius)
+    return {**out, "fields": sum(fields)} if fields else out
+
+
+def elastic_energies(sim, contacts: Contacts) -> dict[str, np.ndarray]:
+    """Energy in the normal contact, the tangential and the rolling spring of each contact [J], each of shape (c,).
+
+    A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
+    """
+    plan, none = sim.plan, np.zeros(len(contacts.i))
+    normal = model("normal", plan.normal).energy(contacts.overlap, contacts.stiffness)
+    out = {"normal": normal, "tangential": none, "rolling": none}
+    if plan.memory:
+        k_n = secant(plan.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts.stiffness)
+        table = coefficients_of(sim, contacts)
+        out["tangential"] = 0.5 * table[:, 2] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
+        bent = getattr(model("rolling", plan.rolling), "energy", None) if plan.memory == 6 else None
+        if bent is not None:
+            out["rolling"] = bent(contacts.angle, k_n * (table[:, 5] * contacts.radius) ** 2)
+    return out
+
+
+def field_energies(sim, position: np.ndarray, position_lab: np.ndarray, mass: np.ndarray, radius: np.ndarray) -> list[float]:
+    """Potential energy of grains, positions (n, 3) [m], in each external field that has one [J]."""
+    place = {"laboratory": position_lab, "frame": position}
+    fields = [(model("field", name), place[axes]) for name, axes in sim.plan.fields]
+    return [
+        float(np.sum(field.energy(there, mass, radius, numbers)))
+        for (field, there), numbers in zip(fields, field_numbers(sim.scene), strict=True)
+        if hasattr(field, "energy")
+    ]
+
+
+def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
+    """Coefficients of each contact, columns as in ``kernels.law.COEFFICIENTS``, shape (c, 7)."""
+    table = sim.coefficients.numpy()
+    if not sim.plan.table:
+        return np.repeat(table[:1], len(contacts.i), axis=0)
+    state = sim.state
+    ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
+    first = kind[np.searchsorted(ids, contacts.i)]
+    material = sim.walls.surface.material.numpy() if sim.walls else np.zeros(0, dtype=int)
+    other = np.where(
+        contacts.j >= 0,
+        kind[np.clip(np.searchsorted(ids, contacts.j), 0, len(ids) - 1)],
+        np.append(material, 0)[np.clip(-1 - contacts.j, 0, len(material))],
+    )
+    return table[first * sim.plan.materials + other]

@@ -1,0 +1,83 @@
+"""Loads on walls: force, torque and power of each wall, force and pressure of each triangle.
+
+    F_w = -sum F,     T_w = -sum ((x - p) x F + M),     P = sum (F . v + M . w),     v = u + w x x
+
+F and M are the force of a contact on the grain and its rolling torque as the force call of the instant t_k left them,
+x = q - n (R - overlap) is the contact point; v is the absolute velocity of the wall's material there, w the wall's absolute
+spin. The grains' momenta change in every step by -F_w dt and -T_w dt and what gravity and fields add, to round-off. A contact
+at an edge or corner counts for one of the triangles that meet there.
+"""
+
+import numpy as np
+
+from warpdem.kernels import grain
+from warpdem.scene.motion import Rotation, Standing
+from warpdem.snapshot import WallLoad
+
+
+def torque_point(scene, number: int) -> np.ndarray:
+    """Body point that the torque on a wall of the scene refers to [m], shape (3,)."""
+    wall = scene.walls[number]
+    if wall.torque_about is not None:
+        return np.array(wall.torque_about)
+    around = scene.frame or () if wall.fixed_to == "frame" else ()
+    point = np.zeros(3)
+    for motion in (*around, *(wall.motion or ())):
+        if isinstance(motion, Rotation):
+            point = np.array(motion.origin)
+        elif isinstance(motion, Standing):
+            point = motion.inverse(point)
+    return point
+
+
+def read_loads(sim) -> dict[str, WallLoad]:
+    """Load on each wall of ``sim`` at its present time, by name; vectors in frame axes."""
+    if not sim.scene.walls:
+        return {}
+    place = _places(sim)
+    wall_of = sim.walls.surface.wall.numpy()
+    feature_force = _sums(-place["force"], place["feature"], len(wall_of))
+    feature_push = _sums(np.einsum("ij,ij->i", place["force"], place["normal"]), place["feature"], len(wall_of))
+    loads = {}
+    for number, (wall, body) in enumerate(zip(sim.scene.walls, sim.schedule.bodies(sim.time), strict=True)):
+        here = wall_of[place["feature"]] == number
+        force, moment, point = (place[name][here] for name in ("force", "moment", "point"))
+        about = body[:9].reshape(3, 3) @ torque_point(sim.scene, number) + body[9:12]
+        spin, velocity = body[12:15], body[15:18]
+        mesh = sim.meshes.get(wall.name)
+        own = np.flatnonzero(wall_of == number) if mesh is not None else np.zeros(0, dtype=int)
+        loads[wall.name] = WallLoad(
+            force=0.0 - force.sum(axis=0),
+            torque=0.0 - (np.cross(point - about, force) + moment).sum(axis=0),
+            about=about,
+            power=float(np.sum(force * (velocity + np.cross(spin, point))) + np.sum(moment @ spin)),
+            triangle_force=feature_force[own],
+            pressure=feature_push[own] / _areas(mesh) if mesh is not None else np.zeros(0),
+        )
+    return loads
+
+
+def _places(sim) -> dict[str, np.ndarray]:
+    """Feature, force [N] and rolling torque [N m] on the grain, normal and contact point [m] of all places.
+
+    In order of grain id, so that sums over them do not depend on the order of the lists.
+    """
+    lists, state, parity = sim.lists, sim.state, sim.step_number & 1
+    g = lists.rows.grain.numpy() if len(state) and lists.row_count else np.zeros(0, dtype=np.int32)
+    slot, holder = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
+    place, record = lists.places(parity, slot), state.record.numpy()[holder]
+    point = record[:, grain.POSITION] - place["normal"] * (record[:, grain.RADIUS] - place["overlap"])[:, None]
+    return {"moment": np.zeros((len(slot), 3)), **place, "point": point}
+
+
+def _sums(values: np.ndarray, group: np.ndarray, groups: int) -> np.ndarray:
+    """Sums of ``values`` over the members of each group, one after the other, shape (groups, ...)."""
+    out = np.zeros((groups, *values.shape[1:]))
+    np.add.at(out, group, values)
+    return out
+
+
+def _areas(mesh) -> np.ndarray:
+    """Area of each triangle [m2], shape (t,)."""
+    a, b, c = mesh.corners.transpose(1, 0, 2)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)

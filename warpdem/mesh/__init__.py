@@ -1,0 +1,1 @@
+"""Triangle meshes: read, mended, cut into smooth pieces, made from analytic walls for drawing."""

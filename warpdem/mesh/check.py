@@ -1,0 +1,135 @@
+"""Mending the triangles of a mesh file, and judging its size against the grains.
+
+Triangles that are there twice count once. In a closed mesh, triangles that are wound against their neighbours are turned
+round, and so are whole bodies: with outward normals, one more normal points inwards for each body that a body lies in.
+Nothing else is changed; what cannot be mended is counted and said with its place.
+"""
+
+import math
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.mesh.pieces import Edges, components, first_and_group
+
+LARGEST_MESH = 20_000.0
+"""Largest mesh in mean grain diameters [-]: more grains abreast than that never fit into a computer."""
+SMALLEST_MESH = 0.2
+"""Smallest mesh in mean grain diameters [-]: a thinner needle is no wall for such grains."""
+USUAL_MESH = (3.0, 1000.0)
+"""Sizes in mean grain diameters [-] beyond which a mesh is allowed but told about."""
+MOST_BODIES = 1000
+"""Bodies up to which is found out which lies in which [-]: the effort grows with their square."""
+PROBES = 8
+"""Points of a body that must agree on which other bodies it lies in [-]."""
+
+
+def first_of_each(triangles: np.ndarray) -> np.ndarray:
+    """Whether a triangle is the first with its three corners, whichever way they run, shape (t, 3) gives (t,)."""
+    first = np.zeros(len(triangles), bool)
+    first[first_and_group(np.sort(triangles, axis=1))[0]] = True
+    return first
+
+
+def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, area: np.ndarray) -> np.ndarray:
+    """Which triangles of a closed mesh to turn round so that all are wound alike, shape (t,).
+
+    In each body the smaller part of its area is turned; among bodies those that disagree with most of the area. A
+    one-sided surface (Klein's bottle) has no such winding; nothing of it is turned, nor whole bodies beside it.
+
+    Args:
+        vertices: Corners [m], shape (v, 3).
+        triangles: Corner numbers, shape (t, 3).
+        edges: Their edges.
+        area: Area of each triangle [m2], shape (t,).
+    """
+    count = len(triangles)
+    a, b = edges.sides.T
+    # each triangle stands for two: as it is, and (count further on) turned round; those that fit together are joined
+    other = np.where(edges.twisted, count, 0)
+    fits = np.concatenate([np.stack([a, b + other], axis=1), np.stack([a + count, b + count - other], axis=1)])
+    as_is, turned = components(2 * count, fits).reshape(2, count)
+    body = first_and_group(np.minimum(as_is, turned)[:, None])[1]
+    wrong = as_is > turned
+    one_sided = np.bincount(body, as_is == turned) > 0
+    wrong ^= (2.0 * np.bincount(body, area * wrong) > np.bincount(body, area))[body]
+    if one_sided.any() or not 1 < body.max() + 1 <= MOST_BODIES:
+        return wrong
+    wound = np.where(wrong[:, None], triangles[:, ::-1], triangles)
+    inverted, doubt = _inverted_bodies(vertices[wound], body)
+    of_area = np.bincount(body, area)
+    if of_area[inverted & ~doubt].sum() > of_area[~inverted & ~doubt].sum():
+        inverted = ~inverted
+    return wrong ^ (inverted & ~doubt)[body]
+
+
+def _inverted_bodies(corners: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the normals of a body point the wrong way: outwards is right for one that lies in an even number of others.
+
+    A body that is partly in another is in doubt.
+
+    Args:
+        corners: Corners of the triangles [m], shape (t, 3, 3), wound alike within each body.
+        body: Number of the body of each triangle, shape (t,).
+
+    Returns:
+        For each body whether it is inverted, and whether that is in doubt.
+    """
+    count = int(body.max()) + 1
+    order = np.argsort(body, kind="stable")
+    parts = [corners[which] for which in np.split(order, np.cumsum(np.bincount(body))[:-1])]
+    low, high = np.array([[p.min(axis=(0, 1)), p.max(axis=(0, 1))] for p in parts]).transpose(1, 0, 2)
+    volume = np.array([np.linalg.det(p - p.mean(axis=(0, 1))).sum() for p in parts])
+    depth, doubt = np.zeros(count, int), np.zeros(count, bool)
+    for k, part in enumerate(parts):
+        probes = part[:: max(1, len(part) // PROBES)].mean(axis=1)
+        near = ((low <= high[k]) & (low[k] <= high)).all(axis=1)
+        near[k] = False
+        for around in np.flatnonzero(near):
+            held = np.array([abs(_winding(parts[around], point)) > 0.5 for point in probes])
+            doubt[k] |= held.any() and not held.all()
+            depth[k] += bool(held[0])
+    return (volume < 0.0) != (depth % 2 == 1), doubt
+
+
+def _winding(corners: np.ndarray, point: np.ndarray) -> float:
+    """How often closed triangles (t, 3, 3) run round a point: the sum of their solid angles over 4 pi.
+
+    Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
+    """
+    a, b, c = (corners - point).transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(arm, axis=1) for arm in (a, b, c))
+    top = (a * np.cross(b, c)).sum(axis=1)
+    bottom = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return float(np.arctan2(top, bottom).sum()) / (2.0 * math.pi)
+
+
+def size_warning(name: str, bounds: np.ndarray, diameters, key: str) -> str | None:
+    """What is odd about the size of a mesh beside that of its grains, as when millimetres are read as metres.
+
+    Args:
+        name: File of the mesh.
+        bounds: Its least and greatest corner [m], shape (2, 3).
+        diameters: Grain diameters [m], any shape.
+        key: Scene key of the mesh, for messages.
+
+    Raises:
+        SceneError: The mesh is more than `LARGEST_MESH` or less than `SMALLEST_MESH` mean grain diameters large.
+    """
+    diameter = float(np.mean(diameters))
+    size = float((bounds[1] - bounds[0]).max())
+    ratio = size / diameter
+    low, high = USUAL_MESH
+    if low <= ratio <= high:
+        return None
+    factor, unit = (0.001, "millimetres") if ratio > high else (1000.0, "kilometres, or was it scaled twice")
+    advice = "check scale and the diameters"
+    if low <= ratio * factor <= high:
+        advice = f"is the file in {unit}? Then multiply its scale by {factor:g} (scale = {factor:g} if it had none)"
+    text = (
+        f"{key}: {name}: the mesh is {size:.6g} m large and the grains are {diameter:.6g} m in diameter: "
+        f"{ratio:.3g} diameters"
+    )
+    if SMALLEST_MESH <= ratio <= LARGEST_MESH:
+        return f"{text}, usual are {low:g} to {high:g}; {advice}"
+    raise SceneError(f"{text}, allowed {SMALLEST_MESH:g} to {LARGEST_MESH:g}; {advice}")

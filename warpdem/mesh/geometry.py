@@ -1,0 +1,333 @@
+"""Mesh files to triangles in metres, mended and taken apart into smooth and flat pieces; distance and volume of closed ones.
+
+Everything after the file is float64.
+"""
+
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warpdem.errors import SceneError
+from warpdem.kernels.wall import distance as distance_kernel
+from warpdem.mesh import file as mesh_file
+from warpdem.mesh import usd_geometry
+from warpdem.mesh.check import first_of_each, wrongly_wound
+from warpdem.mesh.pieces import ROUNDING, Edges, Shape, find_pieces, first_and_group, fit_planes, renumber, split_bent
+from warpdem.usd.stage import USD_SUFFIXES
+
+LARGEST_NUMBER = 1e30
+"""Largest coordinate that is taken for one [-]: its square still fits into a float64, and float32 holds it."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A triangle mesh in metres, placed where it stands at time 0, with its pieces."""
+
+    name: str
+    """File it came from, for messages."""
+    vertices: np.ndarray
+    """Corners [m], shape (v, 3), float64; corners that are one in the file are one here."""
+    triangles: np.ndarray
+    """Corner numbers of each triangle, shape (t, 3), int32."""
+    dropped: int
+    """Triangles without area that the file held and that were left out."""
+    duplicates: int
+    """Triangles that the file held a second time and that were left out."""
+    turned: int
+    """Triangles of a closed mesh that were wound the wrong way and were turned round."""
+    open_edges: int
+    """Edges that only one triangle has."""
+    forked_edges: int
+    """Edges at which three or more triangles meet."""
+    twisted_edges: int
+    """Edges whose two triangles are wound against each other."""
+    notes: tuple[str, ...]
+    """What was mended, left out or is odd, each with its count and the place of the first, for people."""
+    volume: float
+    """Enclosed volume [m3]; negative when the normals of a closed mesh point inwards, without meaning when open."""
+    bounds: np.ndarray
+    """Least and greatest corner [m], shape (2, 3)."""
+    piece: np.ndarray
+    """Smooth piece each triangle belongs to, shape (t,), int32: joined where they meet below `SMOOTH_ANGLE`."""
+    plane: np.ndarray
+    """Flat piece each triangle belongs to, shape (t,), int32."""
+    plane_normal: np.ndarray
+    """Unit normal of each flat piece [-], shape (p, 3), on the side its triangles turn to."""
+    plane_offset: np.ndarray
+    """Offset of each flat piece [m], shape (p,): its points satisfy normal . x = offset."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether each edge is used by exactly two triangles."""
+        return self.open_edges == self.forked_edges == 0
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners of each triangle [m], shape (t, 3, 3)."""
+        return self.vertices[self.triangles]
+
+    @functools.cached_property
+    def _query(self) -> "_DistanceQuery":
+        return _DistanceQuery(self)
+
+
+def load_mesh(
+    path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh", folders=None
+) -> TriangleMesh:
+    """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh.check`).
+
+    Args:
+        path: STL (binary or ASCII), OBJ, PLY or USD file; of a USD file the lengths are metres and z is upwards already.
+        scale: Metres per unit of the file [m], one number.
+        rotate: None, or an object with `axis` (any length) and `angle` [rad] (turn about the origin).
+        translate: Shift after scaling and turning [m].
+        prim: Path of a prim of a USD file; "" if the file holds one surface only.
+        key: Scene key, for messages.
+        folders: Folders that all files which a USD file refers to must lie in; None is no bound.
+
+    Raises:
+        SceneError: File missing, unreadable, empty, or with a corner that is not a finite number.
+    """
+    path, notes = Path(path), ()
+    if path.suffix.lower() in USD_SUFFIXES:
+        corners, notes = usd_geometry.read_triangles(path, prim, key, folders)
+    else:
+        corners = mesh_file.read_triangles(path, key)
+    pose = (_rotation_matrix(rotate) * float(scale), np.asarray(translate, float))
+    return build_mesh(corners, pose, path.name, key, notes)
+
+
+def build_mesh(
+    corners: np.ndarray, pose=None, name: str = "mesh", key: str = "mesh", notes: tuple[str, ...] = ()
+) -> TriangleMesh:
+    """Mesh of loose triangles.
+
+    Args:
+        corners: Corners in units of the file, shape (t, 3, 3).
+        pose: None, or matrix (3, 3) and shift (3,) that take the file's coordinates to metres.
+        name: Shown in messages.
+        key: Scene key, for messages.
+        notes: What reading the file has noted already.
+
+    Raises:
+        SceneError: No triangle with an area, or a corner that is not a finite number.
+    """
+    corners = np.asarray(corners, np.float64)
+    bad = ~(np.abs(corners) <= LARGEST_NUMBER).all(axis=(1, 2))
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise SceneError(
+            f"{key}: {name}: {bad.sum()} of {len(corners)} triangles have a corner that is not a finite number up to "
+            f"{LARGEST_NUMBER:g}, the first is triangle {first}: {corners[first].tolist()}"
+        )
+    vertices, triangles = _weld(corners)
+    rounding = ROUNDING * np.abs(vertices).max(initial=0.0)
+    if pose is not None:
+        matrix, shift = pose
+        rounding *= np.cbrt(abs(np.linalg.det(matrix)))
+        vertices = vertices @ matrix.T + shift
+    solid, single = Shape(vertices, triangles, rounding).area > 0.0, first_of_each(triangles)
+    if not solid.any():
+        raise SceneError(f"{key}: {name}: the mesh is empty: none of its {len(corners)} triangles has an area")
+    report = _Report(vertices, list(notes))
+    dropped = report.triangles(triangles[~solid], "without area left out")
+    duplicates = report.triangles(triangles[solid & ~single], "that are there twice left out")
+    # a triangle whose corners coincide cancels itself; one with three corners on a line still joins its neighbours
+    triangles = triangles[np.where(solid, single, (triangles != np.roll(triangles, 1, axis=1)).all(axis=1))]
+    shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
+    turned = 0
+    if edges.is_closed:
+        wrong = wrongly_wound(vertices, triangles, edges, shape.area)
+        turned = report.triangles(triangles[wrong], "wound the wrong way turned round")
+    if turned:
+        triangles = np.where(wrong[:, None], triangles[:, ::-1], triangles)
+        shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
+    report.edges(edges.border, "open edges (of one triangle only)")
+    report.edges(edges.forked, "edges at which three or more triangles meet")
+    report.edges(edges.ends[edges.twisted], "edges whose two triangles are wound against each other")
+    keep = shape.area > 0.0
+    piece, plane = find_pieces(shape, edges)
+    plane = split_bent(shape, plane)
+    piece, plane = renumber(piece[keep]), renumber(plane[keep])
+    normal, offset = fit_planes(shape.select(keep), plane)
+    p = vertices[triangles]
+    return TriangleMesh(
+        name=name,
+        vertices=vertices,
+        triangles=triangles[keep].astype(np.int32),
+        dropped=dropped,
+        duplicates=duplicates,
+        turned=turned,
+        open_edges=len(edges.border),
+        forked_edges=len(edges.forked),
+        twisted_edges=int(edges.twisted.sum()),
+        notes=tuple(report.notes),
+        volume=float(np.linalg.det(p - p.mean(axis=(0, 1))).sum() / 6.0),
+        bounds=np.stack([p.min(axis=(0, 1)), p.max(axis=(0, 1))]),
+        piece=piece,
+        plane=plane,
+        plane_normal=normal,
+        plane_offset=offset,
+    )
+
+
+class _Report:
+    """Collects notes about triangles and edges: how many, and where the first is."""
+
+    def __init__(self, vertices: np.ndarray, notes: list[str]):
+        self._vertices = vertices
+        self.notes = notes
+
+    def triangles(self, which: np.ndarray, what: str) -> int:
+        """Note triangles (k, 3), if there are any; returns how many."""
+        self._add(which, "triangle" if len(which) == 1 else "triangles", what)
+        return len(which)
+
+    def edges(self, ends: np.ndarray, what: str) -> None:
+        """Note edges (k, 2), if there are any."""
+        self._add(ends, "", what)
+
+    def _add(self, corners: np.ndarray, noun: str, what: str) -> None:
+        if len(corners):
+            where = ", ".join(f"{v:.6g}" for v in self._vertices[corners[0]].mean(axis=0))
+            self.notes.append(f"{len(corners)} {noun}{' ' if noun else ''}{what}, the first at ({where}) m")
+
+
+def require_closed(mesh: TriangleMesh, key: str) -> None:
+    """Refuse a mesh that has no inside.
+
+    Raises:
+        SceneError: Some edge is not shared by exactly two triangles, or the two are wound against each other and cannot
+            be mended since the surface has only one side.
+    """
+    if mesh.is_closed and not mesh.twisted_edges:
+        return
+    found = "; ".join(note for note in mesh.notes if "edges" in note)
+    raise SceneError(
+        f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, each edge shared by exactly two "
+        f"triangles, but has {found}"
+    )
+
+
+def signed_distance(mesh: TriangleMesh, points) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of points from the surface of a closed mesh, negative inside, whichever way its normals point.
+
+    Args:
+        mesh: Closed mesh (see `require_closed`).
+        points: Points [m], shape (n, 3).
+
+    Returns:
+        Distance [m], shape (n,), and its gradient [-], shape (n, 3): the unit vector that leads outwards.
+    """
+    return mesh._query(np.asarray(points, float).reshape(-1, 3))
+
+
+def inside(mesh: TriangleMesh, points) -> np.ndarray:
+    """Whether points [m], shape (n, 3), lie inside a closed mesh; bool, shape (n,)."""
+    return signed_distance(mesh, points)[0] < 0.0
+
+
+def clipped_volume(mesh: TriangleMesh, box) -> float:
+    """Volume [m3] of the inside of a closed mesh within an axis-aligned box, exact.
+
+    The divergence theorem for the field (0, 0, clip(z, z_low, z_high)), whose flux through the cut faces of the box is
+    zero or, at its lids, constant: only the mesh's own triangles, cut at the box, are needed.
+
+    Args:
+        mesh: Closed mesh.
+        box: Least and greatest corner [m], shape (2, 3).
+    """
+    low, high = np.asarray(box, float)
+    t = mesh.corners
+    for axis in (0, 1):
+        t = _split(t, axis, low[axis])[1]
+        t = _split(t, axis, high[axis])[0]
+    t = np.concatenate([part for side in _split(t, 2, low[2]) for part in _split(side, 2, high[2])])
+    height = (np.clip(t[:, :, 2], low[2], high[2]) - low[2]).mean(axis=1)
+    edge = t[:, 1:] - t[:, :1]
+    area_z = 0.5 * (edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
+    return abs(float((height * area_z).sum()))
+
+
+def _rotation_matrix(rotate) -> np.ndarray:
+    """Matrix of a turn by `rotate.angle` about `rotate.axis` (Rodrigues' formula), shape (3, 3)."""
+    if rotate is None:
+        return np.eye(3)
+    x, y, z = np.asarray(rotate.axis, float) / np.linalg.norm(rotate.axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(rotate.angle) * cross + 2.0 * math.sin(0.5 * rotate.angle) ** 2 * (cross @ cross)
+
+
+def _weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and corner numbers: corners equal in float32 become one, in the order of the file."""
+    flat = corners.reshape(-1, 3)
+    rough = flat.astype(np.float32) + np.float32(0.0)  # makes -0 and 0 alike
+    first, group = first_and_group(rough.view(np.uint32))
+    # text files hold more digits than float32: the first corner of a group keeps them
+    return flat[first] + 0.0, group.reshape(-1, 3)
+
+
+def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (t, 3, 3) cut at the plane x[axis] = value: those below it and those above it, wound as before."""
+    d = t[:, :, axis] - value
+    below, above = (d <= 0.0).all(axis=1), (d >= 0.0).all(axis=1) & ~(d <= 0.0).all(axis=1)
+    cut = ~below & ~above
+    t_cut, d = t[cut], d[cut]
+    high = d > 0.0
+    # turn each so that the corner alone on its side comes first; a corner in the plane counts as below
+    alone_high = high.sum(axis=1) == 1
+    lone = np.where(alone_high, high.argmax(axis=1), (~high).argmax(axis=1))
+    index = (lone[:, None] + np.arange(3)) % 3
+    row = np.arange(len(t_cut))[:, None]
+    (a, b, c), (da, db, dc) = t_cut[row, index].transpose(1, 0, 2), d[row, index].T
+    ab = a + (da / (da - db))[:, None] * (b - a)
+    ac = a + (da / (da - dc))[:, None] * (c - a)
+    tip = np.stack([a, ab, ac], axis=1)
+    rest = np.concatenate([np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)])
+    twice = np.tile(alone_high, 2)
+    return (
+        np.concatenate([t[below], tip[~alone_high], rest[twice]]),
+        np.concatenate([t[above], tip[alone_high], rest[~twice]]),
+    )
+
+
+class _DistanceQuery:
+    """Search tree of a mesh on the CPU, built once; answers signed distances."""
+
+    def __init__(self, mesh: TriangleMesh):
+        low, high = mesh.bounds
+        self._centre, self._size = 0.5 * (low + high), float((high - low).max())
+        # the sign needs outward normals
+        outward = mesh.triangles if mesh.volume >= 0.0 else mesh.triangles[:, ::-1]
+        unit = ((mesh.vertices - self._centre) / self._size).astype(np.float32)
+        with wp.ScopedDevice("cpu"):
+            self._vertex = wp.array(mesh.vertices, dtype=wp.vec3d)
+            self._triangle = wp.array(np.ascontiguousarray(outward), dtype=wp.vec3i)
+            self._tree = wp.Mesh(
+                wp.array(unit, dtype=wp.vec3),
+                wp.array(outward.flatten(), dtype=wp.int32),
+                support_winding_number=True,
+            )
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance = wp.empty(len(points), dtype=wp.float64, device="cpu")
+        gradient = wp.empty(len(points), dtype=wp.vec3d, device="cpu")
+        wp.launch(
+            distance_kernel.signed_distance,
+            dim=len(points),
+            inputs=[
+                self._tree.id,
+                wp.vec3d(*self._centre),
+                self._size,
+                self._vertex,
+                self._triangle,
+                wp.array(points, dtype=wp.vec3d, device="cpu"),
+            ],
+            outputs=[distance, gradient],
+            device="cpu",
+        )
+        return distance.numpy(), gradient.numpy()

@@ -1,0 +1,1 @@
+"""Pictures and films from the files of a run, without a screen."""

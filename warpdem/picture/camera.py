@@ -1,0 +1,102 @@
+"""Where a picture is taken from: presets, given places, and a fit that sees everything."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.errors import WarpdemError
+from warpdem.picture.look import Look
+from warpdem.snapshot import FramePose, RotationPart
+
+VIEW_ANGLE = 20.0
+"""Angle from the lower to the upper edge [degree]: a long lens, so that walls along the line of sight hardly spread."""
+_MARGIN = 1.06
+_FORWARD = {
+    "front": (0.0, 1.0, 0.0),
+    "back": (0.0, -1.0, 0.0),
+    "left": (1.0, 0.0, 0.0),
+    "right": (-1.0, 0.0, 0.0),
+    "top": (0.0, 0.0, -1.0),
+    "bottom": (0.0, 0.0, 1.0),
+    "iso": (-0.60, 0.66, -0.45),
+}
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera, placed."""
+
+    position: np.ndarray
+    """Place [m], shape (3,)."""
+    focus: np.ndarray
+    """Point in the middle of the picture [m], shape (3,)."""
+    up: np.ndarray
+    """Direction that points upwards in the picture, shape (3,)."""
+    angle: float
+    """Angle from the lower to the upper edge [degree]."""
+    height: float | None
+    """Height of the picture in a parallel projection [m]; None for a perspective one."""
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Right, up and forward direction of the picture as rows, shape (3, 3)."""
+        return picture_axes(self.focus - self.position, self.up)
+
+
+def picture_axes(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Right, up and forward direction as rows, shape (3, 3): unit vectors, up as near to ``up`` as can be."""
+    forward = np.asarray(forward) / np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def looking(look: Look, pose: FramePose) -> np.ndarray:
+    """Right, up and forward direction of the picture as rows, shape (3, 3), unless the camera's place is given.
+
+    Raises:
+        WarpdemError: The direction upwards is the one the camera looks along.
+    """
+    if look.position is not None and look.focus is not None:
+        forward = np.subtract(look.focus, look.position)
+    elif look.camera != "auto":
+        forward = np.array(_FORWARD[look.camera])
+    else:
+        axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), np.array([0.0, 0.0, 1.0]))
+        # a frame that turns about the vertical is seen from the side
+        forward = np.array(_FORWARD["front"]) if abs(axis[2]) > 0.9 else axis
+    return picture_axes(forward, _upwards(look, forward))
+
+
+def placed(look: Look, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
+    """The camera of a look.
+
+    Args:
+        look: What is asked for.
+        axes: Right, up and forward direction of the picture as rows, shape (3, 3).
+        low: Least coordinates of anything along ``axes`` [m], shape (3,).
+        high: Greatest coordinates [m], shape (3,).
+        aspect: Width of the picture over its height [-].
+    """
+    middle, half = 0.5 * (low + high), 0.5 * _MARGIN * (high - low)
+    focus = axes.T @ middle if look.focus is None else np.array(look.focus, dtype=float)
+    # the nearest face of the box decides
+    spread = max(half[1], half[0] / aspect, 1e-9)
+    distance = spread / np.tan(np.radians(0.5 * VIEW_ANGLE)) + half[2]
+    position = focus - distance * axes[2] if look.position is None else np.array(look.position, dtype=float)
+    up = _upwards(look, focus - position)
+    height = None if look.height is None else look.height / look.zoom
+    angle = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * VIEW_ANGLE)) / look.zoom))
+    return Camera(position, focus, up, angle, height)
+
+
+def _upwards(look: Look, forward: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(forward)
+    if not length:
+        raise WarpdemError("position and focus of the camera are one point: it has no direction")
+    if look.up is None:
+        # along the vertical y is up, as on a plan
+        return np.eye(3)[1 if abs(forward[2]) > 0.999 * length else 2]
+    if np.linalg.norm(np.cross(look.up, forward)) <= 1e-6 * length * np.linalg.norm(look.up):
+        raise WarpdemError(f"up {look.up!r} must not be zero or lie along the direction in which the camera looks")
+    return np.array(look.up, dtype=float)

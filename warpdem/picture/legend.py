@@ -1,0 +1,153 @@
+"""What is written over a picture: scale bars, time, axes and names of the panes, typeset by Matplotlib."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+from warpdem.picture.colours import CATEGORIES, Scale
+
+_DPI = 72  # so that a point is a pixel
+_AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2c6fbb"}
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One scale bar."""
+
+    scale: Scale
+    title: str
+    names: tuple[str, ...] = ()
+    """Names of the kinds, for a field of kinds; kinds beyond have their number."""
+
+
+@dataclass(frozen=True)
+class Pane:
+    """What is written over one picture of a row."""
+
+    heading: str
+    """Bold line, such as the time."""
+    lines: str
+    """What stands below it in grey."""
+    axes: np.ndarray
+    """Right, up and forward direction of its camera as rows, shape (3, 3)."""
+
+
+def font_size(height: int) -> float:
+    """Size of the text in a picture of ``height`` pixels [pixel]."""
+    return max(5.0, height / 46.0)
+
+
+def bar_width(height: int) -> int:
+    """Width of the column of the scale bars [pixel]."""
+    return round(7.2 * font_size(height))
+
+
+def ink_on(background: str) -> str:
+    """Colour of text and lines that can be read on a background."""
+    return "#2b2f33" if np.dot(to_rgb(background), (0.299, 0.587, 0.114)) > 0.45 else "#e8eaec"
+
+
+class Legend:
+    """Writes over one picture after another; only what changes with time is drawn anew."""
+
+    def __init__(self, size: tuple[int, int], bars: list[Bar], panes: int, background: str) -> None:
+        self._size, self._panes = size, panes
+        self._font, self._column = font_size(size[1]), bar_width(size[1])
+        self._ink = ink_on(background)
+        figure = self._figure()
+        for k, bar in enumerate(bars):
+            self._draw_bar(figure, bar, k, len(bars))
+        self._bars = _pixels(figure)
+
+    def draw(self, image: np.ndarray, panes: list[Pane]) -> np.ndarray:
+        """The image with everything written over it, shape (height, width, 3), uint8."""
+        figure = self._figure()
+        width, height = self._size
+        step = (width - self._column) / self._panes
+        for k, pane in enumerate(panes):
+            left, gap = k * step + 0.7 * self._font, 1.35 * self._font
+            text = {"transform": None, "va": "top", "ha": "left", "color": self._ink}
+            figure.text(left, height - 0.6 * self._font, pane.heading, size=self._font, weight="bold", **text)
+            figure.text(
+                left, height - 0.6 * self._font - gap, pane.lines, size=0.78 * self._font, alpha=0.8, linespacing=1.3, **text
+            )
+            self._draw_axes(figure, (k * step + 2.6 * self._font, 2.6 * self._font), pane.axes)
+        return _over(_over(image, self._bars), _pixels(figure))
+
+    def _figure(self) -> Figure:
+        figure = Figure(figsize=(self._size[0] / _DPI, self._size[1] / _DPI), dpi=_DPI)
+        figure.patch.set_alpha(0.0)
+        FigureCanvasAgg(figure)
+        return figure
+
+    def _draw_bar(self, figure: Figure, bar: Bar, k: int, count: int) -> None:
+        width, height = self._size
+        font, column = self._font, self._column
+        share = (0.62 if count == 1 else 0.76 / count) * height
+        middle = height * (1.0 - (k + 0.5) / count)
+        if bar.scale.field.is_kind:
+            kinds = bar.scale.kinds
+            names = [bar.names[n] if n < len(bar.names) else str(n) for n in kinds]
+            handles = [
+                Patch(facecolor=CATEGORIES[n % len(CATEGORIES)], label=_short(name))
+                for n, name in zip(kinds, names, strict=True)
+            ]
+            figure.legend(
+                handles=handles[:24], title=bar.title, loc="center left", fontsize=0.8 * font, frameon=False,
+                title_fontsize=0.85 * font, bbox_to_anchor=((width - column) / width, middle / height), labelcolor=self._ink,
+                handlelength=1.0, handleheight=1.0, alignment="left",
+            ).get_title().set_color(self._ink)  # fmt: skip
+            return
+        place = ((width - column + 0.6 * font) / width, (middle - 0.5 * share) / height, font / width, share / height)
+        axes = figure.add_axes(place)
+        colours = ScalarMappable(Normalize(*bar.scale.range), bar.scale.map)
+        form = ScalarFormatter(useMathText=True)
+        form.set_powerlimits((-2, 4))
+        ticks = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+        drawn = figure.colorbar(colours, cax=axes, extend=bar.scale.beyond, extendfrac=0.04, format=form, ticks=ticks)
+        drawn.outline.set_linewidth(0.05 * font)
+        drawn.outline.set_edgecolor(self._ink)
+        axes.tick_params(labelsize=0.8 * font, colors=self._ink, width=0.05 * font, length=0.25 * font)
+        axes.yaxis.get_offset_text().set(size=0.8 * font, color=self._ink, ha="left")
+        axes.yaxis.set_offset_position("left")
+        axes.set_ylabel(bar.title, size=0.85 * font, color=self._ink, labelpad=0.35 * font)
+
+    def _draw_axes(self, figure: Figure, middle: tuple[float, float], axes: np.ndarray) -> None:
+        """The three directions of the view's axes, seen by the camera."""
+        right, up, forward = axes
+        for k in np.argsort(-forward):  # the nearest last
+            name, colour = list(_AXES.items())[k]
+            way = 1.7 * self._font * np.array([right[k], up[k]])
+            if np.linalg.norm(way) < 0.3 * self._font:
+                continue  # it points at the eye
+            tip = np.array(middle) + way
+            line = Line2D([middle[0], tip[0]], [middle[1], tip[1]], color=colour, lw=0.12 * self._font, transform=None)
+            line.set_solid_capstyle("round")
+            figure.add_artist(line)
+            at = tip + 0.45 * self._font * way / np.linalg.norm(way)
+            figure.text(*at, name, transform=None, size=0.75 * self._font, color=colour, ha="center", va="center")
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 12 else f"{name[:11]}…"
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba()).copy()
+
+
+def _over(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
+    """The layer, shape (h, w, 4), over the image, shape (h, w, 3); uint8."""
+    shown = layer[..., 3] > 0
+    out = image.copy()
+    share = layer[shown][:, 3:].astype(float) / 255.0
+    out[shown] = np.round(share * layer[shown][:, :3] + (1.0 - share) * image[shown]).astype(np.uint8)
+    return out

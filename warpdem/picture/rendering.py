@@ -1,0 +1,133 @@
+"""Pictures and films of results, drawn without a screen from the files alone."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v2 as imageio
+import imageio_ffmpeg
+import numpy as np
+from matplotlib.colors import is_color_like
+
+from warpdem.errors import WarpdemError
+from warpdem.output.write_vtk import INDEX, read_results
+from warpdem.output.write_vtkhdf import GRAINS, read_vtkhdf
+from warpdem.picture.look import CHOICES, Look
+from warpdem.picture.show import AnyResults, Show
+from warpdem.write_tables import replaced
+
+
+def render(
+    folder: Path | str | Sequence[Path | str],
+    out: Path | str,
+    *,
+    time: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    fps: float = 25.0,
+    watch: Callable[[int, int], None] = lambda done, total: None,
+    **look,
+) -> Path:
+    """Draw the results in ``folder`` as a picture (``out`` ends in .png) or a film (.mp4, H.264).
+
+    Args:
+        folder: Folder that holds ``result.pvd`` or ``result.vtkhdf``; several are drawn side by side, at the instants of the
+            first one, with one camera and one range of colours.
+        out: File to write.
+        time: Time of the picture [s], the nearest frame is taken; None for the last one. Not for films.
+        start: A film begins here [s]; None for the first frame.
+        end: A film ends here [s]; None for the last frame.
+        speed: Seconds of the run in a second of the film [-], so that 0.1 is ten times slowed down; None for each frame once.
+        fps: Pictures in a second of the film [1/s].
+        watch: Told after each picture how many are done, and how many there will be.
+        **look: Choices of ``warpdem.picture.look.Look``: view, colour, camera, cut and so on.
+
+    Returns:
+        The file written.
+
+    Raises:
+        WarpdemError: A choice is not one of those allowed, a time lies outside the results, or a file of the results cannot
+            be read.
+    """
+    if wrong := look.keys() - set(CHOICES):
+        raise WarpdemError(f"{sorted(wrong)[0]!r} is not a choice of a picture; there are {', '.join(CHOICES)}")
+    chosen = Look(**look)
+    if not is_color_like(chosen.background):
+        raise WarpdemError(f"background {chosen.background!r} is not a colour; give a name such as white, or #rrggbb")
+    folders = [Path(folder)] if isinstance(folder, str | Path) else [Path(each) for each in folder]
+    if not folders:
+        raise WarpdemError("no folder of results is given")
+    out = Path(out)
+    suffix = out.suffix.lower()
+    if suffix not in (".png", ".mp4"):
+        raise WarpdemError(f"{out}: suffix {suffix!r} cannot be drawn; allowed are .png (picture) and .mp4 (film)")
+    runs = [_results(each) for each in folders]
+    if suffix == ".png":
+        instants = [_nearest(runs[0], time)]
+    else:
+        _require_ffmpeg()
+        chosen = replace(chosen, size=(chosen.size[0] // 2 * 2, chosen.size[1] // 2 * 2))  # as H.264's pixel format needs it
+        instants = _film_times(runs[0], start, end, speed, fps)
+    show = Show(runs, instants, chosen)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with replaced(out) as part:
+            if suffix == ".png":
+                imageio.imwrite(part, show.draw(instants[0]))
+            else:
+                _write_film(part, (show.draw(instant) for instant in instants), fps, len(instants), watch)
+    finally:
+        show.close()
+    return out
+
+
+def _results(folder: Path) -> AnyResults:
+    """The results in a folder, of whichever format is there."""
+    return read_vtkhdf(folder) if (folder / GRAINS).exists() and not (folder / INDEX).exists() else read_results(folder)
+
+
+def _write_film(part: Path, images: Iterable[np.ndarray], fps: float, count: int, watch: Callable[[int, int], None]) -> None:
+    film = imageio.get_writer(part, fps=fps, codec="libx264", quality=8, macro_block_size=2)
+    try:
+        for done, image in enumerate(images, start=1):
+            film.append_data(image)
+            watch(done, count)
+    finally:
+        film.close()
+
+
+def _require_ffmpeg() -> None:
+    try:
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except RuntimeError as error:
+        raise WarpdemError(f"a film needs ffmpeg and none was found: pip install imageio-ffmpeg ({error})") from error
+
+
+def _nearest(results: AnyResults, time: float | None) -> float:
+    """Time of the frame nearest to ``time`` [s]; the last one for None."""
+    times = results.times
+    if time is None:
+        return float(times[-1])
+    slack = 0.5 * float(np.max(np.diff(times), initial=0.0)) + 1e-9 * abs(float(times[-1]))
+    if not times[0] - slack <= time <= times[-1] + slack:
+        raise WarpdemError(f"time {time:g} s: the results in {results.folder} go from {times[0]:g} to {times[-1]:g} s")
+    return float(times[np.argmin(np.abs(times - time))])
+
+
+def _film_times(results: AnyResults, start: float | None, end: float | None, speed: float | None, fps: float) -> list[float]:
+    """Times of the pictures of a film [s]."""
+    if not fps > 0.0 or not (speed is None or speed > 0.0):
+        raise WarpdemError(f"fps {fps!r} and speed {speed!r} must be above 0")
+    times = results.times
+    begin, last = times[0] if start is None else start, times[-1] if end is None else end
+    shown = times[(times >= begin - 1e-9 * abs(begin)) & (times <= last + 1e-9 * abs(last))]
+    if not len(shown):
+        raise WarpdemError(
+            f"start {begin:g} s to end {last:g} s: holds no frame; the results in {results.folder} go from {times[0]:g} to "
+            f"{times[-1]:g} s"
+        )
+    if speed is None:
+        return shown.tolist()
+    wanted = np.arange(shown[0], shown[-1] + 0.5 * speed / fps, speed / fps)
+    return [_nearest(results, time) for time in np.minimum(wanted, shown[-1])]

@@ -1,0 +1,233 @@
+"""What a picture shows of the results at one instant: one camera and one range of colours for all instants and runs."""
+
+import itertools
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from warpdem.errors import WarpdemError
+from warpdem.mesh.plane_patch import patch, plane_of
+from warpdem.output.write_vtk import Results
+from warpdem.output.write_vtkhdf import VtkhdfResults
+from warpdem.picture.camera import looking, placed
+from warpdem.picture.colours import Field, Scale, field_of
+from warpdem.picture.cuts import parsed_cut
+from warpdem.picture.legend import Bar, Legend, Pane, bar_width
+from warpdem.picture.look import Look
+from warpdem.picture.stage import Balls, Stage, Surface
+from warpdem.snapshot import FramePose, RotationPart, Snapshot, WallMesh
+
+AnyResults = Results | VtkhdfResults
+_WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
+
+
+@dataclass(frozen=True)
+class _Scenery:
+    """One run at one instant, as the files hold it."""
+
+    snapshot: Snapshot
+    walls: list[WallMesh]
+    grain_fields: dict[str, np.ndarray]
+    wall_fields: dict[str, dict[str, np.ndarray]]
+
+
+class Show:
+    """Draws one instant after another: one camera, one range of colours, a pane for each run."""
+
+    def __init__(self, runs: list[AnyResults], instants: list[float], look: Look) -> None:
+        self._runs, self._look = runs, look
+        self._cuts = [parsed_cut(text, look.view) for text in look.cut]
+        first = self._scenery(runs[0], instants[0])
+        folder = runs[0].folder
+        self._grains = Scale(
+            field_of(look.colour, first.grain_fields, "colour", f"the grains in {folder}"), look.colour_map, look.colour_range
+        )
+        self._on_walls = self._wall_scale(first, folder)
+        self._axes = looking(look, first.snapshot.frame)
+        self._survey(instants)
+        width, height = look.size
+        column = bar_width(height)
+        edges = np.linspace(0, width - column, len(runs) + 1).astype(int)
+        self._spans = list(itertools.pairwise(edges))
+        pane = min(right - left for left, right in self._spans)
+        if pane < 16:
+            raise WarpdemError(f"size {look.size!r} is too narrow for the panes ({len(runs)}) and the scale bar")
+        camera = placed(look, self._axes, self._low, self._high, pane / height)
+        opacity = look.opacity
+        if opacity is None:
+            opacity = _WALL_OPACITY if self._on_walls is None else _COLOURED_WALL_OPACITY
+        self._camera = camera
+        self._legend = Legend(look.size, self._bars(), len(runs), look.background)
+        self._names = _told_apart([run.folder for run in runs])
+        self._clock = _clock(runs[0].times)
+        self._stages: list[Stage] = []
+        for left, right in self._spans:
+            self._stages.append(Stage((right - left, height), camera, look.background, opacity))
+
+    def draw(self, instant: float) -> np.ndarray:
+        """Pixels of the picture of an instant [s], shape (height, width, 3), uint8."""
+        width, height = self._look.size
+        image = np.empty((height, width, 3), dtype=np.uint8)
+        image[:] = np.round(255.0 * np.array(to_rgb(self._look.background)))
+        panes = []
+        for run, stage, (left, right), name in zip(self._runs, self._stages, self._spans, self._names, strict=True):
+            scenery = self._scenery(run, instant)
+            image[:, left:right] = stage.draw(self._balls(scenery), self._surfaces(scenery))
+            snapshot = scenery.snapshot
+            axes = "laboratory axes" if self._look.view == "laboratory" else "frame axes"
+            lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
+            panes.append(Pane(f"{name}{self._clock(snapshot.time)}", lines, self._camera.axes))
+        return self._legend.draw(image, panes)
+
+    def close(self) -> None:
+        """Free what the stages hold."""
+        for stage in self._stages:
+            stage.close()
+
+    def _scenery(self, run: AnyResults, instant: float) -> _Scenery:
+        k = int(np.argmin(np.abs(run.times - instant)))
+        snapshot = run.frame(k)
+        there = run.walls(k)
+        if unknown := set(self._look.hide) - {wall.name for wall in there}:
+            names = ", ".join(wall.name for wall in there) or "none"
+            raise WarpdemError(f"hide {sorted(unknown)[0]!r}: there is no such wall in {run.folder}; there are {names}")
+        walls = [wall for wall in there if wall.name not in self._look.hide]
+        on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._look.wall_colour else {}
+        return _Scenery(snapshot, walls, run.fields(k), on_walls)
+
+    def _wall_scale(self, first: _Scenery, folder: Path) -> Scale | None:
+        name = self._look.wall_colour
+        if name is None:
+            return None
+        known = {key: values for arrays in first.wall_fields.values() for key, values in arrays.items()}
+        return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._look.wall_range)
+
+    def _survey(self, instants: Iterable[float]) -> None:
+        """Bounds and values of all that will be drawn: nothing leaves the picture, colours keep their meaning."""
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+
+        def meet(points: np.ndarray, pose: FramePose, radius=0.0) -> None:
+            nonlocal low, high
+            if len(points):
+                along = self._seen(points, pose) @ self._axes.T
+                low, high = np.minimum(low, (along - radius).min(axis=0)), np.maximum(high, (along + radius).max(axis=0))
+
+        planes = []
+        self._turning = False
+        for run, instant in itertools.product(self._runs, dict.fromkeys(instants)):
+            scenery = self._scenery(run, instant)
+            snapshot = scenery.snapshot
+            self._turning |= bool(snapshot.frame.parts)
+            planes.append((snapshot.frame, [wall for wall in scenery.walls if wall.infinite]))
+            meet(snapshot.position, snapshot.frame, snapshot.radius[:, None])
+            self._grains.meet(self._grain_values(scenery)[self._kept(scenery)])
+            for wall in scenery.walls:
+                if not wall.infinite:
+                    meet(wall.vertices, snapshot.frame)
+                if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
+                    self._on_walls.meet(values)
+        if not np.all(np.isfinite([low, high])):
+            low, high = -np.ones(3), np.ones(3)
+        corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(8, 3)
+        self._box = corners @ self._axes
+        for pose, walls in planes:
+            for wall in self._fitted(pose, walls):
+                meet(wall.vertices, pose)
+        self._low, self._high = low, high
+
+    def _seen(self, points: np.ndarray, pose: FramePose) -> np.ndarray:
+        """Points given in frame axes, in the axes that stand still in the picture [m], shape (n, 3)."""
+        return pose.to_laboratory(points) if self._look.view == "laboratory" else points
+
+    def _kept(self, scenery: _Scenery) -> np.ndarray:
+        """Which grains are shown, shape (n,), bool."""
+        shown = np.ones(len(scenery.snapshot.id), dtype=bool)
+        for cut in self._cuts:
+            normal, offset = cut.in_frame(scenery.snapshot.frame)
+            shown &= scenery.snapshot.position @ normal > offset
+        return shown
+
+    def _grain_values(self, scenery: _Scenery) -> np.ndarray:
+        snapshot = scenery.snapshot
+        return self._grains.field.values(scenery.grain_fields, snapshot.frame, snapshot.position)
+
+    def _wall_values(self, scenery: _Scenery, wall: WallMesh) -> np.ndarray | None:
+        arrays = scenery.wall_fields[wall.name]
+        return self._on_walls.field.values(arrays) if self._on_walls.field.array in arrays else None
+
+    def _balls(self, scenery: _Scenery) -> Balls:
+        snapshot, shown = scenery.snapshot, self._kept(scenery)
+        position = self._seen(snapshot.position[shown], snapshot.frame)
+        return Balls(position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown]))
+
+    def _fitted(self, pose: FramePose, walls: list[WallMesh]) -> list[WallMesh]:
+        """The planes among the walls, cut to lie around all that will be drawn, in frame axes."""
+        around = (self._box - pose.translation) @ pose.rotation if self._look.view == "laboratory" else self._box
+        planes = {wall.name: plane_of(wall) for wall in walls if wall.infinite}
+        return [
+            patch(name, half, [other for key, other in planes.items() if key != name], around)
+            for name, half in planes.items()
+        ]
+
+    def _surfaces(self, scenery: _Scenery) -> list[Surface]:
+        pose = scenery.snapshot.frame
+        surfaces = []
+        for wall in [wall for wall in scenery.walls if not wall.infinite] + self._fitted(pose, scenery.walls):
+            colour = None
+            if self._on_walls is not None and not wall.infinite and (values := self._wall_values(scenery, wall)) is not None:
+                colour = self._on_walls.colours(values)
+            cuts = []
+            for normal, offset in (cut.in_frame(pose) for cut in self._cuts):
+                turned = pose.rotation @ normal if self._look.view == "laboratory" else normal
+                moved = offset + float(turned @ pose.translation) if self._look.view == "laboratory" else offset
+                cuts.append((turned, moved))
+            surfaces.append(Surface(wall.name, self._seen(wall.vertices, pose), wall.triangles, colour, tuple(cuts)))
+        return surfaces
+
+    def _bars(self) -> list[Bar]:
+        field = self._grains.field
+        bars = [Bar(self._grains, field.title(self._turning), _kind_names(self._runs[0].folder, field))]
+        if self._on_walls is not None:
+            bars.append(Bar(self._on_walls, f"wall {self._on_walls.field.title(self._turning)}"))
+        return bars
+
+
+def _told_apart(folders: list[Path]) -> list[str]:
+    """Names of the runs before the time, as short as tells them apart; none for a single one."""
+    if len(folders) == 1:
+        return [""]
+    names = [folder.resolve().name for folder in folders]
+    return [f"{name}   " for name in (names if len(set(names)) == len(names) else map(str, folders))]
+
+
+def _clock(times: np.ndarray) -> Callable[[float], str]:
+    """How a time is written: one unit and as many digits in all frames as tell them apart."""
+    last = float(np.abs(times).max())
+    unit, factor = next(((u, f) for u, f in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)) if last * f >= 0.05), ("s", 1.0))
+    step = float(np.median(np.diff(times))) * factor if len(times) > 1 else 1e-3 * max(last * factor, 1e-9)
+    digits = int(np.clip(np.ceil(-np.log10(step) - 0.05), 0, 9)) if step > 0.0 and last > 0.0 else 0
+    return lambda time: f"t = {time * factor:.{digits}f} {unit}"
+
+
+def _kind_names(folder: Path, field: Field) -> tuple[str, ...]:
+    """Names of the kinds, as far as the run's own record tells them."""
+    try:
+        scene = json.loads((folder / "run.json").read_text(encoding="utf-8"))["scene_data"]
+        if field.array == "type":
+            return tuple(scene["materials"])
+        if field.array == "group":  # numbered as in Scene.groups
+            entries = [(key, k, group) for key in ("grains", "streams") for k, group in enumerate(scene[key])]
+            return tuple(dict.fromkeys(group.get("name") or f"{key}[{k}]" for key, k, group in entries))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return ()  # results without a record, or with one too long for the scene
+    return ()
+
+
+def _turned(frame: FramePose) -> str:
+    """Words on how far the frame has turned, rotation by rotation; empty if it never turns about an axis of its own."""
+    angles = [f"{np.degrees(part.angle):.1f}°" for part in frame.parts if isinstance(part, RotationPart)]
+    return f"\nframe turned by {' and '.join(angles)}" if angles else ""

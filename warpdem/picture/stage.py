@@ -1,0 +1,188 @@
+"""The 3-d part of a picture: grains as true balls and see-through walls, drawn by VTK without a screen."""
+
+import ctypes.util
+from dataclasses import dataclass
+
+import numpy as np
+import pyvista as pv
+from matplotlib.colors import to_rgb
+from vtkmodules.vtkFiltersHybrid import vtkPolyDataSilhouette
+from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
+
+from warpdem.errors import WarpdemError
+from warpdem.output.write_vtk import quiet_vtk
+from warpdem.picture.camera import Camera
+from warpdem.picture.legend import ink_on
+from warpdem.picture.visible import visible
+
+_SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
+_WALL = "#9db4c8"
+_OVERSAMPLING = 2
+"""Pixels drawn for one of the picture, each way: smooth edges at a quarter of the cost of VTK's own way without a GPU."""
+_BORDER = 8
+"""Pixels drawn beyond each edge and cut off: there VTK takes the shade of the gaps from the opposite edge."""
+_SHADE_REACH = 3.5
+"""How far grains darken the gaps between them, in radii [-]."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """The grains to draw."""
+
+    position: np.ndarray
+    """Centres in the axes of the view [m], shape (n, 3)."""
+    radius: np.ndarray
+    """Radii [m], shape (n,)."""
+    colour: np.ndarray
+    """Red, green, blue of 0 to 255, shape (n, 3), uint8."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A wall to draw."""
+
+    name: str
+    vertices: np.ndarray
+    """Corners in the axes of the view [m], shape (v, 3)."""
+    triangles: np.ndarray
+    """Corner numbers of each triangle, shape (t, 3)."""
+    colour: np.ndarray | None
+    """Red, green, blue of each triangle, shape (t, 3), uint8; None for the tint of walls."""
+    cuts: tuple[tuple[np.ndarray, float], ...]
+    """Half-spaces n . x > d in the axes of the view of which the wall is shown."""
+
+
+class Stage:
+    """One plotter that draws frame after frame with one camera."""
+
+    def __init__(self, size: tuple[int, int], camera: Camera, background: str, opacity: float) -> None:
+        self._size, self._camera, self._opacity = size, camera, opacity
+        self._ink = ink_on(background)
+        drawn = (size[0] + 2 * _BORDER, size[1] + 2 * _BORDER)
+        self._plotter = _open_plotter((_OVERSAMPLING * drawn[0], _OVERSAMPLING * drawn[1]), background)
+        self._mapper = vtkOpenGLSphereMapper()
+        self._mapper.SetScaleArray("radius")
+        self._mapper.SetScalarModeToUsePointFieldData()
+        self._mapper.SelectColorArray("colour")
+        self._mapper.SetColorModeToDirectScalars()
+        self._actor = pv.Actor()
+        self._actor.SetMapper(self._mapper)
+        light = self._actor.GetProperty()
+        light.SetAmbient(0.3)
+        light.SetDiffuse(0.8)
+        light.SetSpecular(0.12)
+        light.SetSpecularPower(20.0)
+        self._plotter.add_actor(self._actor, reset_camera=False, render=False)
+        self._shade_reach = 0.0
+        view = self._plotter.camera
+        view.position, view.focal_point, view.up = tuple(camera.position), tuple(camera.focus), tuple(camera.up)
+        wider = drawn[1] / size[1]
+        view.view_angle = 2.0 * np.degrees(np.arctan(wider * np.tan(np.radians(0.5 * camera.angle))))
+        if camera.height is not None:
+            view.enable_parallel_projection()
+            view.parallel_scale = 0.5 * wider * camera.height
+        self._walls: dict[str, Surface] = {}
+
+    def draw(self, balls: Balls, walls: list[Surface]) -> np.ndarray:
+        """Pixels of one frame, shape (height, width, 3), uint8."""
+        self._set_grains(balls)
+        if not self._shade_reach and len(balls.radius):
+            self._shade_reach = _SHADE_REACH * float(np.median(balls.radius))
+            self._plotter.enable_ssao(radius=self._shade_reach, bias=0.05 * self._shade_reach, kernel_size=64)
+        for name in self._walls.keys() - {wall.name for wall in walls}:
+            self._remove(name)
+        for wall in walls:
+            self._draw_wall(wall)
+        self._plotter.camera.clipping_range = self._depths(balls, walls)
+        self._plotter.render()  # screenshot alone would give the pixels of the frame before
+        fine = self._plotter.screenshot(return_img=True)[..., :3]
+        n, cut, (width, height) = _OVERSAMPLING, _OVERSAMPLING * _BORDER, self._size
+        fine = fine[cut:-cut, cut:-cut].reshape(height, n, width, n, 3)
+        return np.round(fine.mean(axis=(1, 3))).astype(np.uint8)
+
+    def close(self) -> None:
+        """Free what the plotter holds."""
+        self._plotter.close()
+
+    def _set_grains(self, balls: Balls) -> None:
+        self._actor.SetVisibility(bool(len(balls.radius)))
+        if not len(balls.radius):
+            return
+        shown = visible(balls.position, balls.radius, self._camera)
+        # vtkOpenGLSphereMapper reads single precision only, it crashes on double
+        grains = pv.PolyData(balls.position[shown].astype(np.float32))
+        grains.point_data["radius"] = balls.radius[shown].astype(np.float32)
+        grains.point_data["colour"] = balls.colour[shown]
+        self._mapper.SetInputData(grains)
+
+    def _depths(self, balls: Balls, walls: list[Surface]) -> tuple[float, float]:
+        """Least and greatest distance from the camera of what is drawn [m]; VTK's own way forgets the radii."""
+        view = self._plotter.camera
+        points = [balls.position, *(wall.vertices for wall in walls)]
+        depth = (np.concatenate(points) - view.position) @ np.array(view.direction)
+        room = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
+        far = max(float(depth.max(initial=0.0)) + room, 1e-6)
+        # a near plane at the eye would leave no digits for the depth
+        return max(float(depth.min(initial=far)) - room, 1e-3 * far), far * (1.0 + 1e-6)
+
+    def _remove(self, name: str) -> None:
+        del self._walls[name]
+        for part in ("back", "front", "outline"):
+            self._plotter.remove_actor(f"{part} {name}", reset_camera=False, render=False)
+
+    def _draw_wall(self, wall: Surface) -> None:
+        """See-through surface with its outline and sharp edges as lines."""
+        last = self._walls.get(wall.name)
+        if last is not None:
+            if all(np.array_equal(getattr(last, key), getattr(wall, key)) for key in ("vertices", "triangles", "colour")):
+                return
+            self._remove(wall.name)
+        self._walls[wall.name] = wall
+        mesh = pv.PolyData.from_regular_faces(wall.vertices, wall.triangles)
+        if wall.colour is not None:
+            mesh.cell_data["colour"] = wall.colour
+        for normal, offset in wall.cuts:
+            mesh = mesh.clip(normal=tuple(-normal), origin=tuple(offset * normal))
+        if not mesh.n_cells:
+            return
+        style = {"reset_camera": False, "render": False}
+        paint = {"color": _WALL} if wall.colour is None else {"scalars": "colour", "rgb": True}
+        # a see-through wall has one tint all over; light is for opaque ones, and leaves the colours of a field readable
+        light = {"lighting": self._opacity == 1.0, "ambient": 0.55, "diffuse": 0.5, "specular": 0.0}
+        # the far side first: so each side shines through the one before it, from wherever the camera looks
+        for part, culling in (("back", "front"), ("front", "back")):
+            self._plotter.add_mesh(
+                mesh, opacity=self._opacity, culling=culling, name=f"{part} {wall.name}", show_scalar_bar=False,
+                **paint, **light, **style,
+            )  # fmt: skip
+        # meshes from STL may hold each corner once per triangle; edges are found only where triangles share corners
+        outline = vtkPolyDataSilhouette()
+        outline.SetInputData(mesh.clean())
+        outline.SetCamera(self._plotter.camera)
+        outline.SetEnableFeatureAngle(True)
+        outline.SetFeatureAngle(_SHARP_ANGLE)
+        outline.BorderEdgesOn()
+        outline.Update()
+        lines = pv.wrap(outline.GetOutput())
+        if lines.n_points:
+            width = max(1.0, 1.5e-3 * self._size[1]) * _OVERSAMPLING
+            self._plotter.add_mesh(
+                lines, color=self._ink, opacity=0.8, line_width=width, name=f"outline {wall.name}", **style
+            )
+
+
+def _open_plotter(size: tuple[int, int], background: str) -> pv.Plotter:
+    """Plotter without a screen.
+
+    Raises:
+        WarpdemError: The machine has no OpenGL library at all, where VTK would crash.
+    """
+    with quiet_vtk():  # it tells at length that there is no screen before it takes the way without one
+        plotter = pv.Plotter(off_screen=True, window_size=list(size))
+        if plotter.render_window.GetClassName() == "vtkOSOpenGLRenderWindow" and not ctypes.util.find_library("OSMesa"):
+            plotter.close()
+            raise WarpdemError(
+                "pictures need an OpenGL library and none was found; on Debian or Ubuntu: apt install libegl1"
+            )
+        plotter.set_background(to_rgb(background))
+        return plotter

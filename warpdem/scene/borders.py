@@ -1,0 +1,63 @@
+"""Borders of the domain and outlets as scene data, in frame axes."""
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from warpdem.scene.base import Name, Point, SceneModel, wrong
+from warpdem.scene.units import Quantity
+
+Coordinate = Annotated[float, Quantity("m")]
+# the tags steer validation and are left out of messages
+BothSides = Annotated[Literal["periodic", "open", "stop"], Tag("~both")]
+TwoSides = Annotated[list[Literal["open", "stop"]], Field(min_length=2, max_length=2), Tag("~two")]
+
+
+class Border(SceneModel):
+    """The borders of one axis."""
+
+    min: Coordinate | None = Field(None, description="Lower border [m]; none if not given.")
+    max: Coordinate | None = Field(None, description="Upper border [m]; none if not given.")
+    kind: BothSides | TwoSides = Field(
+        discriminator=Discriminator(lambda value: "~two" if isinstance(value, (list, tuple)) else "~both"),
+        description='"periodic" (both borders), "open" (grains beyond are removed and counted), "stop" (a grain beyond '
+        "stops the run), or [at min, at max] of the last two."
+    )
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "Border":
+        if self.min is None and self.max is None:
+            raise wrong([(("min",), None, "missing: give min, max or both")])
+        if self.kind == "periodic" and (self.min is None or self.max is None):
+            raise wrong([(("kind",), self.kind, "a periodic axis needs min and max")])
+        if self.min is not None and self.max is not None and self.min >= self.max:
+            raise wrong([(("max",), self.max, f"must be above min = {self.min:g} m")])
+        return self
+
+
+class Borders(SceneModel):
+    """Borders of the domain along the frame axes."""
+
+    x: Border | None = Field(None, description="Borders of the x axis, default none.")
+    y: Border | None = Field(None, description="Borders of the y axis, default none.")
+    z: Border | None = Field(None, description="Borders of the z axis, default none.")
+
+
+class Box(SceneModel):
+    """Box along the frame axes."""
+
+    min: Point = Field(description="Lowest corner [m].")
+    max: Point = Field(description="Highest corner [m], above min along each axis.")
+
+    @model_validator(mode="after")
+    def _has_inside(self) -> "Box":
+        if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
+            raise wrong([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
+        return self
+
+
+class Outlet(SceneModel):
+    """A region that takes grains out of the run and counts them."""
+
+    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
+    box: Box = Field(description="Where grains are removed: as soon as their centre is inside.")

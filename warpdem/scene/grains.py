@@ -1,0 +1,219 @@
+"""Where the grains of a scene come from: given one by one, a state file, a filling, or a stream while the run goes on."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import core_schema
+
+from warpdem.scene.base import Duration, FileName, Length, SceneModel, Vec3, exactly_one, wrong
+from warpdem.scene.borders import Box
+from warpdem.scene.sizes import Diameter, size_law
+from warpdem.scene.units import Array, Quantity, Vector
+
+STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
+
+# strict: neither true, nor 5000.5, nor "5000" is a count
+Whole = Annotated[int, Field(strict=True, ge=0)]
+
+
+GROUP_NAME = Field(
+    None,
+    min_length=1,
+    description="Name of the grains' group in results; entries of one name are one group; default: one of its own.",
+)
+
+
+class Fill(SceneModel):
+    """Grains placed at random, dense and without overlap, inside a mesh wall or a box.
+
+    How many follows from their number, their mass, or their share of the volume. Fillings keep clear of each other and of
+    the grains given by positions or files.
+    """
+
+    wall: str | None = Field(None, description="Name of the closed mesh wall to fill; this or box.")
+    box: Box | None = Field(None, description="Box to fill; this or wall.")
+    region: Box | None = Field(None, description="With wall: only the part of its inside that lies in this box.")
+    height: Length | None = Field(
+        None,
+        description="Only what lies less than this above the lowest point, against gravity [m], > 0; without count, mass and "
+        "solid_fraction it is filled to 0.55 of its volume, as a poured bed.",
+    )
+    count: Annotated[int, Field(strict=True, ge=1)] | None = Field(
+        None, description="Number of grains [-], >= 1; this, mass or solid_fraction."
+    )
+    mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
+        None, description="Mass of the grains [kg], > 0, met within half a grain; this, count or solid_fraction."
+    )
+    solid_fraction: Annotated[float, Quantity("-", gt=0, le=0.74)] | None = Field(
+        None, description="Volume of the grains over volume filled [-], > 0 and <= 0.74; about 0.6 is within reach."
+    )
+    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0: same seed, same grains.")
+
+    @model_validator(mode="after")
+    def _groups(self) -> "Fill":
+        exactly_one(self, "wall", "box")
+        amounts = ("count", "mass", "solid_fraction")
+        if self.height is None or any(getattr(self, key) is not None for key in amounts):
+            exactly_one(self, *amounts)
+        if self.region is not None and self.wall is None:
+            raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
+        return self
+
+
+class Stream(SceneModel):
+    """Grains that come in while the run goes on, at random free places of a region."""
+
+    name: str | None = GROUP_NAME
+    material: str = Field(description="Name of the material.")
+    box: Box = Field(description="Region in which they appear, whole.")
+    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
+        (0.0, 0.0, 0.0), description="Their velocity relative to the frame [m/s], default 0."
+    )
+    mass_rate: Annotated[float, Quantity("kg/s", gt=0)] | None = Field(
+        None, description="Mass per time [kg/s], > 0; this or count_rate."
+    )
+    count_rate: Annotated[float, Quantity("1/s", gt=0)] | None = Field(
+        None, description="Grains per time [1/s], > 0; this or mass_rate."
+    )
+    start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="When it begins [s], >= 0, default 0.")
+    until: Duration | None = Field(None, description="When it ends [s], > 0 and above start; default never.")
+    seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0.")
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "Stream":
+        exactly_one(self, "mass_rate", "count_rate")
+        if self.until is not None and self.until <= self.start:
+            raise wrong([(("until",), self.until, f"must be later than start = {self.start:g} s")])
+        largest = size_law(self.diameter).extremes[1]
+        sides = [high - low for low, high in zip(self.box.min, self.box.max, strict=True)]
+        if min(sides) < largest:
+            reason = f"its shortest side of {min(sides):g} m must hold the largest grain, {largest:g} m in diameter"
+            raise wrong([(("box",), None, reason)])
+        return self
+
+
+def _id_array(value: Any) -> np.ndarray:
+    rule = "must be a list of whole numbers from 0 to 2^63 - 1"
+    if not isinstance(value, (list, tuple, np.ndarray)) or bool in set(map(type, value)):
+        raise ValueError(rule)
+    try:
+        ids = np.asarray(value)
+    except ValueError:
+        # NumPy's word for rows of different length
+        raise ValueError(rule) from None
+    if ids.ndim != 1 or ids.size == 0 or ids.dtype.kind not in "iu" or ids.min() < 0 or ids.max() >= 2**63:
+        raise ValueError(rule)
+    values, counts = np.unique(ids, return_counts=True)
+    if values.size < ids.size:
+        raise ValueError(f"ids must be unique; {values[counts > 1][0]} comes {counts[counts > 1][0]} times")
+    ids = ids.astype(np.int64)
+    ids.flags.writeable = False
+    return ids
+
+
+class IdArray:
+    """Annotation of grain ids: a read-only int64 array of unique numbers >= 0, shape (n,)."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        to_list = core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, when_used="json")
+        return core_schema.no_info_plain_validator_function(_id_array, serialization=to_list)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1, "uniqueItems": True}
+
+
+class Grains(SceneModel):
+    """Grains of one material from exactly one source: positions, file or fill.
+
+    The arrays are read-only float64 (ids int64). ``explicit_radii``, ``explicit_velocities`` and ``explicit_spins``
+    give the columns that belong to ``positions`` with all defaults filled in.
+    """
+
+    name: str | None = GROUP_NAME
+    material: str = Field(description="Name of the material.")
+    positions: Annotated[np.ndarray, Array(Quantity("m"), columns=3)] | None = Field(
+        None, description="Centres [m], shape (n, 3); this, file or fill."
+    )
+    radius: Length | None = Field(None, description="With positions: radius of all grains [m], > 0.")
+    radii: Annotated[np.ndarray, Array(Quantity("m", gt=0))] | None = Field(
+        None, description="With positions: radius of each grain [m], > 0, shape (n,)."
+    )
+    diameter: Length | None = Field(None, description="With positions: diameter of all grains [m], > 0.")
+    diameters: Annotated[np.ndarray, Array(Quantity("m", gt=0))] | None = Field(
+        None, description="With positions: diameter of each grain [m], > 0, shape (n,)."
+    )
+    velocities: Annotated[np.ndarray, Array(Quantity("m/s"), columns=3)] | None = Field(
+        None, description="With positions: velocities [m/s], shape (n, 3), default 0."
+    )
+    spins: Annotated[np.ndarray, Array(Quantity("rad/s"), columns=3)] | None = Field(
+        None, description="With positions: angular velocities [rad/s], shape (n, 3), default 0."
+    )
+    ids: Annotated[np.ndarray, IdArray] | None = Field(
+        None, description="With positions: ids of the grains [-], whole numbers >= 0, all different, shape (n,)."
+    )
+    file: FileName | None = Field(
+        None, description="State file (.npz, .csv or .vtp), relative to the scene file; this, positions or fill."
+    )
+    fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; this, positions or file.")
+    velocities_in: Literal["frame", "laboratory"] = Field(
+        "frame", description='What velocities and spins are relative to: "frame" (default) or "laboratory".'
+    )
+
+    @field_validator("file")
+    @classmethod
+    def _known_suffix(cls, value: str | None) -> str | None:
+        if value is not None and Path(value).suffix.lower() not in STATE_FILE_SUFFIXES:
+            raise ValueError(f"must be a file ending in {', '.join(STATE_FILE_SUFFIXES)}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "Grains":
+        exactly_one(self, "positions", "file", "fill")
+        sizes = ("radius", "radii", "diameter", "diameters")
+        if self.positions is not None:
+            exactly_one(self, *sizes)
+            self._check_lengths()
+            return self
+        stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
+        if stray:
+            source = "file" if self.file is not None else "fill"
+            reason = f"belongs to positions and cannot stand beside {source}"
+            raise wrong([((key,), getattr(self, key), reason) for key in stray])
+        return self
+
+    def _check_lengths(self) -> None:
+        count = len(self.positions)
+        for key in ("radii", "diameters", "velocities", "spins", "ids"):
+            values = getattr(self, key)
+            if values is not None and len(values) != count:
+                raise wrong([((key,), values, f"must have as many entries as positions ({count}), has {len(values)}")])
+
+    @property
+    def explicit_radii(self) -> np.ndarray:
+        """Radii [m] of the grains given by ``positions``, shape (n,)."""
+        radius = 0.5 * self.diameter if self.diameter is not None else self.radius
+        if radius is not None:
+            return np.full(len(self.positions), radius)
+        return np.array(self.radii) if self.radii is not None else 0.5 * self.diameters
+
+    @property
+    def explicit_velocities(self) -> np.ndarray:
+        """Velocities [m/s] of the grains given by ``positions``, shape (n, 3), zero by default."""
+        return np.zeros_like(self.positions) if self.velocities is None else np.array(self.velocities)
+
+    @property
+    def explicit_spins(self) -> np.ndarray:
+        """Angular velocities [rad/s] of the grains given by ``positions``, shape (n, 3), zero by default."""
+        return np.zeros_like(self.positions) if self.spins is None else np.array(self.spins)
+
+    def __eq__(self, other: object) -> bool:
+        # pydantic compares field by field with ==, which has no single answer for arrays
+        return isinstance(other, Grains) and self.model_dump(mode="json") == other.model_dump(mode="json")
+
+    __hash__ = None

@@ -1,0 +1,193 @@
+"""Models found by name: the files of ``kernels/<role>/``, and files of the user that define the same things."""
+
+import difflib
+import functools
+import hashlib
+import importlib
+import importlib.util
+import pkgutil
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from warpdem import kernels
+from warpdem.errors import SceneError
+from warpdem.kernels.field import NUMBERS
+from warpdem.scene.units import DIMENSIONS, Quantity, Vector
+
+REQUIRED = {
+    "normal": ("coefficients", "build", "energy"),
+    "tangential": ("build",),
+    "rolling": ("HISTORY", "build"),
+    "field": ("PARAMETERS", "build"),
+    "observer": ("UNIT", "PARAMETERS", "build"),
+    "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
+}
+"""Roles, and what each file of a role defines."""
+
+
+def model_names(role: str) -> list[str]:
+    """Names of the models of a role: the files of ``kernels/<role>/``."""
+    package = importlib.import_module(f"{kernels.__name__}.{role}")
+    return sorted(m.name for m in pkgutil.iter_modules(package.__path__))
+
+
+def is_file(name: str) -> bool:
+    """Whether a model's name is a file of the user."""
+    return name.endswith(".py")
+
+
+def located(name: str, base: Path) -> str:
+    """Name of a model as ``model`` takes it: a file of the user, relative to ``base``, becomes an absolute path."""
+    return str((base / Path(name).expanduser()).resolve()) if is_file(name) else name
+
+
+def nearest(name: Any, known: Sequence[str], likeness: float = 0.6) -> str:
+    """Words that ask whether the most similar known name was meant; empty if none is similar."""
+    close = difflib.get_close_matches(str(name).lower(), known, n=1, cutoff=likeness)
+    return f'; did you mean "{close[0]}"?' if close else ""
+
+
+def allowed(role: str, *others: str) -> str:
+    """What may stand where a model of ``role`` is named, in words."""
+    known = [f'"{name}"' for name in (*model_names(role), *others)]
+    return f"must be {' or '.join([', '.join(known[:-1]), *known[-1:]] if known[1:] else known)}, or a .py file of your own"
+
+
+def model(role: str, name: str) -> ModuleType:
+    """The module of one model.
+
+    Args:
+        role: one of ``REQUIRED``.
+        name: a file of ``kernels/<role>/`` without its suffix, or the absolute path of a file of the user.
+
+    Raises:
+        SceneError: there is no such file, it fails while it is imported, or it lacks what its role needs.
+    """
+    if is_file(name):
+        return _user_model(role, name)
+    if name not in model_names(role):
+        raise SceneError(f'{role} model "{name}": {allowed(role)}{nearest(name, model_names(role))}')
+    return importlib.import_module(f"{kernels.__name__}.{role}.{name}")
+
+
+def digest(name: str) -> str:
+    """Fingerprint of a user's file."""
+    return hashlib.sha256(_read(name)).hexdigest()
+
+
+def field_values(module: ModuleType, given: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple[tuple, Any, str]]]:
+    """Parameters of an external field or an observer in SI units, defaults filled in, in the order of its ``PARAMETERS``.
+
+    Args:
+        module: the field or observer.
+        given: parameters as the scene has them: numbers, lists, strings with units.
+
+    Returns:
+        The values, and for each mistake its place in ``given``, the value there and what is wrong.
+    """
+    known = list(module.PARAMETERS)
+    problems = [
+        ((key,), value, "unknown parameter" + (nearest(key, known) or f"; known here: {', '.join(known) or 'none'}"))
+        for key, value in given.items()
+        if key not in known
+    ]
+    values = {}
+    for key, (unit, count, default) in module.PARAMETERS.items():
+        value = given.get(key, default)
+        quantity = Quantity(unit)
+        if value is None:
+            problems.append(((key,), None, f"missing: {count} number{'s' * (count > 1)} in [{unit}]"))
+            continue
+        try:
+            if count == 1:
+                values[key] = quantity.validate(value)
+            else:
+                values[key] = tuple(quantity.validate(entry) for entry in Vector(quantity, count).listed(value))
+        except ValueError as error:
+            problems.append(((key,), value, str(error)))
+    return values, problems
+
+
+def numbers(values: Mapping[str, Any]) -> np.ndarray:
+    """The values of ``field_values`` one after the other, filled up with zeros, SI units, shape (NUMBERS,)."""
+    row = np.zeros(NUMBERS)
+    given = np.hstack([(), *values.values()])
+    row[: len(given)] = given
+    return row
+
+
+# --- files of the user -----------------------------------------------------------------------------------------------
+
+
+def _read(file: str) -> bytes:
+    try:
+        return Path(file).read_bytes()
+    except OSError as error:
+        raise SceneError(f"{file}: cannot be read ({error.strerror})") from None
+
+
+def _article(role: str) -> str:
+    return f"an {role}" if role[0] in "aeiou" else f"a {role}"
+
+
+def _user_model(role: str, file: str) -> ModuleType:
+    module = _imported(file, _read(file))
+    missing = [name for name in REQUIRED[role] if not hasattr(module, name)]
+    if missing:
+        raise SceneError(
+            f"{file}: {_article(role)} model defines {', '.join(REQUIRED[role])}; missing here: {', '.join(missing)}"
+        )
+    functions = [name for name in REQUIRED[role] if name.islower() and not callable(getattr(module, name))]
+    if functions:
+        raise SceneError(f"{file}: in {_article(role)} model {', '.join(functions)} must be a function")
+    if "PARAMETERS" in REQUIRED[role]:
+        _check_parameters(file, module.PARAMETERS)
+    if not isinstance(getattr(module, "UNIT", ""), str):
+        raise SceneError(f"{file}: UNIT = {module.UNIT!r}: must be a text such as \"m/s\"")
+    return module
+
+
+@functools.cache
+def _imported(file: str, source: bytes) -> ModuleType:
+    """Import a file, once for each of its contents.
+
+    The source is compiled here: the import system would take a cached byte code file for a source of equal size and age,
+    and would write one beside the user's file.
+    """
+    name = f"warpdem_user_{Path(file).stem}_{hashlib.sha256(file.encode() + source).hexdigest()[:16]}"
+    module = importlib.util.module_from_spec(importlib.util.spec_from_file_location(name, file))
+    sys.modules[name] = module  # Warp asks there for the module of a function
+    try:
+        exec(compile(source, file, "exec"), vars(module))
+    except Exception as error:
+        del sys.modules[name]
+        places = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+        if isinstance(error, SyntaxError) and error.filename == file:
+            places.append(error.lineno)
+        line = f", line {places[-1]}" if places else ""
+        raise SceneError(f"{file}{line}: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _check_parameters(file: str, parameters: Any) -> None:
+    """Refuse ``PARAMETERS`` of a field that the scene could not be checked against."""
+    if not isinstance(parameters, Mapping):
+        raise SceneError(f"{file}: PARAMETERS must be a dict: name -> (unit, numbers, default)")
+    total = 0
+    for key, entry in parameters.items():
+        if not isinstance(key, str) or not isinstance(entry, tuple) or len(entry) != 3:
+            raise SceneError(f"{file}: PARAMETERS[{key!r}] = {entry!r}: must be (unit, numbers, default)")
+        unit, count, default = entry
+        if unit not in DIMENSIONS:
+            raise SceneError(f"{file}: PARAMETERS[{key!r}]: unit {unit!r} is not known; known: {', '.join(DIMENSIONS)}")
+        if count not in (1, 3):
+            raise SceneError(f"{file}: PARAMETERS[{key!r}]: {count!r} numbers; allowed: 1 or 3")
+        total += count
+    if total > NUMBERS:
+        raise SceneError(f"{file}: PARAMETERS hold {total} numbers; allowed: at most {NUMBERS}")

@@ -1,0 +1,52 @@
+"""A scene as plain tables, to be written to a file in another folder or format: numbers in SI, only what was given."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from warpdem.scene import models
+from warpdem.scene.model import Scene
+
+FILE_KEYS = ("mesh", "file", "usd", "checkpoint")
+"""Keys whose values are files."""
+MODEL_KEYS = ("normal", "tangential", "rolling", "model")
+"""Keys whose values are models: a name, or a file."""
+Rename = Callable[[Path], str]
+
+
+def names_file(key: str, value: Any) -> bool:
+    """Whether the value of a key is the name of a file."""
+    return isinstance(value, str) and (key in FILE_KEYS or (key in MODEL_KEYS and models.is_file(value)))
+
+
+def relative_to(folder: Path) -> Rename:
+    """Names of files as seen from ``folder``; absolute where there is no way, as between two drives."""
+
+    def rename(file: Path) -> str:
+        try:
+            return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+        except ValueError:
+            return file.resolve().as_posix()
+
+    return rename
+
+
+def scene_tables(scene: Scene, rename: Rename) -> dict[str, Any]:
+    """The tables of a scene, as TOML gives them, arrays as lists.
+
+    Args:
+        scene: Any scene.
+        rename: How the files that it names are called in the tables.
+    """
+    return _tables(scene.model_dump(mode="json", exclude_unset=True), scene, rename)
+
+
+def _tables(value: Any, scene: Scene, rename: Rename, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {k: _tables(v, scene, rename, k) for k, v in value.items() if v is not None}
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        entries = [_tables(entry, scene, rename) for entry in value]
+        # one motion is written as the table it may be
+        return entries[0] if key in ("frame", "motion") and len(entries) == 1 else entries
+    return rename(scene.resolve(value)) if names_file(key, value) else value

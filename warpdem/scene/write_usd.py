@@ -1,0 +1,221 @@
+"""A scene as a USD stage in metres, z upwards, as `warpdem.usd.scene` reads it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
+
+from warpdem.scene.tables import names_file
+from warpdem.write_tables import not_written, replaced
+
+WORLD, SCENE, MATERIALS, GRAINS, WALLS = "/World", "/World/Scene", "/World/Materials", "/World/Grains", "/World/Frame/Walls"
+GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
+"""Arrays of a group of grains that are written as float64 primvars."""
+_NUMBERS = Sdf.ValueTypeNames
+
+
+def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
+    """Write the stage of a scene.
+
+    Args:
+        path: File ending in .usda, .usdc or .usd.
+        tables: The scene's tables as `warpdem.scene.tables` gives them, files relative to the folder of ``path``.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    layer = Sdf.Layer.CreateAnonymous(path.suffix)
+    _Writer(Usd.Stage.Open(layer), tables)
+    export(layer, path)
+
+
+def export(layer, path: Path) -> None:
+    """Write a layer, whole or not at all.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    with replaced(path) as part:
+        try:
+            written = layer.Export(str(part))
+        except Tf.ErrorException:  # on a full disk, where it might return false
+            written = False
+        if not written:
+            raise not_written(path)
+
+
+def unused_paths(parent: str, names: list[str]) -> list[str]:
+    """Paths below ``parent``; names that USD does not allow are changed, never to equal ones."""
+    paths: list[str] = []
+    for name in names:
+        path = stem = f"{parent}/{Tf.MakeValidIdentifier(name)}"
+        count = 1
+        while path in paths:
+            count += 1
+            path = f"{stem}_{count}"
+        paths.append(path)
+    return paths
+
+
+class _Writer:
+    """Authors a stage table by table."""
+
+    def __init__(self, stage: Usd.Stage, tables: dict[str, Any]) -> None:
+        self.stage, self.tables = stage, tables
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+        UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+        for path in (WORLD, WALLS.rsplit("/", 1)[0]):
+            UsdGeom.Xform.Define(stage, path)
+        stage.SetDefaultPrim(stage.GetPrimAtPath(WORLD))
+        for path in (MATERIALS, GRAINS, WALLS):
+            UsdGeom.Scope.Define(stage, path)
+        names = list(tables["materials"])
+        self.materials = dict(zip(names, unused_paths(MATERIALS, names), strict=True))
+        for name, path in self.materials.items():
+            self.material(name, path)
+        self.scene()
+        self.groups(tables.get("grains", []))
+        walls = tables.get("walls", [])
+        self.entries(walls, "walls", unused_paths(WALLS, [wall["name"] for wall in walls]))
+
+    # -- the generic part -----------------------------------------------------------------------
+
+    def table(self, prim: Usd.Prim, table: dict[str, Any], prefix: str = "dem") -> None:
+        """Author the keys of a table as attributes, those of tables in it with longer names, lists of tables as children."""
+        for key, value in table.items():
+            name = f"{prefix}:{key}"
+            if isinstance(value, dict):
+                self.table(prim, value, name)
+            elif isinstance(value, list) and value and isinstance(value[0], dict):
+                listed = name.removeprefix("dem:")
+                wanted = [str(entry.get("name", f"{key}_{i}")) for i, entry in enumerate(value)]
+                self.entries(value, listed, unused_paths(str(prim.GetPath()), wanted))
+            elif key == "material" and value in self.materials:
+                self.bind(prim, value)
+            elif key == "materials" and set(value) <= self.materials.keys():
+                prim.CreateRelationship(name).SetTargets([self.materials[material] for material in value])
+            else:
+                self.attribute(prim, name, value, names_file(key, value))
+
+    def entries(self, entries: list[dict[str, Any]], listed: str, paths: list[str]) -> None:
+        """A prim for each entry of a list of tables."""
+        for entry, path in zip(entries, paths, strict=True):
+            prim = self.stage.DefinePrim(path)
+            self.attribute(prim, "dem:list", listed)
+            self.table(prim, entry)
+
+    def attribute(self, prim: Usd.Prim, name: str, value: Any, is_file: bool = False) -> None:
+        """Author one attribute, of the type that fits its value."""
+        kind, held = _typed(value)
+        if is_file:
+            kind, held = _NUMBERS.Asset, Sdf.AssetPath(value)
+        prim.CreateAttribute(name, kind, True, Sdf.VariabilityUniform).Set(held)
+
+    def bind(self, prim: Usd.Prim, material: str) -> None:
+        """Bind a material for physics."""
+        target = UsdShade.Material.Get(self.stage, self.materials[material])
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(target, materialPurpose="physics")
+
+    # -- prims of UsdPhysics --------------------------------------------------------------------
+
+    def material(self, name: str, path: str) -> None:
+        """A material; what it does to itself is told to other programs too."""
+        table = dict(self.tables["materials"][name])
+        prim = UsdShade.Material.Define(self.stage, path).GetPrim()
+        physics = UsdPhysics.MaterialAPI.Apply(prim)
+        physics.CreateDensityAttr(table["density"])
+        if _survives(table["density"]):
+            table.pop("density")
+        if prim.GetName() != name:
+            self.attribute(prim, "dem:name", name)
+        for pair in self.tables.get("pairs", []):
+            if pair["materials"] == [name, name]:
+                physics.CreateRestitutionAttr(pair["restitution"])
+                physics.CreateDynamicFrictionAttr(pair.get("friction", 0.0))
+        self.table(prim, table)
+
+    def scene(self) -> None:
+        """Gravity, and the tables that have no place of their own."""
+        kept = {key: value for key, value in self.tables.items() if key not in ("materials", "walls", "grains")}
+        physics = UsdPhysics.Scene.Define(self.stage, SCENE)
+        gravity = np.array(kept.pop("gravity", (0.0, 0.0, -9.81)))
+        strength = float(np.linalg.norm(gravity))
+        direction = gravity / strength if strength else np.array([0.0, 0.0, -1.0])
+        physics.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+        physics.CreateGravityMagnitudeAttr(strength)
+        if np.count_nonzero(gravity) > 1 or not _survives(strength):
+            kept["gravity"] = gravity.tolist()
+        self.table(physics.GetPrim(), kept)
+
+    def groups(self, groups: list[dict[str, Any]]) -> None:
+        """Groups of grains: points where they are given one by one."""
+        paths = unused_paths(GRAINS, [str(group.get("name", f"group_{i}")) for i, group in enumerate(groups)])
+        for group, path in zip(groups, paths, strict=True):
+            if "positions" in group:
+                self.points(path, group)
+            else:
+                self.entries([group], "grains", [path])
+
+    def points(self, path: str, group: dict[str, Any]) -> None:
+        """Grains given one by one, in single precision for other programs and in full."""
+        points = UsdGeom.Points.Define(self.stage, path)
+        UsdPhysics.CollisionAPI.Apply(points.GetPrim())
+        held = {key: np.array(group[key], dtype=float) for key in GRAIN_KEYS if key in group}
+        diameters = held.get("diameters", 2.0 * held["radii"] if "radii" in held else None)
+        if diameters is None:
+            diameters = np.full(len(held["positions"]), group.get("diameter") or 2.0 * group["radius"])
+        author_points(points, held["positions"], diameters, held.get("velocities"), held.get("spins"), group.get("ids"))
+        for key, values in held.items():
+            self.primvar(points, f"dem:{key}", values)
+        self.table(points.GetPrim(), {key: v for key, v in group.items() if key not in (*GRAIN_KEYS, "ids")})
+
+    def primvar(self, points: UsdGeom.Points, name: str, values: np.ndarray) -> None:
+        """Author an array of float64, one entry a grain."""
+        vectors = values.ndim == 2
+        kind = _NUMBERS.Double3Array if vectors else _NUMBERS.DoubleArray
+        held = (Vt.Vec3dArray if vectors else Vt.DoubleArray).FromNumpy(np.ascontiguousarray(values))
+        UsdGeom.PrimvarsAPI(points).CreatePrimvar(name, kind, UsdGeom.Tokens.vertex).Set(held)
+
+
+def author_points(points: UsdGeom.Points, positions, diameters, velocities=None, spins=None, ids=None) -> None:
+    """Author grains in single precision [m, m/s, rad/s], shapes (n, 3) and (n,)."""
+
+    def vectors(values: np.ndarray) -> Vt.Vec3fArray:
+        return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, dtype=np.float32))
+
+    points.CreatePointsAttr(vectors(positions))
+    points.CreateWidthsAttr(Vt.FloatArray.FromNumpy(np.asarray(diameters, dtype=np.float32)))
+    if velocities is not None:
+        points.CreateVelocitiesAttr(vectors(velocities))
+    if spins is not None:
+        omega = UsdGeom.PrimvarsAPI(points).CreatePrimvar("omega", _NUMBERS.Vector3fArray, UsdGeom.Tokens.vertex)
+        omega.Set(vectors(spins))
+    if ids is not None:
+        points.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.asarray(ids, dtype=np.int64)))
+
+
+def _survives(value: float) -> bool:
+    """Whether a number comes back from single precision when it is read as its shortest decimal."""
+    return float(str(np.float32(value))) == value
+
+
+def _typed(value: Any) -> tuple[Any, Any]:
+    """Type of the attribute for a value of a table, and the value as that type takes it."""
+    if isinstance(value, (bool, str)):
+        return (_NUMBERS.Bool if isinstance(value, bool) else _NUMBERS.String), value
+    if isinstance(value, int):
+        return _NUMBERS.Int64, value
+    if isinstance(value, float):
+        return _NUMBERS.Double, value
+    if not value or isinstance(value[0], str):
+        return _NUMBERS.StringArray, Vt.StringArray(value)
+    numbers = np.array(value)
+    if numbers.ndim == 1 and numbers.dtype.kind == "i":
+        return _NUMBERS.Int64Array, Vt.Int64Array(value)
+    kinds = {2: (_NUMBERS.Double2, Gf.Vec2d, Vt.Vec2dArray), 3: (_NUMBERS.Double3, Gf.Vec3d, Vt.Vec3dArray)}
+    kind, vector, array = kinds.get(numbers.shape[-1], (None, None, None))
+    if numbers.ndim == 2 and kind:
+        return kind.arrayType, array.FromNumpy(numbers.astype(float))
+    return (kind, vector(*numbers.tolist())) if kind else (_NUMBERS.DoubleArray, Vt.DoubleArray(value))

@@ -1,0 +1,375 @@
+"""A scene as a USD stage says it: standard physics prims, and the scene's own keys in the namespace ``dem:``.
+
+    PhysicsScene                         gravity; dem:time:end, dem:contact:normal ...: the tables of a scene file
+    Material with PhysicsMaterialAPI     density, friction and restitution among itself; dem:young_modulus ...
+    mesh or shape with CollisionAPI      wall: its true triangles, or the analytic plane or sphere; dem:open, dem:motion ...
+    Points with CollisionAPI             grains: widths are diameters, velocities, ids, primvars:omega [rad/s]
+    any prim with dem:list = "pairs"     entry of that list of the scene, or of the entry that it stands in
+
+``dem:a:b`` is key b of table a, as a.b in TOML, with the same units and strings; its numbers are SI and in the scene's axes,
+whatever the units and the upright axis of the stage. Standard attributes are converted. One that stands beside its ``dem:``
+twin must agree with it; the twin carries the digits that single precision lacks.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.usd import stage as usd_stage
+
+Place = tuple[str | int, ...]
+GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
+"""Arrays of a group of grains that ``primvars:dem:`` may hold in float64."""
+GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
+"""Keys that say where a wall is; a prim without them is its own geometry."""
+MADE_OF = ("walls", "grains", "streams")
+"""Lists whose entries take the material that is bound to their prims."""
+ROUNDING = 2.0**-22
+"""How far a number may be from its single-precision twin, relative [-]: two roundings."""
+
+
+def read(
+    file: Path, at: float | None, folders: Sequence[Path] | None
+) -> tuple[dict[str, Any], dict[Place, str], float]:
+    """Tables of the scene of a stage, as TOML gives them.
+
+    A frame of a result is a scene that begins at its own time 0, with what is left of ``time.end``, and without friction
+    history, which the title says.
+
+    Args:
+        file: USD file.
+        at: Instant of a frame [s] if the stage is the result of a run; None takes the last one.
+        folders: Folders that all files it refers to must lie in; None is no bound.
+
+    Returns:
+        The tables; the attribute or prim that each of their places comes from; and how long the motions and streams of the
+        scene have been going on [s].
+
+    Raises:
+        SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
+    """
+    said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
+    if said["unsaid"]:
+        raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
+    stage = _Stage(file, said, arrays)
+    time = 0.0 if said["code"] is None else said["code"] / said["rate"]
+    if said["code"] is not None:
+        _go_on(stage.data, time, file)
+    return stage.data, stage.origins, time
+
+
+def _go_on(data: dict[str, Any], time: float, file: Path) -> None:
+    """Let the tables say what is left of a run whose grains are those of its frame at ``time`` [s]."""
+    if "phases" in data:
+        raise SceneError(f"{file}: a frame of a run in phases is no scene of its own; go on from its checkpoint")
+    data.pop("start", None)
+    if time > 0.0:
+        data["title"] = f"{data.get('title', '')}, on from {time:g} s without friction history".lstrip(", ")
+        end = data.get("time", {}).get("end")
+        if isinstance(end, float) and end - time > 1e-9 * time:
+            data["time"]["end"] = end - time
+        elif isinstance(end, float):
+            del data["time"]["end"]  # nothing is left: the user says how long it goes on
+
+
+class _Stage:
+    """Builds the tables of a scene, prim by prim."""
+
+    def __init__(self, file: Path, said: dict, arrays: dict[str, np.ndarray]) -> None:
+        self.file, self.prims, self.arrays = file, said["prims"], arrays
+        self.up, self.metres = usd_stage.TO_Z_UP[said["up"]], said["metres"]
+        # what a file has in single precision is read as a decimal, so 0.01 metres per unit must be one too
+        self.unit, self.kilograms = Decimal(repr(said["metres"])), Decimal(repr(said["kilograms"]))
+        self.data: dict[str, Any] = {}
+        self.origins: dict[Place, str] = {}
+        self.at: dict[str, tuple[Place, dict]] = {}  # place and table of each prim that has one
+        self.names = {p["path"]: p["dem"].get("name", p["path"].rsplit("/", 1)[1]) for p in self.prims}
+        scenes = [prim for prim in self.prims if prim["kind"] == "Scene"]
+        if len(scenes) != 1:
+            found = ", ".join(prim["path"] for prim in scenes) or "none"
+            raise SceneError(f"{file}: a scene needs one PhysicsScene prim, which also holds the keys dem:...; found {found}")
+        self.scene(scenes[0])
+        for prim in self.prims:
+            if prim["kind"] == "RigidBodyMaterial":
+                self.material(prim)
+        for prim in self.prims:
+            if prim["kind"] == "SpherePointsShape":
+                self.grains(prim)
+            elif prim["kind"] == "Table":
+                table = self.entry(prim)
+                if prim["dem"]["list"] in MADE_OF:
+                    self.bind(prim, table)
+            elif prim["kind"] not in ("Scene", "RigidBodyMaterial"):
+                self.wall(prim)
+        self.own_pairs()
+
+    # -- the generic part -----------------------------------------------------------------------
+
+    def fill(self, prim: dict, place: Place, table: dict) -> dict:
+        """Put the ``dem:`` keys of a prim into a table and remember where it came from; returns the table."""
+        self.at[prim["path"]] = place, table
+        self.origins[place] = prim["path"]
+        for key, value in prim["dem"].items():
+            if key == "list":
+                continue
+            *parents, last = key.split(":")
+            here = table
+            for parent in parents:
+                here = here.setdefault(parent, {})
+                if not isinstance(here, dict):
+                    raise SceneError(f"{self.file}: {prim['path']}.dem:{key}: dem:{':'.join(parents)} is a value, not a table")
+            here[last] = self.value(value, f"{prim['path']}.dem:{key}")
+            self.origins[(*place, *parents, last)] = f"{prim['path']}.dem:{key}"
+        return table
+
+    def value(self, value: Any, where: str) -> Any:
+        """A value of the tables: files relative to the stage's folder, targets by their names."""
+        if isinstance(value, dict) and "targets" in value:
+            missing = [target for target in value["targets"] if target not in self.names]
+            if missing or not value["targets"]:
+                raise SceneError(f"{self.file}: {where}: {missing[0] if missing else 'empty'}: must target prims of the scene")
+            names = [self.names[target] for target in value["targets"]]
+            # a relationship holds each target once: one material stands for its pair with itself
+            return (names * 2)[:max(2, len(names))] if where.endswith(":materials") else names[0]
+        if isinstance(value, dict):
+            return self.relative(value["found"]) if value["found"] else value["file"]
+        return value
+
+    def relative(self, file: str) -> str:
+        """Path of a file from the stage's folder."""
+        return Path(os.path.relpath(file, self.file.parent.resolve())).as_posix()
+
+    def entry(self, prim: dict, listed: str = "") -> dict:
+        """Append a table to a list: of the entry that a prim stands in, or of the scene."""
+        *parents, key = (listed or prim["dem"]["list"]).split(":")
+        place, here = self.at.get(prim["above"], ((), self.data))
+        for parent in parents:
+            here = here.setdefault(parent, {})
+        entries = here.setdefault(key, [])
+        entries.append({})
+        return self.fill(prim, (*place, *parents, key, len(entries) - 1), entries[-1])
+
+    def twin(self, table: dict, place: Place, key: str, value: Any, origin: str) -> None:
+        """Take the value of a standard attribute, unless its ``dem:`` twin is there and agrees.
+
+        Raises:
+            SceneError: they differ.
+        """
+        if key not in table:
+            table[key] = value
+            self.origins[(*place, key)] = origin
+            return
+        numbers = np.atleast_1d(value).astype(float)
+        given = table[key]
+        same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=ROUNDING * np.abs(numbers).max())
+        if not same:
+            raise SceneError(
+                f"{self.file}: {origin} says {value}, but {self.origins[(*place, key)]} says {given} for {key}: make them "
+                "agree, or take one of them out"
+            )
+
+    # -- prims of UsdPhysics --------------------------------------------------------------------
+
+    def scene(self, prim: dict) -> None:
+        """Gravity and the tables of the scene prim."""
+        self.fill(prim, (), self.data)
+        standard, path = prim["standard"], prim["path"]
+        if standard.get("newton:gravityEnabled") is False:
+            self.twin(self.data, (), "gravity", [0.0, 0.0, 0.0], f"{path}.newton:gravityEnabled")
+        elif "physics:gravityMagnitude" in standard or "gravity" not in self.data:
+            direction = np.array(standard.get("physics:gravityDirection", (0.0, 0.0, 0.0)))
+            direction = self.up @ direction if direction.any() else np.array([0.0, 0.0, -1.0])
+            magnitude = standard.get("physics:gravityMagnitude", -np.inf)
+            # USD: a negative magnitude asks for the gravity of the earth
+            strength = self.convert(magnitude, length=1) if magnitude >= 0.0 else 9.81
+            gravity = (direction / np.linalg.norm(direction) * strength + 0.0).tolist()
+            self.twin(self.data, (), "gravity", gravity, f"{path}.physics:gravityMagnitude")
+        if "newton:timeStepsPerSecond" in standard and "step" not in self.data.get("time", {}):
+            step = 1.0 / max(standard["newton:timeStepsPerSecond"], 1e-300)
+            self.twin(self.data.setdefault("time", {}), ("time",), "step", step, f"{path}.newton:timeStepsPerSecond")
+
+    def convert(self, value: float, length: int = 0, mass: int = 0) -> float:
+        """A number of the stage in SI, given the powers of length and mass in its unit."""
+        return float(Decimal(repr(value)) * self.unit**length * self.kilograms**mass)
+
+    def material(self, prim: dict) -> None:
+        """A material, its name and its density."""
+        name, standard = self.names[prim["path"]], prim["standard"]
+        materials = self.data.setdefault("materials", {})
+        if name in materials:
+            raise SceneError(f"{self.file}: {prim['path']}: {self.origins[('materials', name)]} is a material {name!r} too")
+        place, table = ("materials", name), materials.setdefault(name, {})
+        self.fill(prim, place, table)
+        table.pop("name", None)
+        for key, attribute, powers in (
+            ("density", "physics:density", (-3, 1)),
+            ("young_modulus", "newton:mpm:youngsModulus", (-1, 1)),
+            ("poisson_ratio", "newton:mpm:poissonsRatio", (0, 0)),
+        ):
+            # USD: a density of 0 says nothing
+            if standard.get(attribute):
+                self.twin(table, place, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
+
+    def own_pairs(self) -> None:
+        """Coefficients of each material with itself, as its physics material has them."""
+        for prim in self.prims:
+            keys = {"restitution": "physics:restitution", "friction": "physics:dynamicFriction",
+                    "rolling_friction": "newton:rollingFriction"}  # fmt: skip
+            given = {key: name for key, name in keys.items() if name in prim.get("standard", {})}
+            if prim["kind"] != "RigidBodyMaterial" or not given:
+                continue
+            pairs, both = self.data.setdefault("pairs", []), [self.names[prim["path"]]] * 2
+            known = [i for i, pair in enumerate(pairs) if pair.get("materials") == both]
+            if not known:
+                known = [len(pairs)]
+                pairs.append({"materials": both})
+                self.origins["pairs", known[0]] = prim["path"]
+            for key, name in given.items():
+                self.twin(pairs[known[0]], ("pairs", known[0]), key, prim["standard"][name], f"{prim['path']}.{name}")
+
+    def wall(self, prim: dict) -> None:
+        """A collider: where it is, what it is made of, how it moves."""
+        if not prim["enabled"]:
+            return
+        table = self.entry(prim, "walls")
+        inside = table.pop("inside", None)
+        table.setdefault("name", self.unused_name(prim))
+        self.bind(prim, table)
+        if not any(key in table for key in GEOMETRY):
+            table |= self.geometry(prim, inside)
+        motion = list(self.motion(prim))
+        if motion and "motion" in table:
+            raise SceneError(f"{self.file}: {prim['path']} moves by USD's own means and by dem:motion: take one of them out")
+        if motion:
+            table["motion"] = motion
+            # the stage says how it moves in the world
+            table.setdefault("fixed_to", "laboratory")
+
+    def unused_name(self, prim: dict) -> str:
+        """Name of the prim, with a number if another wall has it."""
+        taken = {wall.get("name") for wall in self.data["walls"]}
+        name, count = self.names[prim["path"]], 1
+        while name in taken:
+            count += 1
+            name = f"{self.names[prim['path']]}_{count}"
+        return name
+
+    def bind(self, prim: dict, table: dict) -> None:
+        """Take the bound material, if it is one of physics."""
+        if "material" not in table and prim["material"] in self.at:
+            table["material"] = self.names[prim["material"]]
+
+    def geometry(self, prim: dict, inside: bool | None) -> dict:
+        """Where a collider is: an analytic plane or sphere, or its triangles."""
+        matrix = np.array(prim["matrix"])
+        linear = self.up @ matrix[:3, :3]
+        origin = (self.up @ matrix[:3, 3] * self.metres).tolist()
+        if prim["kind"] == "PlaneShape":
+            normal = np.linalg.inv(linear).T[:, "XYZ".index(prim["axis"])]
+            return {"plane": {"point": origin, "normal": normal.tolist()}}
+        factor = _similarity(linear)
+        if prim["kind"] == "SphereShape" and factor:
+            radius = float(Decimal(repr(prim["radius"])) * self.unit) * factor
+            return {"sphere": {"centre": origin, "radius": radius, "inside": bool(inside)}}
+        if inside is not None:
+            raise SceneError(f"{self.file}: {prim['path']}.dem:inside: only for a sphere that is one in the world too")
+        return {"mesh": self.file.name, "prim": prim["path"]}
+
+    def motion(self, prim: dict) -> Iterator[dict]:
+        """Motions of a collider, outermost first: its samples, or the velocities of its kinematic body."""
+        body = prim.get("body")
+        if prim["moves"]:
+            yield {"usd": self.file.name, "prim": prim["path"]}
+            return
+        if body is None:
+            return
+        parent = self.up @ np.array(body["parent"])[:3, :3]
+        velocity = parent @ np.array(body["velocity"]) * self.metres
+        spin = parent @ np.radians(body["spin"])
+        if velocity.any():
+            yield {"velocity": velocity.tolist()}
+        if spin.any():
+            origin = (self.up @ np.array(body["origin"]) * self.metres).tolist()
+            yield {"axis": spin.tolist(), "origin": origin, "rate": float(np.linalg.norm(spin))}
+
+    # -- grains ---------------------------------------------------------------------------------
+
+    def grains(self, prim: dict) -> None:
+        """The groups of grains of a Points prim: one, or one for each of its materials."""
+        path = prim["path"]
+        held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
+        columns = self.columns(path, held)
+        types = held.get("dem.types")
+        if types is None:
+            table = self.entry(prim, "grains")
+            self.bind(prim, table)
+            if any(key in table for key in ("radius", "diameter")):
+                columns.pop("diameters", None)
+            table |= columns
+            return
+        materials = prim["dem"].pop("materials", {"targets": []})["targets"]
+        groups, group = prim["dem"].pop("groups", []), held.get("group", np.zeros(len(types), dtype=int))
+        _fit(self.file, path, {**columns, "types": types, "group": group})
+        if len(types) and not (0 <= types.min() and types.max() < len(materials)):
+            count = len(materials)
+            raise SceneError(f"{self.file}: {path}.primvars:dem:types: must number the {count} targets of dem:materials")
+        for number, of in np.unique(np.stack([types, group], axis=1), axis=0):
+            table, taken = self.entry(prim, "grains"), (types == number) & (group == of)
+            table["material"] = self.names[materials[number]]
+            if 0 <= of < len(groups):
+                table["name"] = groups[of]
+            table |= {key: values[taken] for key, values in columns.items()}
+
+    def columns(self, path: str, held: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Arrays of grains in SI and the scene's axes: the float64 ones, else what USD has in single precision."""
+        columns = {key: held[f"dem.{key}"] for key in GRAIN_KEYS if f"dem.{key}" in held}
+        linear, origin = self.up @ held["matrix"][:3, :3], self.up @ held["matrix"][:3, 3]
+        factor = _similarity(linear)
+        if not factor:
+            raise SceneError(f"{self.file}: {path}: a transform with shear or unequal scales makes no spheres of spheres")
+        points = held.get("points", np.zeros((0, 3)))
+        world = (points @ linear.T + origin) * self.metres
+        # in a result the points are in frame axes, below the transform that carries the frame
+        if columns.setdefault("positions", world) is not world and not any(
+            _agree(single, columns["positions"]) for single in (world, points * self.metres)
+        ):
+            raise SceneError(
+                f"{self.file}: {path}: points and primvars:dem:positions differ: the grains were moved in one of them; to go "
+                "by the points, take all primvars:dem: of the prim out"
+            )
+        if "radii" not in columns and "diameters" not in columns and "widths" in held:
+            widths, count = held["widths"] * (self.metres * factor), len(columns["positions"])
+            columns["diameters"] = np.full(count, widths[0]) if len(widths) == 1 else widths
+        if "velocities" not in columns and len(held.get("velocities", ())):
+            columns["velocities"] = held["velocities"] @ linear.T * self.metres
+        if "spins" not in columns and len(held.get("omega", ())):
+            columns["spins"] = held["omega"] @ (linear.T / factor)
+        return columns | ({"ids": held["ids"]} if len(held.get("ids", ())) else {})
+
+
+def _similarity(matrix: np.ndarray) -> float:
+    """Factor of a matrix (3, 3) that turns and scales alike in all directions; 0 for any other."""
+    square = matrix.T @ matrix
+    factor = float(np.sqrt(np.trace(square) / 3.0))
+    if np.abs(square - factor**2 * np.eye(3)).max() > 1e-6 * factor**2:
+        return 0.0
+    return 1.0 if abs(factor - 1.0) < 1e-12 else factor
+
+
+def _agree(single: np.ndarray, double: np.ndarray) -> bool:
+    """Whether points are the single-precision picture of others."""
+    slack = ROUNDING * np.abs(double).max(initial=0.0)
+    return single.shape == double.shape and bool(np.abs(single - double).max(initial=0.0) <= slack)
+
+
+def _fit(file: Path, path: str, columns: dict[str, np.ndarray]) -> None:
+    """Refuse arrays of different length."""
+    counts = {key: len(values) for key, values in columns.items()}
+    if len(set(counts.values())) > 1:
+        listed = ", ".join(f"{key} {count}" for key, count in counts.items())
+        raise SceneError(f"{file}: {path}: its arrays have different numbers of grains: {listed}")

@@ -1,0 +1,73 @@
+"""What a USD file holds, as arrays: asks `warpdem.usd.reader` in a process of its own and checks that it answers."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.errors import SceneError
+from warpdem.usd import reader as usd_reader
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+TIME_LIMIT = 30.0
+"""Time that reading a file may take [s], with another second for each `BYTES_PER_SECOND`."""
+BYTES_PER_SECOND = 1e6
+TO_Z_UP = {"Y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), "Z": np.eye(3)}
+"""Turn of a stage's axes to the scene's, z upwards, by its upAxis: Y by 90 degrees about x; exact."""
+
+
+def ask(
+    file: Path, what: str, about: str, where: str, folders: Sequence[Path] | None = None
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """What a USD file says.
+
+    Args:
+        file: USD file.
+        what: "geometry" or "motion" of a prim, or "scene".
+        about: Path of the prim, "" for the whole stage; of a scene the instant of the frame [s], "" for the last.
+        where: Source and key of the scene, for messages.
+        folders: Folders that all files it refers to must lie in; None is no bound.
+
+    Returns:
+        The answer of `warpdem.usd.reader`: numbers and texts (with ``metres`` per unit, ``up`` axis, time codes per
+        second ``rate`` and what the file leaves ``unsaid``), and arrays by name.
+
+    Raises:
+        SceneError: There is no such file, or it cannot be read: damaged, refused, too slow, or too large for the memory.
+    """
+    if not file.is_file():
+        raise SceneError(f"{where}: no such USD file: {file}")
+    head = where if where == str(file) else f"{where}: {file.name}"
+    limit = TIME_LIMIT + file.stat().st_size / BYTES_PER_SECOND
+    # one thread: a file damaged on purpose shall not fill all cores either
+    environment = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1"}
+    command = [sys.executable, "-P", usd_reader.__file__, what, str(file), about, *map(str, folders or ())]
+    try:
+        done = subprocess.run(
+            command, check=False, capture_output=True, timeout=limit, env=environment, stdin=subprocess.DEVNULL
+        )
+    except subprocess.TimeoutExpired:
+        raise SceneError(
+            f"{head}: reading it took longer than {limit:.3g} s: damaged, or too large"
+        ) from None
+    said, arrays = {}, {}
+    if done.returncode == 0:
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+        said = json.loads(str(arrays.pop("answer")))
+    elif done.returncode < 0:
+        said["refused"] = f"the USD library crashed on it ({signal.Signals(-done.returncode).name}): damaged?"
+    else:
+        last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason given"]
+        said["refused"] = f"reading it failed: {last[0][:300]}"
+    if said.get("up", "Z") not in TO_Z_UP:
+        said["refused"] = f"upAxis = {said['up']!r}, must be Y or Z"
+    if "refused" in said:
+        raise SceneError(f"{head}: {said['refused']}")
+    return said, arrays
