@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 
 import h5py
@@ -86,12 +87,17 @@ class Runs:
             out.mkdir(exist_ok=True)
             resume = (out / runner.CHECKPOINT).exists()
             runner.run_scene(scene(), out, device="cpu", threads=1, quiet=True, resume=resume)
-        finally:
-            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
 
     def ended(self, pid: int) -> bool:
         """Wait for the process; whether it was killed."""
-        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL
+        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        if code not in (0, -signal.SIGKILL):
+            sys.exit(f"a run ended with {code}")
+        return code != 0
 
     def steps_lost(self, folder: str) -> int:
         """Steps since the checkpoint that a killed run left."""
@@ -160,13 +166,14 @@ def in_row(number: int):
 
 
 # files in the order of a run: run.json, history.csv; the first frame, 3 to 13; checkpoints 14 and 15; the second frame:
-# grains 16, box, result.pvd 18, chunk 19, state, result.usda 21, journals 22 and 23
+# grains 16, box, result.pvd 18, chunk 19, state, result.usda 21, journals 22 and 23; checkpoint 24; and, with a row and a
+# checkpoint at the same step, the third frame: 25 to 32
 TRAPS = {
-    **{f"before file {k}": before_replace(k) for k in (15, 18, 21, 2, 5, 8, 11, 12, 13, 14, 16, 17, 19, 20, 22, 23)},
-    **{f"in file {k}": in_part(k) for k in (15, 14, 5, 11, 13, 18, 19, 21, 22)},
-    **{f"in row {k}": in_row(k) for k in (4, 1, 2, 5)},
+    **{f"before file {k}": before_replace(k) for k in (15, 27, 30, 2, 5, 8, 11, 12, 13, 14, 16, 18, 19, 20, 21, 22, 23, 33)},
+    **{f"in file {k}": in_part(k) for k in (15, 14, 5, 11, 13, 18, 19, 21, 22, 33)},
+    **{f"in row {k}": in_row(k) for k in (9, 1, 2, 4)},
 }
-FEW = ("before file 15", "before file 18", "before file 21", "in file 15", "in row 4")
+FEW = ("before file 15", "before file 27", "before file 30", "in file 15", "in row 9")
 
 
 def main(mode: str, seed: str = "0") -> None:
