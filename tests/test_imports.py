@@ -14,7 +14,8 @@ PACKAGE = ROOT / "warpdem"
 LAYERS = (
     "errors", "threads", "snapshot", "rigid", "progress", "paths", "write_tables",
     "usd", "scene", "demo", "mesh", "filling", "engine", "measure", "output",
-    "advice", "summary", "simulation", "picture", "notebook", "runner", "check", "run_phases", "cli", "__init__", "__main__",
+    "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "cli",
+    "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
@@ -25,11 +26,11 @@ HEAVY_OWNERS = {
     "output.write_usd": {"pxr"},
     "scene.write_usd": {"pxr"},
     "output.write_vtk": {"vtk", "pyvista"},
-    "picture.colours": {"matplotlib"},
-    "picture.legend": {"matplotlib"},
-    "picture.stage": {"pyvista", "vtk", "matplotlib"},
-    "picture.show": {"matplotlib"},
-    "picture.rendering": {"imageio", "matplotlib"},
+    "drawing.colours": {"matplotlib"},
+    "drawing.legend": {"matplotlib"},
+    "drawing.stage": {"pyvista", "vtk", "matplotlib"},
+    "drawing.show": {"matplotlib"},
+    "drawing.rendering": {"imageio", "matplotlib"},
 }
 """Files that own a heavy library and are themselves imported only when they are needed."""
 
@@ -98,9 +99,9 @@ def test_no_circle_within_a_layer(folder):
 
 
 def test_pictures_read_files_only():
-    known = {name for name in FILES if layer(name) in ("picture", "output")} | RESULTS
+    known = {name for name in FILES if layer(name) in ("drawing", "output")} | RESULTS
     for name in FILES:
-        if layer(name) == "picture":
+        if layer(name) == "drawing":
             assert own_files(name) <= known, name
             assert "warp" not in {imported for imported, _ in imports(FILES[name])}
 

@@ -8,13 +8,13 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from warpdem.drawing.legend import bar_width
+from warpdem.drawing.rendering import render
+from warpdem.drawing.visible import visible
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import patch
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.output.write_vtkhdf import VtkhdfWriter
-from warpdem.picture.legend import bar_width
-from warpdem.picture.rendering import render
-from warpdem.picture.visible import visible
 from warpdem.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
 
 SIZE = (400, 400)
@@ -382,9 +382,9 @@ def test_hidden_grains_are_left_out_and_no_pixel_changes(tmp_path, monkeypatch):
         return counts[-1]
 
     for camera in ("iso", "front"):
-        monkeypatch.setattr("warpdem.picture.stage.visible", counted)
+        monkeypatch.setattr("warpdem.drawing.stage.visible", counted)
         lean = draw(folder, tmp_path / "a.png", camera=camera, colour="id")
-        monkeypatch.setattr("warpdem.picture.stage.visible", lambda position, *_: np.ones(len(position), dtype=bool))
+        monkeypatch.setattr("warpdem.drawing.stage.visible", lambda position, *_: np.ones(len(position), dtype=bool))
         np.testing.assert_array_equal(lean, draw(folder, tmp_path / "b.png", camera=camera, colour="id"))
     assert max(shown.mean() for shown in counts) < 0.6
 

@@ -33,7 +33,7 @@ __all__ = [
 def __getattr__(name: str):
     """Import what draws when it is first asked for: its libraries take seconds to load."""
     if name == "render":
-        from warpdem.picture.rendering import render
+        from warpdem.drawing.rendering import render
 
         return render
     if name == "picture":

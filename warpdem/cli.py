@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from rich.console import Console
 
+from warpdem.drawing.look import Look
 from warpdem.errors import WarpdemError
-from warpdem.picture.look import Look
 
 app = App(
     name="warpdem",
@@ -159,7 +159,7 @@ def render(
     """
     from rich.progress import Progress
 
-    from warpdem.picture.rendering import render as draw
+    from warpdem.drawing.rendering import render as draw
 
     target = out or folder / "picture.png"
     console = Console(highlight=False)

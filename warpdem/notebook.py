@@ -3,8 +3,8 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from warpdem.drawing.rendering import render
 from warpdem.output.write_vtk import VtkWriter
-from warpdem.picture.rendering import render
 from warpdem.simulation import Simulation
 
 
@@ -30,7 +30,7 @@ def picture(source: Simulation | Path | str, *, time: float | None = None, **loo
     Args:
         source: The simulation, or the folder of the results.
         time: Time of the picture [s]; the last one for None. Only of results.
-        **look: Choices of ``warpdem.picture.look.Look``: view, colour, camera, cut and so on.
+        **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
 
     Raises:
         WarpdemError: As ``warpdem.render``.

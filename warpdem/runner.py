@@ -277,7 +277,7 @@ def run_scene(
             write_run_record(folder / "run.json", written)
     if scene.output.picture and {"vtk", "vtkhdf"} & set(scene.output.formats):
         with sim.clock("picture"):
-            from warpdem.picture.rendering import render
+            from warpdem.drawing.rendering import render
 
             render(folder, folder / "picture.png")
         write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
@@ -316,12 +316,14 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                     outputs.frame()
                 now = time.perf_counter()
                 if step % save_every == 0 or now - saved > sim.scene.output.checkpoint_wall_time:
+                    sim.guards.look()  # what is saved over the last checkpoint is sound
                     outputs.settle()
                     checkpoint.save(sim, path)
                     saved = now
                 rate = (step - first) / max(now - began, 1e-9)
                 chunk = max(1, int(SECONDS_PER_CHUNK * rate))
                 tell(step, f"t = {sim.time:.4g} of {end:g} s  {rate:.0f} steps/s  {len(sim.state)} grains")
+            sim.guards.look()
             outputs.close()
             checkpoint.save(sim, path)
     except BaseException:

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from warpdem.picture.camera import Camera
+from warpdem.drawing.camera import Camera
 
 _FINE = 9.0
 """Median radius over cell size [-]."""

@@ -9,11 +9,11 @@ from matplotlib.colors import to_rgb
 from vtkmodules.vtkFiltersHybrid import vtkPolyDataSilhouette
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
 
+from warpdem.drawing.camera import Camera
+from warpdem.drawing.legend import ink_on
+from warpdem.drawing.visible import visible
 from warpdem.errors import WarpdemError
 from warpdem.output.write_vtk import quiet_vtk
-from warpdem.picture.camera import Camera
-from warpdem.picture.legend import ink_on
-from warpdem.picture.visible import visible
 
 _SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _WALL = "#9db4c8"

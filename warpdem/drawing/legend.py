@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
-from warpdem.picture.colours import CATEGORIES, Scale
+from warpdem.drawing.colours import CATEGORIES, Scale
 
 _DPI = 72  # so that a point is a pixel
 _AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2c6fbb"}

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpdem.drawing.look import Look
 from warpdem.errors import WarpdemError
-from warpdem.picture.look import Look
 from warpdem.snapshot import FramePose, RotationPart
 
 VIEW_ANGLE = 20.0

@@ -9,11 +9,11 @@ import imageio_ffmpeg
 import numpy as np
 from matplotlib.colors import is_color_like
 
+from warpdem.drawing.look import CHOICES, Look
+from warpdem.drawing.show import AnyResults, Show
 from warpdem.errors import WarpdemError
 from warpdem.output.write_vtk import INDEX, read_results
 from warpdem.output.write_vtkhdf import GRAINS, read_vtkhdf
-from warpdem.picture.look import CHOICES, Look
-from warpdem.picture.show import AnyResults, Show
 from warpdem.write_tables import replaced
 
 
@@ -41,7 +41,7 @@ def render(
         speed: Seconds of the run in a second of the film [-], so that 0.1 is ten times slowed down; None for each frame once.
         fps: Pictures in a second of the film [1/s].
         watch: Told after each picture how many are done, and how many there will be.
-        **look: Choices of ``warpdem.picture.look.Look``: view, colour, camera, cut and so on.
+        **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
 
     Returns:
         The file written.

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_rgb
 
+from warpdem.drawing.camera import looking, placed
+from warpdem.drawing.colours import Field, Scale, field_of
+from warpdem.drawing.cuts import parsed_cut
+from warpdem.drawing.legend import Bar, Legend, Pane, bar_width
+from warpdem.drawing.look import Look
+from warpdem.drawing.stage import Balls, Stage, Surface
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import patch, plane_of
 from warpdem.output.write_vtk import Results
 from warpdem.output.write_vtkhdf import VtkhdfResults
-from warpdem.picture.camera import looking, placed
-from warpdem.picture.colours import Field, Scale, field_of
-from warpdem.picture.cuts import parsed_cut
-from warpdem.picture.legend import Bar, Legend, Pane, bar_width
-from warpdem.picture.look import Look
-from warpdem.picture.stage import Balls, Stage, Surface
 from warpdem.snapshot import FramePose, RotationPart, Snapshot, WallMesh
 
 AnyResults = Results | VtkhdfResults
