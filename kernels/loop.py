@@ -1,10 +1,10 @@
 """The step: forces at t_k, then the integrator takes the grains to t_k+1, over and over.
 
 On a CPU one launch per thread runs many steps and meets the others at a barrier after each phase; on a GPU each phase is a
-launch. A scheme of several stages calls the forces between as well, from the memory of the step's beginning, and drops what
-they make of it. A run rests with the forces of its instant evaluated, so reading results never computes anything again. It
-stops before a force call when a grain has moved by more than the lists allow (or is no longer finite); the host then makes
-new lists and calls again with ``forces_first``.
+launch of a captured graph (``resident``). A scheme of several stages calls the forces between as well, from the memory of the
+step's beginning, and drops what they make of it. A run rests with the forces of its instant evaluated, so reading results
+never computes anything again. It stops before a force call when a grain has moved by more than the lists allow (or is no
+longer finite); then new lists are made and the forces come first.
 """
 
 import functools
@@ -29,7 +29,10 @@ def build(
     pairs, touch, Rows, load, acceleration, travelled, integrator, border, orientation, budget, flow, *, stages: int,
     spins: bool, walls: bool,
 ):  # fmt: skip
-    """Return the CPU kernel ``run``, the GPU kernels ``pair_forces``, ``wall_forces`` and ``move``, and ``read``.
+    """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
+
+    That is ``touch_row`` and ``move_phase`` for the GPU's step, and each phase alone (``pair_forces``, ``wall_forces``,
+    ``move``), so that it can be timed.
 
     Args:
         pairs: namespace of ``pairs.build``.
@@ -135,12 +138,11 @@ def build(
         control.extreme[at + 1] = approach
 
     @wp.func
-    def wall_phase(
-        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
-        coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
+    def touch_row(
+        r: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
-        share = control.extreme[at + 2]
-        approach = control.extreme[at + 3]
+        """Wall contacts of row ``r`` at the force call ``stage`` of step ``s``."""
         now_row = (s + 1) * wp.static(stages) + stage
         before_row = now_row - wp.static(stages)
         old = 1 - parity
@@ -149,12 +151,21 @@ def build(
             before_row = now_row - stage
             old = parity
             new = 2
-        state = control.row[s * wp.static(stages) + stage]
+        a, b = touch(
+            r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows, control.placement,
+            before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
+        )  # fmt: skip
+        return a, b
+
+    @wp.func
+    def wall_phase(
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
+    ):  # fmt: skip
+        share = control.extreme[at + 2]
+        approach = control.extreme[at + 3]
         for r in range(first, last, stride):
-            a, b = touch(
-                r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows,
-                control.placement, before_row, now_row, state, old, new, dt,
-            )  # fmt: skip
+            a, b = touch_row(r, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt)
             share = wp.max(share, a)
             approach = wp.max(approach, b)
         control.extreme[at + 2] = share
@@ -383,5 +394,5 @@ def build(
 
     return Built(
         run=run, read_budget=read_budget, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
-        Grains=Grains, Packs=Packs, Control=Control,
+        touch_row=touch_row, move_phase=move_phase, Grains=Grains, Packs=Packs, Control=Control,
     )  # fmt: skip

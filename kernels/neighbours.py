@@ -1,7 +1,8 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
 The reach of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
-Near list: per grain a row (of ``width`` places, ``count`` of them used) of partner slots in ascending order of partner id.
+Near list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on; the room of
+a row goes by the size of its grain, for a grain ten times as large as most touches hundreds.
 Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
 by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
 whole packs that it can pass over. A thin second list keeps the branch "touching or not" out of the force
@@ -13,8 +14,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-
-NEAR, TOUCHING = 1, 2  # classes of listed pairs
+from warpdem.kernels.size_grids import SizeGrids
 
 
 @functools.cache
@@ -28,54 +28,90 @@ def build(
     width = 4 if rolling else 2
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
+    @wp.func
+    def sort_by_id(at: int, count: int, id: wp.array(dtype=wp.int64), slot_out: wp.array(dtype=wp.int32)):
+        """Put the partners at ``at`` in order of id: Shell's sort, for a large grain has hundreds."""
+        stride = int(1)
+        while 9 * stride < count:
+            stride = 3 * stride + 1
+        while stride > 0:
+            for e in range(at + stride, at + count):
+                j = slot_out[e]
+                s = int(e)
+                while s - stride >= at and id[slot_out[s - stride]] > id[j]:
+                    slot_out[s] = slot_out[s - stride]
+                    s -= stride
+                slot_out[s] = j
+            stride = stride // 3
+
+    @wp.func
+    def place_of(
+        wanted: wp.int64, start: int, count: int, id: wp.array(dtype=wp.int64), slot: wp.array(dtype=wp.int32)
+    ) -> int:  # fmt: skip
+        """Place of the partner of that id in the row at ``start``, where it is."""
+        low = int(start)
+        high = start + count - 1
+        while low < high:
+            middle = (low + high) // 2
+            if id[slot[middle]] < wanted:
+                low = middle + 1
+            else:
+                high = middle
+        return low
+
     @kernel
     def near_rows(
         first: int,
-        grid: wp.uint64,
+        grids: SizeGrids,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
-        largest: wp.float64,
         skin: wp.float64,
-        width: int,  # room per row
+        start: wp.array(dtype=wp.int32),  # of the room for each row
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
     ):
-        """Partners of each grain; a count above ``width`` says that the row did not fit."""
+        """Partners of each grain; a count above its room says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        reach = me[3] + largest + wp.float64(wp.static(gap)) + skin
+        at = start[i]
+        room = start[i + 1] - at
         n = int(0)
-        at = i * width
         for image in range(wp.static(border.images)):
             place = border.image(g.position(me), image)
-            if border.within(place, reach):
-                query = wp.hash_grid_query(grid, place, reach)
-                j = int(0)
-                while wp.hash_grid_query_next(query, j):
-                    other = grains[j]
-                    seen = place - g.position(other)  # the grid wraps around and shows other images too
-                    way = border.nearest(g.position(me) - g.position(other))
-                    far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
-                    if wp.dot(way, way) < far * far and j != i and wp.dot(seen, seen) < wp.float64(1.01) * far * far:
-                        if n < width:
-                            s = at + n  # insertion by partner id: rows are short
-                            while s > at and id[slot_out[s - 1]] > id[j]:
-                                slot_out[s] = slot_out[s - 1]
-                                s -= 1
-                            slot_out[s] = j
-                        n += 1
+            for size in range(grids.grid.shape[0]):
+                reach = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
+                if border.within(place, reach):
+                    query = wp.hash_grid_query(grids.grid[size], place, reach)
+                    p = int(0)
+                    while wp.hash_grid_query_next(query, p):
+                        k = grids.first[size] + p
+                        other = grids.sphere[k]
+                        there = wp.vec3d(other[0], other[1], other[2])
+                        way = border.nearest(g.position(me) - there)
+                        far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
+                        near = wp.dot(way, way) < far * far
+                        if wp.static(border.images > 1):  # the grid wraps around and shows other images too
+                            seen = place - there
+                            near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
+                        if near:
+                            j = grids.slot[k]
+                            if j != i:
+                                if n < room:
+                                    slot_out[at + n] = j
+                                n += 1
         count_out[i] = n
+        sort_by_id(at, wp.min(n, room), id, slot_out)
 
     @kernel
     def carry_contacts(
         first: int,
         id: wp.array(dtype=wp.int64),
-        width: int,
+        start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list, -1 if it is new
         old_id: wp.array(dtype=wp.int64),
-        old_width: int,
+        old_start: wp.array(dtype=wp.int32),
         old_count: wp.array(dtype=wp.int32),
         old_partner: wp.array(dtype=wp.int32),
         old_contact: wp.array(dtype=wp.int32),
@@ -84,13 +120,19 @@ def build(
         """Contact number of each owned pair in the list that is being replaced, -1 if it had none."""
         i = first + wp.tid()
         o = old_slot[i]
-        for e in range(i * width, i * width + count[i]):
+        f = int(0)
+        end = int(0)
+        if o >= 0:
+            f = old_start[o]
+            end = f + old_count[o]
+        for e in range(start[i], start[i] + count[i]):
             j = slot[e]
             found = int(-1)
-            if id[j] > id[i] and o >= 0:
-                for f in range(o * old_width, o * old_width + old_count[o]):
-                    if old_id[old_partner[f]] == id[j]:
-                        found = old_contact[f]
+            if id[j] > id[i]:
+                while f < end and old_id[old_partner[f]] < id[j]:
+                    f += 1
+                if f < end and old_id[old_partner[f]] == id[j]:
+                    found = old_contact[f]
             contact_out[e] = found
 
     @kernel
@@ -98,43 +140,46 @@ def build(
         first: int,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
-        width: int,
+        start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         margin: wp.float64,
-        class_out: wp.array(dtype=wp.uint8),
-        touching_out: wp.array(dtype=wp.int32),
-        near_out: wp.array(dtype=wp.int32),
         listed_out: wp.array(dtype=wp.int32),
+        touching_count_out: wp.array(dtype=wp.int32),
+        near_count_out: wp.array(dtype=wp.int32),
+        listed_count_out: wp.array(dtype=wp.int32),
     ):
-        """Class of each pair: TOUCHING, NEAR (closer than the margin) or neither; both grains decide alike, bit for bit."""
+        """Which pairs are closer than the margin; both grains decide alike, bit for bit.
+
+        ``listed_out`` holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if they touch.
+        """
         i = first + wp.tid()
         me = grains[i]
         touching = int(0)
         near = int(0)
         listed = int(0)
-        for e in range(i * width, i * width + count[i]):
+        for e in range(start[i], start[i] + count[i]):
             j = slot[e]
             other = grains[j]
             way = border.nearest(g.position(me) - g.position(other))
             square = wp.dot(way, way)
             reach = me[3] + other[3] + wp.float64(wp.static(gap))
             far = reach + margin
-            kind = wp.uint8(0)
+            entry = int(-1)
             if square < far * far:
-                kind = wp.uint8(NEAR)
+                entry = 2 * listed
                 listed += 1
                 if square < reach * reach:
-                    kind = wp.uint8(TOUCHING)
+                    entry += 1
                 if id[j] > id[i]:
-                    if kind == wp.uint8(TOUCHING):
+                    if entry & 1:
                         touching += 1
                     else:
                         near += 1
-            class_out[e] = kind
-        touching_out[i] = touching
-        near_out[i] = near
-        listed_out[i] = listed
+            listed_out[e] = entry
+        touching_count_out[i] = touching
+        near_count_out[i] = near
+        listed_count_out[i] = listed
 
     @kernel
     def fill_contacts(
@@ -145,10 +190,10 @@ def build(
         materials: int,
         coefficients: wp.array(dtype=Coefficients),
         id: wp.array(dtype=wp.int64),
-        width: int,
+        start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        pair_class: wp.array(dtype=wp.uint8),
+        listed: wp.array(dtype=wp.int32),
         touching_start: wp.array(dtype=wp.int32),
         near_start: wp.array(dtype=wp.int32),
         row_start: wp.array(dtype=wp.int32),
@@ -162,19 +207,18 @@ def build(
         slot_j_out: wp.array2d(dtype=wp.int32),
         memory_out: wp.array3d(dtype=real),
     ):
-        """Write the contacts that grain ``i`` owns into their packs, and tell all its contacts where its shares go."""
+        """Write the contacts that grain ``i`` owns into their packs, with the places of their shares in the rows of both."""
         i = first + wp.tid()
         touching = touching_start[i]
         near = near_start[i]
-        row = row_start[i]
-        for e in range(i * width, i * width + count[i]):
+        for e in range(start[i], start[i] + count[i]):
             j = slot[e]
             if id[j] > id[i]:
                 old = contact_out[e]
                 contact_out[e] = -1
-                if pair_class[e] != wp.uint8(0):
+                if listed[e] >= 0:
                     at = int(0)
-                    if pair_class[e] == wp.uint8(TOUCHING):
+                    if listed[e] & 1:
                         at = touching
                         touching += 1
                     else:
@@ -185,8 +229,8 @@ def build(
                     k = at % wp.static(lanes)
                     owner_out[p, k] = i
                     partner_out[p, k] = j
-                    slot_i_out[p, k] = row
-                    row += 1
+                    slot_i_out[p, k] = row_start[i] + listed[e] // 2
+                    slot_j_out[p, k] = row_start[j] + listed[place_of(id[i], start[j], count[j], id, slot)] // 2
                     c = coefficients[0]
                     if wp.static(table):
                         which = kind[i] * materials + kind[j]
@@ -208,20 +252,6 @@ def build(
                             if old >= 0:
                                 value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
                             memory_out[p, f, k] = value
-            elif pair_class[e] != wp.uint8(0):  # owned by j: its number among those of its class there
-                mine = pair_class[e]
-                theirs = int(0)
-                if mine == wp.uint8(TOUCHING):
-                    theirs = touching_start[j]
-                else:
-                    theirs = near_start[j]
-                o = j * width
-                while slot[o] != i:
-                    if pair_class[o] == mine and id[slot[o]] > id[j]:
-                        theirs += 1
-                    o += 1
-                slot_j_out[theirs // wp.static(lanes), theirs % wp.static(lanes)] = row
-                row += 1
 
     return Built(
         near_rows=near_rows,

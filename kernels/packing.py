@@ -13,19 +13,21 @@ A packing is geometry, not mechanics: no forces, no friction, and no float atomi
 
 import warp as wp
 
+from warpdem.kernels.size_grids import SizeGrids
+
 
 @wp.kernel(enable_backward=False, module="unique")
 def list_neighbours(
     first: wp.int32,
-    grid: wp.uint64,
+    grids: SizeGrids,
     # grains, read [m]
     position: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
-    largest: wp.float64,
     skin: wp.float64,
-    # written: neighbours within r_i + r_j + skin, how many there are (also when the table is too narrow for them),
+    start: wp.array[wp.int32],  # of the room for each grain's row in the table
+    # written: neighbours within r_i + r_j + skin, how many there are (also when there is no room for them),
     # largest overlap as a share of the smaller radius [-] (0 when none), and with which grain (-1 when none)
-    neighbour_out: wp.array2d[wp.int32],
+    neighbour_out: wp.array[wp.int32],
     count_out: wp.array[wp.int32],
     overlap_out: wp.array[wp.float64],
     partner_out: wp.array[wp.int32],
@@ -37,22 +39,25 @@ def list_neighbours(
     count = wp.int32(0)
     worst = wp.float64(0.0)
     partner = wp.int32(-1)
-    query = wp.hash_grid_query(grid, x, r + largest + skin)
-    j = wp.int32(0)
-    while wp.hash_grid_query_next(query, j):
-        if j != i:
-            touch = r + radius[j]
-            apart = x - position[j]
+    for size in range(grids.grid.shape[0]):
+        query = wp.hash_grid_query(grids.grid[size], x, r + grids.largest[size] + skin)
+        p = wp.int32(0)
+        while wp.hash_grid_query_next(query, p):
+            other = grids.sphere[grids.first[size] + p]
+            touch = r + other[3]
+            apart = x - wp.vec3d(other[0], other[1], other[2])
             square = wp.dot(apart, apart)
             # most candidates are out of reach: they need no square root
             if square < (touch + skin) * (touch + skin):
-                if count < neighbour_out.shape[1]:
-                    neighbour_out[i, count] = j
-                count += 1
-                overlap = (touch - wp.sqrt(square)) / wp.min(r, radius[j])
-                if overlap > worst:
-                    worst = overlap
-                    partner = j
+                j = grids.slot[grids.first[size] + p]
+                if j != i:
+                    if count < start[i + 1] - start[i]:
+                        neighbour_out[start[i] + count] = j
+                    count += 1
+                    overlap = (touch - wp.sqrt(square)) / wp.min(r, other[3])
+                    if overlap > worst:
+                        worst = overlap
+                        partner = j
     count_out[i] = count
     overlap_out[i] = worst
     partner_out[i] = partner
@@ -66,7 +71,8 @@ def push_apart(
     radius: wp.array[wp.float64],
     loose: wp.int32,
     growth: wp.float64,
-    neighbour: wp.array2d[wp.int32],
+    start: wp.array[wp.int32],
+    neighbour: wp.array[wp.int32],
     count: wp.array[wp.int32],
     # written: move [m], and largest overlap of the grown grains as a share of the smaller grown radius [-]
     move_out: wp.array[wp.vec3d],
@@ -79,8 +85,8 @@ def push_apart(
     move = wp.vec3d()
     contacts = wp.float64(0.0)
     worst = wp.float64(0.0)
-    for k in range(count[i]):
-        j = neighbour[i, k]
+    for k in range(start[i], start[i] + count[i]):
+        j = neighbour[k]
         r_j = radius[j] * growth
         apart = x - position[j]
         square = wp.dot(apart, apart)

@@ -3,7 +3,7 @@
 A contact is too long a chain of dependent operations for one core to overlap two of them, so a plain loop waits for
 latencies. Here the same scalar law is written out for ``lanes`` contacts and the results are stored next to each other:
 the compiler's SLP vectoriser then makes one SIMD operation of each four (measured: 225 -> 75 ns per grain and step on an
-AVX2 core for the full law; no intrinsics, and with lanes = 1 the same code serves a GPU thread). IEEE operations give the
+AVX2 core for the full law; no intrinsics). A GPU thread takes one lane (``thread_contact``). IEEE operations give the
 same bits in any lane, so a contact's result does not depend on its place.
 
 A block of packs is computed into a scratch that stays in the first cache, then each contact's share is copied to the rows
@@ -48,7 +48,7 @@ def build(
     real, law, parts, border, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool,
     gap: float,
 ):  # fmt: skip
-    """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows).
+    """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows); ``contact`` is one lane of it.
 
     Args:
         real: precision of the law, its results and its memory; geometry and motion are always float64.
@@ -345,6 +345,6 @@ def build(
         ...
 
     return Built(
-        pack=pack, share=share, announce=announce, narrow_turn=narrow_turn, Share=Share, Entry=Entry, Lane=Lane,
-        LaneInt=LaneInt, Coefficients=Coefficients,
+        pack=pack, share=share, announce=announce, contact=contact, narrow_turn=narrow_turn, Share=Share, Entry=Entry,
+        Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
     )  # fmt: skip

@@ -75,7 +75,7 @@ def pairs(restitution):
 
 
 WARNED = {
-    "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.92 of", "auto"]),
+    "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.88 of", "auto"]),
     "few steps": ({"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}}, ["steps per contact", "28", "at most"]),
     "soft": ({"time": {"end": 0.01, "step": 1e-6, "max_speed": 4.0}}, ["of the radius", "young_modulus", "max_overlap = 0.1"]),
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.engine.neighbours import morton_order, starts
+from warpdem.engine.neighbours import morton_order
+from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes, starts
 
 
 def simulate(positions, radii, *, velocities=None, ids=None, skin="auto", threads=1, rolling=0.1, **changes):
@@ -41,7 +42,7 @@ def cloud(kind: str, rng) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] and radii [m] with many overlaps, none of them over 0.9 of the smaller radius (a start is checked)."""
     positions, radii = dense_cloud(kind, rng)
     kept: list[int] = []
-    for k in range(len(radii)):
+    for k in np.argsort(-radii, kind="stable"):  # large ones first, or none would find a place
         gap = np.linalg.norm(positions[kept] - positions[k], axis=1) - radii[kept] - radii[k]
         if np.all(gap > -0.9 * np.minimum(radii[kept], radii[k])):
             kept.append(k)
@@ -53,8 +54,11 @@ def dense_cloud(kind: str, rng) -> tuple[np.ndarray, np.ndarray]:
         case "equal":
             return rng.uniform(0.0, 12e-3, (300, 3)), np.full(300, 1e-3)
         case "size ratio 10":
-            radii = np.where(rng.random(900) < 0.05, 5e-3, 0.5e-3)
-            return rng.uniform(0.0, 25e-3, (900, 3)), radii
+            radii = np.where(rng.random(2500) < 0.005, 5e-3, 0.5e-3)
+            return rng.uniform(0.0, 25e-3, (2500, 3)), radii
+        case "continuous 1 to 20":  # rows of hundreds beside rows of none
+            radii = 0.15e-3 * 20.0 ** (rng.random(2500) ** 60)
+            return rng.uniform(0.0, 7e-3, (2500, 3)), radii
         case "far clusters":
             # the grid has at most 256 cells along an axis: these are 4 000 cells apart, and it wraps around
             centres = rng.integers(-3, 4, (8, 3)) * 3.0
@@ -65,7 +69,7 @@ def dense_cloud(kind: str, rng) -> tuple[np.ndarray, np.ndarray]:
             return positions[rng.permutation(200)], np.full(200, 1e-3)
 
 
-KINDS = ("equal", "size ratio 10", "far clusters", "a line")
+KINDS = ("equal", "size ratio 10", "continuous 1 to 20", "far clusters", "a line")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -100,6 +104,95 @@ def test_contacts_stay_those_of_brute_force_while_grains_fly(threads):
             p.position, p.radius, p.id
         )
     assert sim.lists.rebuilds > 5
+
+
+def test_near_rows_are_complete_and_in_order_of_id():
+    """Every row, also one of hundreds, against brute force; the room of the rows goes by the size of their grains."""
+    rng = np.random.default_rng(12)
+    positions, radii = cloud("continuous 1 to 20", rng)
+    n, skin = len(radii), 0.3e-3
+    sim = simulate(positions, radii, ids=rng.permutation(n), skin=skin)
+    sim.contacts()
+    start, count, slot, _ = (a.numpy() for a in sim.lists._near)
+    record, ids = sim.state.record.numpy(), sim.state.id.numpy()
+    way = record[:, None, :3] - record[None, :, :3]
+    gap = np.sqrt(np.einsum("ijk,ijk->ij", way, way)) - record[:, None, 3] - record[None, :, 3]
+    np.fill_diagonal(gap, np.inf)
+    for i in range(n):
+        near = np.flatnonzero(gap[i] < skin)
+        np.testing.assert_array_equal(slot[start[i] : start[i] + count[i]], near[np.argsort(ids[near])])
+    assert count.max() > 100
+    assert len(slot) < 0.3 * n * count.max(), "small grains have no room for as many neighbours as large ones"
+
+
+def test_broad_sizes_change_no_bit_with_threads_skin_or_order():
+    """Large grains fly through small ones: the longest rows are carried over rebuilds, with their springs."""
+    rng = np.random.default_rng(13)
+    positions, radii = cloud("size ratio 10", rng)
+    n = len(radii)
+    velocities = rng.normal(0.0, 0.3, (n, 3))
+    hashes, rebuilds = set(), set()
+    for threads, skin, order in ((1, 0.1e-3, np.arange(n)), (3, 0.3e-3, np.arange(n)), (1, "auto", rng.permutation(n))):
+        sim = simulate(
+            positions[order], radii[order], velocities=velocities[order], ids=order, skin=skin, threads=threads,
+            materials={"glass": {"density": 2500, "young_modulus": 1e5, "poisson_ratio": 0.3}},
+        )  # fmt: skip
+        sim.step(600)
+        hashes.add(sim.state_hash())
+        rebuilds.add(sim.lists.rebuilds)
+    assert len(hashes) == 1
+    assert len(rebuilds) == 3 and max(rebuilds) > 5
+    assert np.count_nonzero(np.linalg.norm(sim.contacts().spring, axis=1)) > 200
+
+
+@pytest.mark.parametrize("skin", [0.05e-3, 1e-3])
+def test_broad_sizes_meet_across_periodic_borders(skin):
+    rng, side = np.random.default_rng(14), 0.02
+    radii = np.where(np.arange(2500) < 12, 2e-3, 0.3e-3)
+    positions = rng.uniform(0.0, side, (2500, 3))
+
+    def gaps(points, sizes):
+        way = points[:, None] - points[None]
+        way -= side * np.round(way / side)
+        return np.linalg.norm(way, axis=2) - sizes[:, None] - sizes[None]
+
+    deep = np.triu(gaps(positions, radii) < -0.9 * np.minimum(radii[:, None], radii[None]), 1).any(axis=0)
+    positions, radii = positions[~deep], radii[~deep]
+    sim = simulate(
+        positions, radii, skin=skin, contact={"rolling": "none"},
+        pairs=[{"materials": ["glass", "glass"], "restitution": 0.7, "friction": 0.5}],
+        borders={axis: {"min": 0.0, "max": side, "kind": "periodic"} for axis in "xyz"},
+    )  # fmt: skip
+    contacts = sim.contacts()
+    expected = {(a, b) for a, b in np.argwhere(np.triu(gaps(positions, radii) < 0.0, 1)).tolist()}
+    across = sum(np.abs(positions[a] - positions[b]).max() > 0.5 * side for a, b in expected)
+    assert across > 20
+    assert sorted(zip(contacts.i.tolist(), contacts.j.tolist(), strict=True)) == sorted(expected)
+
+
+def test_sizes_are_classed_by_equal_ratios():
+    assert not size_classes(np.array([0.3, 0.6, 0.45])).any(), "one grid for sizes within a factor of 2"
+    assert not size_classes(np.full(3, 1e-3)).any()
+    radii = 1e-3 * 10.0 ** np.linspace(0.0, 1.0, 400)
+    classes = size_classes(radii)
+    np.testing.assert_array_equal(np.unique(classes), [0, 1, 2])
+    for number in range(3):
+        assert np.ptp(np.log10(radii[classes == number])) <= 1.0 / 3.0 + 1e-12
+    assert classes[-1] == 0 and (np.diff(classes) <= 0).all()
+
+
+def test_cells_are_as_wide_as_the_smallest_grains_reach():
+    """Of that width is what is kept together in memory too."""
+    radii = np.array([0.1, 0.12, 1.0, 0.5])
+    np.testing.assert_allclose(finest_cell(radii, size_classes(radii), 0.02), 0.26)
+
+
+def test_room_of_rows_grows_by_class():
+    room, classes = RowRoom(12), np.array([1, 0, 1])
+    np.testing.assert_array_equal(room.starts(classes), [0, 12, 24, 36])
+    assert not room.holds(classes, np.array([5, 400, 9]))
+    np.testing.assert_array_equal(room.starts(classes), [0, 12, 12 + 450, 24 + 450])
+    assert room.holds(classes, np.array([12, 450, 0]))
 
 
 def test_contact_readings_are_the_geometry():
@@ -150,6 +243,50 @@ def test_history_survives_rebuilds_and_reordering():
     assert springs() == before
     assert sim.lists.rebuilds >= 2
     assert sorted(order) == sorted(sim.state.id.numpy())
+
+
+def test_force_and_damping_of_unequal_grains_are_those_of_their_reduced_radius_and_mass_and_materials():
+    """Three pairs of two materials, pressed, parting and spinning: the forces of each pair's own K, C and k_t."""
+    soft, hard = 1e7, 4e7
+    materials = {n: {"density": 2500, "young_modulus": e, "poisson_ratio": 0.3} for n, e in (("soft", soft), ("hard", hard))}
+    restitution = {("soft", "soft"): 0.9, ("soft", "hard"): 0.5, ("hard", "hard"): 0.2}
+    law = {"friction": 100.0, "rolling_friction": 0.1}
+    large, small, depth, speed, spins = 1e-3, 0.4e-3, 2e-5, 0.01, (30.0, 10.0)
+    places = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]]) * 0.01
+    beside = places + np.array([0, large + small - depth, 0])
+    grains = [
+        {"material": m, "positions": p, "radius": r, "velocities": [[0, v, 0]] * len(p), "spins": [[0, 0, w]] * len(p)}
+        for m, p, r, v, w in (("soft", places[:2], large, 0.0, spins[0]), ("hard", places[2:], large, 0.0, spins[0]),
+                              ("soft", beside[:1], small, speed, spins[1]), ("hard", beside[1:], small, speed, spins[1]))
+    ]  # fmt: skip
+    pairs = [{"materials": list(names), "restitution": e, **law} for names, e in restitution.items()]
+    contacts = simulate([], [], materials=materials, pairs=pairs, grains=grains).contacts()
+    assert contacts.i.tolist() == [0, 1, 2]
+    radius = large * small / (large + small)
+    mass = 2500 * 4 / 3 * np.pi / (large**-3 + small**-3)
+    for force, (a, b), e in zip(contacts.force, ((soft, soft), (soft, hard), (hard, hard)), restitution.values(), strict=True):
+        stiffness = 4 / 3 / ((1 - 0.3**2) * (1 / a + 1 / b)) * np.sqrt(radius)
+        damping = -np.log(e) / np.hypot(np.log(e), np.pi) * np.sqrt(5 * mass * stiffness)
+        # grain j at +y parts from i: what pushes i is the spring less the dashpot
+        normal = stiffness * depth**1.5 - damping * depth**0.25 * speed
+        # no spring yet: the tangential dashpot alone, 2 sqrt(5/6) |beta| sqrt(k_t m*) with k_t = 8 G* sqrt(R* d)
+        k_t = 8 / (2 * (2 - 0.3) * (1 + 0.3) * (1 / a + 1 / b)) * np.sqrt(radius * depth)
+        dashpot = 2 * np.sqrt(5 / 6 * k_t * mass) * -np.log(e) / np.hypot(np.log(e), np.pi)
+        slipping = spins[0] * (large - 0.5 * depth) + spins[1] * (small - 0.5 * depth)
+        np.testing.assert_allclose(force, [dashpot * slipping, -normal, 0], rtol=1e-10, atol=1e-12 * abs(normal))
+
+
+def test_rolling_stops_two_unequal_grains_against_each_other():
+    """The largest torque stops the relative spin in one step: it needs the reduced moment of inertia."""
+    pair = {"materials": ["glass", "glass"], "restitution": 0.7, "friction": 0.0, "rolling_friction": 0.5}
+    grains = {"material": "glass", "positions": [[0, 0, 0], [0, 0, 1.39e-3]], "radii": [1e-3, 0.4e-3],
+              "spins": [[1e-3, 0, 0], [-2e-3, 3e-3, 0]]}  # fmt: skip
+    sim = simulate([], [], contact={"tangential": "none", "rolling": "constant"}, pairs=[pair], grains=[grains])
+    turning = sim.particles.inertia @ sim.particles.spin
+    sim.step(3)  # the first kick is half of one
+    spin = sim.particles.spin
+    np.testing.assert_allclose(spin[0], spin[1], atol=1e-15)
+    np.testing.assert_allclose(sim.particles.inertia @ spin, turning, rtol=1e-12)
 
 
 def test_morton_order_is_a_permutation_along_space():

@@ -112,7 +112,7 @@ def test_mesh_clipped_by_a_region_is_filled_within_both():
 def test_neighbour_table_grows_to_what_it_must_hold():
     rng = np.random.default_rng(0)
     position, radius = rng.random((300, 3)), rng.uniform(0.01, 0.1, 300)
-    narrow, wide = (packing._Neighbours(position, radius, 300, 0.05, Threads(1), width=width) for width in (2, 200))
+    narrow, wide = (packing._Neighbours(position, radius, 300, 0.05, Threads(1), room) for room in (2, 200))
     for one, two in zip(narrow.push_apart(1.0), wide.push_apart(1.0), strict=True):
         np.testing.assert_array_equal(one, two)
     np.testing.assert_allclose(narrow.overlap.numpy(), overlap_by_brute_force(position, radius), atol=1e-12)
@@ -258,3 +258,36 @@ def test_grains_that_fit_exactly_in_rows_find_places():
     asked = filling(region(None, [[0, 0, 0], [4, 4, 3]], "fill"), size_law(0.4), 0, solid_fraction=0.55)
     [position], _ = pack([asked])
     assert worst_overlaps(position, asked.radius)[0].max() <= packing.OVERLAP
+
+
+def test_broad_sizes_are_packed_without_overlap():
+    """About equal volumes of small and large grains; the table has room for what each size needs, not the largest."""
+    radius = np.where(np.arange(2000) < 2, 0.5e-3, 0.05e-3)
+    side = (9.0 * (radius**3).sum()) ** (1.0 / 3.0)
+    asked = packing.Filling(region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
+    with packing.Pack([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
+        packed.run()
+        position, listed = packed.places()[0], packed._neighbours
+        way = listed._built_at[:, None] - listed._built_at[None]
+        gap = np.sqrt(np.einsum("ijk,ijk->ij", way, way)) - packed._radius[:, None] - packed._radius
+        np.fill_diagonal(gap, np.inf)
+        count = listed._count.numpy()
+        np.testing.assert_array_equal(count, (gap < listed._skin).sum(axis=1))
+        assert count.max() > 100
+        assert listed._table.shape[0] < 0.5 * count.max() * len(radius)
+    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+
+
+def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkeypatch):
+    """A small grain may lie deep in a large one: what is within reach is looked for in steps that do not grow with that."""
+    left, goals = iter([20.0, 20.0, 20.0, 20.0, 0.0]), []
+
+    def settle(self, goal=1.0, start=1.0, growing=0):
+        goals.append(goal)
+        return next(left)
+
+    monkeypatch.setattr(packing.Pack, "_settle", settle)
+    monkeypatch.setattr(packing, "SHAKES", ())
+    with pytest.raises(SceneError, match=r"asked for solid fraction 0\.524 .* reached 0\.148 without"):
+        fill(None, CUBE, 1e-3, 0, count=1000)
+    np.testing.assert_allclose(goals, 0.9 ** np.arange(5))

@@ -73,12 +73,25 @@ def test_hooke_contact_time():
 
 
 def test_stable_limit_of_two_undamped_frictionless_hooke_grains():
-    """Two grains on a spring k: w^2 = 2 k/m; an explicit leapfrog is stable up to 2/w, and this limit stays below it."""
+    """Two grains on a spring k: w^2 = 2 k/m, and a leapfrog is stable up to 2/w; rows of grains in a packing: w^2 = 4 k/m."""
     pairs = [{"materials": ["glass", "glass"], "restitution": 1.0, "stiffness": 200.0}]
     limits = found(scene(contact={"normal": "hooke", "tangential": "none"}, pairs=pairs))
-    leapfrog = 2.0 / math.sqrt(2.0 * 200.0 / MASS)
-    assert 0.5 * leapfrog < limits.stable <= 1.3 * leapfrog
-    assert limits.packed < limits.stable
+    assert limits.stable == pytest.approx(2.0 / math.sqrt(2.0 * 200.0 / MASS), rel=1e-6)
+    assert limits.packed == pytest.approx(2.0 / math.sqrt(4.0 * 200.0 / MASS), rel=1e-6)
+
+
+@pytest.mark.parametrize(("contacts", "rough", "smooth"), [(6, 0.50, 1.00), (8, 0.43, 0.87), (12, 0.35, 0.71)])
+def test_limits_of_cubic_packings_are_those_of_their_bloch_waves(contacts, rough, smooth):
+    """Simple cubic, body- and face-centred, in sqrt(m/k_n), with k_t = 0.8 k_n and without; m* = m/2."""
+    assert timestep.packing_limit((1.0, 0.0), (0.8, 0.0), 0.5, contacts) == pytest.approx(rough, abs=0.005)
+    assert timestep.packing_limit((1.0, 0.0), (0.0, 0.0), 0.5, contacts) == pytest.approx(smooth, abs=0.005)
+
+
+@pytest.mark.parametrize(("restitution", "limit"), [(1.0, 2.0), (0.9, 1.87), (0.5, 1.31), (0.31, 1.04), (0.1, 0.73)])
+def test_limit_of_a_damped_oscillator_under_the_predicted_velocity(restitution, limit):
+    """Largest stable w dt, from the eigenvalues of the scheme."""
+    beta = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+    assert timestep.stable_step(1.0, 2.0 * beta, 1.0) == pytest.approx(limit, abs=0.006)
 
 
 def test_damping_and_friction_lower_the_limit():

@@ -20,6 +20,8 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
+import deme_peer
+import device_share
 import liggghts
 import numpy as np
 import psutil
@@ -39,10 +41,13 @@ DIAMETER = (0.3e-3, 0.6e-3)  # [m], uniform by number (Table 2 of the paper)
 SIZES = DiameterDistribution(uniform=DIAMETER)
 MEAN_VOLUME = np.pi / 6.0 * sum(DIAMETER) * (DIAMETER[0] ** 2 + DIAMETER[1] ** 2) / 4.0  # [m3]
 BED_FRACTION = 0.57  # solid fraction at which a bed of one's own is filled [-]
+TILE = 20_000  # grains [-]: larger beds are settled ones of this size side by side
 OWN_GLASS = (5000, 0.45e-3, "hourglass.stl")  # grains [-], scale [m] and mesh of the hourglass made without --states
 
 Model = Literal["full", "no_rolling", "frictionless"]
 Law = Literal["mindlin", "mindlin_displacement"]
+Peer = Literal["liggghts", "deme"]
+PEERS = {"liggghts": liggghts, "deme": deme_peer}
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,8 @@ class Settings:
     warm: int = 50
     steps: int = 400
     repeats: int = 3
+    device: str = "cpu"
+    precision: Literal["double", "mixed"] = "double"
 
 
 # --- states ----------------------------------------------------------------------------------------------------------
@@ -127,7 +134,7 @@ def scene_of(start: Start, model: Model, settings: Settings) -> warpdem.Scene:
             "grains": [{"material": "grain", "file": str(start.file.resolve())}],
             "walls": walls,
             "time": {"end": 1.0, "step": settings.step},
-            "engine": {"skin": settings.skin},
+            "engine": {"skin": settings.skin, "precision": settings.precision},
             "source": start.name,
         }
     )
@@ -153,6 +160,25 @@ def own_bed(count: int, folder: Path, settings: Settings, settle: int) -> Start:
         sim.step(settle)
         save_state(start.file, sim, L=width)
     return start
+
+
+def tiled(start: Start, times: int, folder: Path) -> Start:
+    """``times`` by ``times`` copies of a bed side by side: faces that touched a wall now touch each other."""
+    width, count = start.width * times, len(start.state["r"]) * times**2
+    out = Start(f"bed_{count}", folder / f"{start.file.stem}_x{times}.npz", width=width)
+    if not out.file.exists():
+        shift = np.array([[i * start.width, j * start.width, 0.0] for i in range(times) for j in range(times)])
+        state = {key: np.concatenate([value] * times**2) for key, value in start.state.items()}
+        state["x"] = state["x"] + np.repeat(shift, len(start.state["r"]), axis=0)
+        np.savez(out.file, **state, L=width)
+    return out
+
+
+def bed(count: int, folder: Path, settings: Settings, settle: int) -> Start:
+    """About ``count`` grains: a settled bed of one's own, or several of them."""
+    times = 1 if count <= 2 * TILE else max(1, round((count / TILE) ** 0.5))
+    start = own_bed(count if times == 1 else TILE, folder, settings, settle)
+    return start if times == 1 else tiled(start, times, folder)
 
 
 def given_bed(count: int, states: Path) -> Start:
@@ -248,6 +274,10 @@ class Window:
     refreshes: int
     shares: dict[str, float]
     """Share of the time by stage: steps, lists (near list rebuilt), refresh (contact list), schedule."""
+    bytes_per_grain: int
+    """Device memory by the plan [B]; on a GPU as measured, with what Warp keeps for later."""
+    device: dict
+    """Share of each launch on a GPU, and what it moves; empty on a CPU."""
 
 
 def window(start: Start, model: Model, threads: int, settings: Settings) -> Window:
@@ -256,7 +286,9 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
     Raises:
         RuntimeError: the state is not finite at the end.
     """
-    sim = warpdem.Simulation(scene_of(start, model, settings), device="cpu", threads=threads)
+    device = wp.get_device(settings.device)
+    taken = wp.get_mempool_used_mem_current(device) if device.is_cuda else 0
+    sim = warpdem.Simulation(scene_of(start, model, settings), device=settings.device, threads=threads)
     sim.step(settings.warm)
     before, rebuilds, refreshes = dict(sim.seconds), sim.lists.rebuilds, sim.lists.refreshes
     begin = time.perf_counter()
@@ -270,6 +302,9 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
     if not all(np.isfinite(a).all() for a in (particles.position, particles.velocity, particles.spin)):
         raise RuntimeError(f"{start.name}, {model}: the state is not finite after {sim.step_number} steps")
     with_wall = int((contacts.j < 0).sum())
+    grains = len(start.state["r"])
+    held = (wp.get_mempool_used_mem_current(device) - taken) // grains if device.is_cuda else sim.plan.bytes_per_grain
+    on_device = device_share.measured(sim) if sim.plan.resident else {}
     sim.threads.close()
     return Window(
         seconds=seconds,
@@ -278,6 +313,8 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
         rebuilds=rebuilds,
         refreshes=refreshes,
         shares={key: value / seconds for key, value in stages.items()},
+        bytes_per_grain=int(held),
+        device=on_device,
     )
 
 
@@ -297,8 +334,10 @@ def write_peer_data(start: Start, folder: Path) -> None:
     liggghts.write_data(peer_data(start, folder), start.state, MATERIAL.density, domain)
 
 
-def peer_window(start: Start, model: Model, ranks: int, settings: Settings, folder: Path) -> liggghts.Window:
+def peer_window(peer: Peer, start: Start, model: Model, ranks: int, settings: Settings, folder: Path) -> liggghts.Window:
     """One window of the peer."""
+    if peer == "deme":
+        return deme_peer.run(start.state, start.width, MATERIAL, settings.step, settings.warm, settings.steps)
     text = liggghts.deck(
         peer_data(start, folder), MATERIAL, model, step=settings.step, skin=settings.skin, warm=settings.warm,
         steps=settings.steps, width=start.width, mesh=start.mesh,
@@ -312,14 +351,14 @@ def spread(seconds: Sequence[float], grains: int, steps: int) -> dict[str, float
     return {"median": median(values), "min": min(values), "all": values}
 
 
-def run_case(start: Start, model: Model, threads: int, settings: Settings, folder: Path, with_peer: bool) -> dict:
+def run_case(start: Start, model: Model, threads: int, settings: Settings, folder: Path, peer: Peer | None) -> dict:
     """All windows of one case, alternating."""
     grains, steps = len(start.state["r"]), settings.steps
     load, own, other = OtherLoad(), [], []
     for _ in range(settings.repeats):
         own.append(window(start, model, threads, settings))
-        if with_peer:
-            other.append(peer_window(start, model, threads, settings, folder))
+        if peer:
+            other.append(peer_window(peer, start, model, threads, settings, folder))
     result = {
         "state": start.name,
         "grains": grains,
@@ -333,7 +372,8 @@ def run_case(start: Start, model: Model, threads: int, settings: Settings, folde
         "shares": {key: median(w.shares[key] for w in own) for key in own[-1].shares},
     }
     result["rebuild_share"] = result["shares"]["lists"] + result["shares"]["refresh"]
-    if with_peer:
+    result |= {"bytes_per_grain": own[-1].bytes_per_grain} | ({"device": own[-1].device} if own[-1].device else {})
+    if peer:
         result["peer"] = {
             "ns_per_grain_step": spread([w.seconds for w in other], grains, steps),
             "contacts_per_grain": other[-1].contacts_per_grain,
@@ -402,7 +442,7 @@ def bench(
     models: Sequence[Model] = ("full", "no_rolling", "frictionless"),
     threads: Sequence[int] = (),
     settings: Settings | None = None,
-    peer: Literal["liggghts"] | None = None,
+    peer: Peer | None = None,
     work: Path | None = None,
     settle: int = 20_000,
     flow: float = 0.12,
@@ -416,7 +456,7 @@ def bench(
         cases: Settled bed, or hourglass in mid-discharge.
         grains: Numbers of grains.
         models: Contact models.
-        threads: Threads, and ranks of the peer; 1 and all if not given.
+        threads: Threads, and ranks of the peer; 1 and all if not given, 1 on a GPU.
         settings: What all windows share.
         peer: Simulator to run beside; gone without, with a word, if it is not installed.
         work: Folder that keeps states and decks; a temporary one if not given.
@@ -427,8 +467,13 @@ def bench(
     settings, console = settings or Settings(), console or Console(highlight=False)
     if min(settings.warm, settings.steps, settings.repeats) < 1:
         raise SystemExit("warm, steps and repeats: at least 1 each (the first step compiles)")
-    counts = tuple(threads) or tuple(sorted({1, available_threads()}))
-    peer_version = liggghts.version() if peer else None
+    if settings.device not in (there := [device.alias for device in wp.get_devices()]):
+        raise SystemExit(f"--device {settings.device}: not on this machine; there is {', '.join(there)}")
+    on_gpu = wp.get_device(settings.device).is_cuda
+    counts = (1,) if on_gpu else tuple(threads) or tuple(sorted({1, available_threads()}))
+    if peer == "deme" and not (on_gpu and set(cases) == {"bed"} and set(models) == {"full"}):
+        raise SystemExit("--peer deme: a GPU code, for --device cuda:0 --cases bed --models full")
+    peer_version = PEERS[peer].version() if peer else None
     if peer and peer_version is None:
         console.print(f"{peer} is not installed: going on without it")
     results = []
@@ -441,12 +486,12 @@ def bench(
                 if case == "hourglass":
                     start = mid_discharge(count, states, mesh, folder, settings, flow)
                 else:
-                    start = given_bed(count, states) if states else own_bed(count, folder, settings, settle)
-                if peer_version is not None:
+                    start = given_bed(count, states) if states else bed(count, folder, settings, settle)
+                if peer_version is not None and peer == "liggghts":
                     write_peer_data(start, folder)
                 for model in models:
                     for n in counts:
-                        results.append(run_case(start, model, n, settings, folder, peer_version is not None))
+                        results.append(run_case(start, model, n, settings, folder, peer if peer_version is not None else None))
                         console.print(f"{start.name} {model} on {n}: {line(results[-1])}")
     return {
         "machine": machine(),
@@ -512,13 +557,15 @@ def main(
     grains: list[int] = [20_000, 160_000],  # noqa: B006
     models: list[Model] = ["full", "no_rolling", "frictionless"],  # noqa: B006
     threads: list[int] = [],  # noqa: B006
+    device: str = "cpu",
+    precision: Literal["double", "mixed"] = "double",
     law: Law = "mindlin_displacement",
     step: float = 1e-6,
     skin: float = 1e-4,
     warm: int = 50,
     steps: int = 400,
     repeats: int = 3,
-    peer: Literal["liggghts"] | None = None,
+    peer: Peer | None = None,
     work: Path | None = None,
     settle: int = 20_000,
     flow: float = 0.12,
@@ -532,7 +579,9 @@ def main(
         cases: Settled bed, or hourglass in mid-discharge.
         grains: Numbers of grains.
         models: Contact models.
-        threads: Threads, and ranks of the peer; 1 and all if not given.
+        threads: Threads, and ranks of the peer; 1 and all if not given, 1 on a GPU.
+        device: cpu, or a GPU such as cuda:0; then with the share of each launch and the bytes it moves over those of a copy.
+        precision: Of the contact law.
         law: Tangential law of warpdem; the peer has mindlin_displacement.
         step: Time step [s].
         skin: Skin of the neighbour lists of both [m].
@@ -548,7 +597,7 @@ def main(
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=110)  # into a file or a pipe: room for all columns
-    settings = Settings(law, step, skin, warm, steps, repeats)
+    settings = Settings(law, step, skin, warm, steps, repeats, device, precision)
     report = bench(
         states=states, mesh=mesh, cases=cases, grains=grains, models=models, threads=threads, settings=settings,
         peer=peer, work=work, settle=settle, flow=flow, console=console,

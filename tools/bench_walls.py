@@ -78,7 +78,7 @@ def hourglasses(launches: int, folder: Path) -> list[dict]:
         sim = settled(mesh, wall, start)
         start = start or dict(material="grain", positions=sim.particles.position, radii=sim.particles.radius)
         places = int(sim.lists.places(sim.step_number & 1, sim.lists.place_slots(
-            sim.step_number & 1, sim.lists.rows.grain.numpy())[0])["wall"].size)  # fmt: skip
+            sim.step_number & 1, sim.lists.wall_grains)[0])["wall"].size)  # fmt: skip
         rows.append({"case": name, "triangles": len(triangles), "places": places, **phases(sim, launches)})
     return rows
 

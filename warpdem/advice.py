@@ -7,7 +7,7 @@ import numpy as np
 import psutil
 
 from warpdem.engine.impact import stiffness
-from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, damped_contact_factor
+from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.scene.models import model
 
 STABLE_SHARE = 0.5
@@ -36,7 +36,7 @@ def limit_rows(sim) -> list[dict]:
     rows = [
         ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
         ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
-        ("packing", "spectral limit of a dense packing", found.packed, 0.5),
+        ("packing", "spectral limit of a dense packing", found.packed, PACKED_SHARE),
         ("impact", "stability limit of one impact (a longer step is refused)", found.stable, None),
         ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
         ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),

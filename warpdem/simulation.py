@@ -17,17 +17,17 @@ from warpdem.engine.compiled import compile_plan
 from warpdem.engine.domain import Domain
 from warpdem.engine.domain import check as check_domain
 from warpdem.engine.neighbours import Lists
-from warpdem.engine.plan import SIMD_LANES, coefficient_table, make_plan
+from warpdem.engine.plan import SIMD_LANES, WARP_LANES, coefficient_table, make_plan
 from warpdem.engine.schedule import Schedule
 from warpdem.engine.start import Past, started_from
 from warpdem.engine.start import read as read_start
 from warpdem.engine.state import State
 from warpdem.engine.stepper import Stepper
-from warpdem.engine.travel import TravelGuard
 from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters
 from warpdem.errors import SceneError, StabilityError
 from warpdem.filling.grain_source import check_start, joined, load_grains
 from warpdem.filling.streams import Feeder, representatives
+from warpdem.guards.watch import Guards
 from warpdem.kernels import grain
 from warpdem.kernels.budget import WallEntry
 from warpdem.kernels.wall import record
@@ -50,6 +50,8 @@ class Simulation:
         device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one.
         threads: CPU threads; None takes all available cores.
         start: checkpoint of another run to start from in place of the scene's grains, as the scene's key start.
+        resident: many steps as one captured graph on one thread; None takes it on a GPU and not on a CPU, where it shows that
+            the GPU's launches give the CPU's bits.
 
     Attributes:
         notes: what is odd or was mended in the scene's meshes, for people.
@@ -59,7 +61,13 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, device: str | None = None, threads: int | None = None, start: str | Path | None = None
+        self,
+        scene: Scene,
+        device: str | None = None,
+        threads: int | None = None,
+        start: str | Path | None = None,
+        *,
+        resident: bool | None = None,
     ) -> None:
         if scene.phases:
             raise SceneError(f"{scene.source}: phases: a simulation is one of them: take scene.phase(0), or warpdem run")
@@ -68,6 +76,9 @@ class Simulation:
         self.files = summary.file_digests(scene)
         self.scene_hash = summary.scene_hash(scene, self.files)
         self.device = pick_device(device)
+        resident = self.device.is_cuda if resident is None else resident
+        if self.device.is_cuda and not resident:
+            raise SceneError(f"resident = False: device {self.device.alias} knows no other way of stepping")
         self.seconds: dict[str, float] = {}
         if threads is not None and threads < 1:
             raise SceneError(f"threads = {threads}: at least 1 is needed")
@@ -92,7 +103,8 @@ class Simulation:
                 bool(np.any(start.spin)),
                 self.schedule.moving,
                 len(self.schedule.motions) - self.schedule.moving,
-                SIMD_LANES if self.device.is_cpu else 1,
+                WARP_LANES if resident else SIMD_LANES,
+                resident,
             )
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
             self.limits = timestep.limits(scene, self.expected, self.meshes)
@@ -110,21 +122,20 @@ class Simulation:
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
             self.lists = Lists(self)
             self.stepper = Stepper(self)
-            self.travel = TravelGuard(self)
         self.step_number = 0
         self._forces_ready = False
         self.steps_done = 0
-        self.noticed: dict[str, str] = {}
         self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
         self.feeders = [Feeder(number, scene, self.dt) for number in range(len(scene.streams))]
         self.budget = Budget(self) if self.plan.sums else None
         self._next_id = int(start.id.max(initial=-1)) + 1
+        self.guards = Guards(self)
         self._grown = past is not None
         if past is not None:
             self._take_over(past)
         self._let_in()
         if over := timestep.over_limit(self.dt, self.limits):
-            self.notice("time step", over)
+            self.guards.notice("time step", over)
 
     def _take_over(self, past: Past) -> None:
         """Memory of contacts, orientation and random numbers of the run that this one starts from."""
@@ -178,7 +189,7 @@ class Simulation:
         left = count
         while left > 0:
             left -= self._advance(left)
-            self._guard()
+            self.guards.steps_done()
 
     def run(self, until: float) -> None:
         """Advance to the first step at or after ``until`` [s]."""
@@ -218,8 +229,15 @@ class Simulation:
         """Slots [-] of the grains at ``position`` [m] (n, 3) that are still in the domain, shape (m,); the others are counted.
 
         Raises:
-            StabilityError: one is beyond a border that stops the run.
+            StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
         """
+        if (thrown := self.domain.thrown(position)).any():
+            i = int(np.flatnonzero(thrown)[0])
+            speed = float(np.linalg.norm(self.state.record.numpy()[i, grain.VELOCITY]))
+            raise StabilityError(
+                f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {self.state.id.numpy()[i]} crossed the "
+                f"whole periodic domain in one step of {self.dt:.3g} s, at {speed:.3g} m/s. Take a smaller time.step."
+            )
         where = self.domain.left_by(position)
         gone = where >= 0
         if gone.any():
@@ -296,50 +314,10 @@ class Simulation:
             "wall_approach_speed": float(e[3]),
         }
 
-    def _guard(self) -> None:
-        """Stop on overlaps that no sound run reaches."""
-        met = self.extremes
-        limit = self.scene.engine.max_overlap
-        share = max(met["pair_overlap_share"], met["wall_overlap_share"])
-        if share <= limit or "overlap" in self.noticed:
-            return
-        contacts = self.contacts()
-        kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
-        where = contacts.worst() if len(contacts.i) else "The contact is over by now."
-        self.notice(
-            "overlap",
-            f"at t = {self.time:.6g} s (step {self.step_number}): {kind} overlap by {share:.3g} of the radius, "
-            f"allowed is engine.max_overlap = {limit:g}. {where} Time step {self.dt:.3g} s, stability limit "
-            f"{self.limits.stable:.3g} s at {self.limits.max_speed:.3g} m/s; largest approach speed met "
-            f"{max(met['pair_approach_speed'], met['wall_approach_speed']):.3g} m/s. "
-            "Take a smaller time.step, or a stiffer material.",
-        )
-
-    def notice(self, guard: str, message: str) -> None:
-        """Stop the run, or note what a guard saw if the scene asks for that.
-
-        Raises:
-            StabilityError: with engine.guards = "stop".
-        """
-        if self.scene.engine.guards == "stop":
-            raise StabilityError(f"stopped {message}")
-        self.noticed[guard] = message
-
-    def stop_not_finite(self) -> None:
-        """Name the first grain whose state is no number.
-
-        Raises:
-            StabilityError: always.
-        """
-        record = self.state.record.numpy()
-        bad = ~np.isfinite(record).all(axis=1)
-        ids = np.sort(self.state.id.numpy()[bad])
-        raise StabilityError(
-            f"stopped at t = {self.time:.6g} s (step {self.step_number}): the state of grain {ids[0]} is not finite "
-            f"({len(ids)} of {len(bad)} grains). Largest approach speed met before: "
-            f"{max(self.extremes['pair_approach_speed'], self.extremes['wall_approach_speed']):.3g} m/s; "
-            f"time step {self.dt:.3g} s. Take a smaller time.step."
-        )
+    @property
+    def noticed(self) -> dict[str, str]:
+        """What each guard saw first, by its name; empty but with engine.guards = "record"."""
+        return self.guards.noticed
 
     # -- checkpoint -----------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 from warpdem.kernels import law
 from warpdem.kernels.normal import hertz
-from warpdem.kernels.rolling import constant
+from warpdem.kernels.rolling import constant, spring
 from warpdem.kernels.tangential import mindlin, mindlin_displacement
 
 STIFFNESS, SHEAR, FRICTION = 1e6, 1.2, 0.4  # K [N/m^1.5], k_t/k_n [-], mu [-]
@@ -201,3 +201,90 @@ def test_rolling_torque_leaves_the_spin_about_the_normal_alone_unless_torsion_is
     rolled = spin if torsion else spin - np.array([0.0, 0.6, 0.8]) * 8.0  # w . n = 8
     # M = -mu_r R* F_n w/|w| = 0.1 * 5e-4 * 1
     np.testing.assert_allclose(moment, -5e-5 * rolled / np.linalg.norm(rolled), rtol=1e-13, atol=1e-19)
+
+
+@functools.cache
+def one_step_kernel():
+    """Kernel that evaluates one contact of Hertz, Mindlin and the rolling spring."""
+    _, contact_law = law.build(wp.float64, hertz, mindlin, spring, False)
+    Coefficients = wp.types.vector(7, wp.float64)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def kernel(vectors: wp.array(dtype=wp.vec3d), numbers: wp.array(dtype=wp.float64), c: Coefficients,
+               out: wp.array(dtype=wp.vec3d)):  # fmt: skip
+        force, moment, held, bent = contact_law(
+            vectors[0], vectors[1], numbers[0], numbers[0], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6],
+            numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], c, vectors[7], vectors[8],
+        )  # fmt: skip
+        out[0] = force
+        out[1] = moment
+        out[2] = held
+        out[3] = bent
+
+    return kernel
+
+
+CONTACT = {"overlap": DEPTH, "dt": DT, "stiffness": STIFFNESS, "damping": 50.0, "radius": 5e-4, "inertia": 1e-9}
+COLUMNS = (1.0, 0.0, SHEAR, 0.7, 0.9, 0.2, 0.3)  # as law.COEFFICIENTS: all of those that the law reads differ
+VECTORS = ("n", "n_before", "velocity", "slip", "turning", "spin", "spin_predicted", "spring", "angle")
+
+
+def one_step(**vectors):
+    """Force [N], rolling torque [N m], tangential spring [m] and rolling spring [rad] of one contact; zero where not given."""
+    given = wp.array([vectors.get(name, np.zeros(3)) for name in VECTORS], dtype=wp.vec3d, device="cpu")
+    numbers = wp.array(list(CONTACT.values()), dtype=wp.float64, device="cpu")
+    out = wp.zeros(4, dtype=wp.vec3d, device="cpu")
+    c = wp.types.vector(7, wp.float64)(*COLUMNS)
+    wp.launch(one_step_kernel(), dim=1, inputs=[given, numbers, c, out], device="cpu")
+    return out.numpy()
+
+
+def test_each_coefficient_acts_where_the_formulas_say():
+    """A contact that sticks, rolls and parts at once, against the formulas written out (design section 3)."""
+    n = np.array([0.0, 0.6, 0.8])
+    velocity, slip, held = np.array([0.02, 0.03, -0.01]), np.array([1e-7, -2e-7, 3e-7]), np.array([2e-7, 0.8e-7, -0.6e-7])
+    spin, predicted, angle = np.array([1.0, 2.0, -3.0]), np.array([-4.0, 1.0, 2.0]), np.array([0.01, 0.04, -0.03])
+    force, torque, spring_now, angle_now = one_step(
+        n=n, n_before=n, velocity=velocity, slip=slip, spin=spin, spin_predicted=predicted, spring=held, angle=angle
+    )
+
+    def across(v):
+        return v - n * (v @ n)
+
+    k_n, gamma_n = STIFFNESS * DEPTH**0.5, CONTACT["damping"] * DEPTH**0.25
+    normal = k_n * DEPTH - gamma_n * (velocity @ n)
+    stretched = held + across(slip)
+    expected = n * normal - SHEAR * k_n * stretched - 0.7 * gamma_n * across(velocity)
+    np.testing.assert_allclose(spring_now, stretched, rtol=1e-13)
+    np.testing.assert_allclose(force, expected, rtol=1e-13)
+    k_r = 2.25 * k_n * (0.2 * CONTACT["radius"]) ** 2
+    rolled = angle + across(spin) * DT
+    assert k_r * np.linalg.norm(rolled) < 0.2 * CONTACT["radius"] * normal, "the rolling spring slides"
+    np.testing.assert_allclose(angle_now, rolled, rtol=1e-13)
+    viscous = 2 * 0.3 * np.sqrt(CONTACT["inertia"] * k_r)
+    np.testing.assert_allclose(torque, -k_r * rolled - viscous * across(predicted), rtol=1e-13)
+
+
+def test_an_approach_along_the_mid_step_normal_is_no_slip():
+    """The normal swings by 0.2 rad while the two approach: nothing of that stretches the spring (Vyas et al. 2025)."""
+    n_before, n = np.array([0.0, 0.0, 1.0]), np.array([np.sin(0.2), 0.0, np.cos(0.2)])
+    spring_now = one_step(n=n, n_before=n_before, slip=-1e-6 * (n + n_before))[2]
+    np.testing.assert_allclose(spring_now, 0.0, atol=1e-21)
+    # and a slip across it counts in full
+    side = np.array([np.cos(0.1), 0.0, -np.sin(0.1)])
+    assert one_step(n=n, n_before=n_before, slip=1e-8 * side)[2] @ side == pytest.approx(1e-8 * np.cos(0.1) ** 2, rel=1e-12)
+
+
+def test_both_springs_swing_and_turn_with_the_contact():
+    """A contact turned rigidly about another axis takes its springs along (second order in the turn)."""
+    u = np.array([3e-3, -2e-3, 4e-3])
+    n_before = np.array([0.0, 0.6, 0.8])
+    spring_before, angle_before = 1e-8 * np.array([3.0, 0.8, -0.6]), 1e-3 * np.array([-1.0, 1.6, -1.2])
+    n, spring_expected, angle_expected = (v + np.cross(u, v) + 0.5 * np.cross(u, np.cross(u, v))
+                                          for v in (n_before, spring_before, angle_before))  # fmt: skip
+    n /= np.linalg.norm(n)
+    *_, spring_now, angle_now = one_step(
+        n=n, n_before=n_before, turning=u, spring=spring_before, angle=angle_before
+    )
+    for now, expected in ((spring_now, spring_expected), (angle_now, angle_expected)):
+        np.testing.assert_allclose(now, expected, atol=1e-7 * np.linalg.norm(expected))

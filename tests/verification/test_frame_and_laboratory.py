@@ -92,3 +92,22 @@ def test_two_grains_in_a_box_with_its_own_motion_whatever_the_frame_does(make_si
         bounces += touching and not now
         touching = now
     assert bounces == 2
+
+
+ROLLING = {"rolling": "spring", "rolling_friction": 0.3, "rolling_damping": 0.3}
+"""So rough that the rolling springs bend and do not slide all the time."""
+
+
+def test_rolling_springs_turn_with_the_axes(make_simulation):
+    """A grain that rocks on a floor and two that rock on each other, in axes that turn quickly about a tilted one."""
+    floor = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "fixed_to": "laboratory"}
+    keys = GRAIN | ROLLING | {"positions": [[0.01, 0, 0.995 * R], [0, 0, 0.02], [0, 0, 0.02 + 1.99 * R]],
+            "spins": [[2.0, 1.0, 0.5], [3.0, -2.0, 1.0], [0.0, 1.0, 0.0]], "velocities_in": "laboratory", "step": 1e-6,
+            "walls": (floor,)}  # fmt: skip
+    still, turning = make_simulation(**keys), make_simulation(frame={"axis": [1, 2, 2], "rate": 800.0}, **keys)
+    for _ in range(20):
+        still.step(20)
+        turning.step(20)
+        compare(still, turning, 1e-9, R, 0.2)
+    slowed = np.linalg.norm(still.particles.spin_lab - keys["spins"], axis=1)
+    assert slowed.min() > 0.1, "nothing acts on a grain's rolling"

@@ -75,6 +75,22 @@ def test_order_with_a_force_of_position(make_simulation, scheme):
     assert np.log2(error[0] / error[1]) == pytest.approx(model("integrator", scheme).ORDER, abs=0.1)
 
 
+@pytest.mark.parametrize("scheme", ["exact_drift", "velocity_verlet"])
+def test_fields_act_on_the_absolute_velocity_whatever_the_scheme_holds(make_simulation, scheme):
+    """Drag of the laboratory in a turning frame: v = v0 exp(-c t/m), to the first order of the lesser scheme."""
+    mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.05**3
+    field = {"model": "drag", "parameters": {"coefficient": 2.0 * mass}}
+    sim = make_simulation(
+        **START, radius=0.05, frame={"axis": [1, 2, 2], "rate": 5.0}, velocities_in="laboratory", step=2e-4, fields=[field],
+        engine={"integrator": scheme},
+    )  # fmt: skip
+    sim.run(until=0.5)
+    left = np.exp(-2.0 * sim.time)
+    v = np.array(START["velocities"])
+    np.testing.assert_allclose(sim.particles.velocity_lab, v * left, atol=0.02)
+    np.testing.assert_allclose(sim.particles.position_lab, START["positions"] + v * (1 - left) / 2.0, atol=0.02)
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_frictional_bounce_in_a_turning_frame(make_simulation, scheme):
     """All schemes meet the same contacts: an oblique bounce and a collision of the laboratory, with friction, in a frame."""

@@ -37,3 +37,28 @@ def test_a_damped_linear_contact_converges_with_second_order(make_simulation):
     order = -np.polyfit(np.log(steps), np.log(error), 1)[0]
     assert 1.9 < order < 2.1
     assert error[-1] < 1e-4
+
+
+def test_a_damped_pair_converges_with_second_order(make_simulation):
+    """Two grains that push each other apart from rest: q'' = -w^2 q - 2 l q' of their overlap, while they touch."""
+    radius, density, stiffness, e, start = 5e-3, 2500.0, 500.0, 0.5, 1e-4
+    reduced = 0.5 * density * 4.0 / 3.0 * math.pi * radius**3
+    w = math.sqrt(stiffness / reduced)
+    rate = -math.log(e) / math.hypot(math.log(e), math.pi) * w
+    damped = math.sqrt(w**2 - rate**2)
+    end = 1.0 / w  # a sixth of a period: they still touch
+    exact = start * math.exp(-rate * end) * (math.cos(damped * end) + rate / damped * math.sin(damped * end))
+    steps = np.array([10, 20, 40, 80])
+    error = []
+    for n in steps:
+        sim = make_simulation(
+            [[0, 0, 0], [2 * radius - start, 0, 0]], radius=radius, density=density, normal="hooke", stiffness=stiffness,
+            restitution=e, step=end / n,
+        )  # fmt: skip
+        sim.step(int(n))
+        x = sim.particles.position[:, 0]
+        error.append(abs(2 * radius - (x[1] - x[0]) - exact) / start)
+    order = -np.polyfit(np.log(steps), np.log(error), 1)[0]
+    assert exact > 0.4 * start
+    assert 1.9 < order < 2.1
+    assert error[-1] < 1e-3

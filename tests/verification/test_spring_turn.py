@@ -55,3 +55,29 @@ def test_a_grain_on_a_turning_wall_carries_its_spring(make_simulation, frame):
         velocities_in="laboratory", frame=frame, walls=(wall,), step=DT, **SOFT,
     )  # fmt: skip
     check(sim)
+
+
+def test_a_pair_that_revolves_while_it_parts_does_not_slip(make_simulation):
+    """Both turn with the line of centres while it grows by a thousandth: the arms of the slip are those of mid-step."""
+    phi, before, after = 1e-2, 2 * R - 1e-5, 2 * R - 0.8e-5
+    start, end = np.array([before, 0, 0]), after * np.array([np.cos(phi), np.sin(phi), 0])
+    sim = make_simulation(
+        [start, [0, 0, 0]], radius=R, velocities=[(end - start) / DT, [0, 0, 0]], spins=[[0, 0, phi / DT]] * 2, step=DT, **SOFT
+    )
+    sim.step(1)
+    # the chord is shorter than the arc: (R_i + R_j) phi^3/24 on each side; with the arms of the end 60 times as much
+    assert np.linalg.norm(sim.contacts().spring[0]) < 1.1 * (before + after) * phi**3 / 24
+
+
+def test_a_grain_that_rolls_while_it_sinks_in_does_not_slip(make_simulation):
+    """Its arm is the distance to the wall at mid-step."""
+    depth, sunk, spin = 1e-5, 1.2e-5, 200.0
+    floor = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    speed = spin * (R - 0.5 * (depth + sunk))
+    sim = make_simulation(
+        [[0, 0, R - depth]], radius=R, velocities=[[speed, 0, (depth - sunk) / DT]], spins=[[0, spin, 0]], walls=(floor,),
+        step=DT, **SOFT,
+    )  # fmt: skip
+    sim.step(1)
+    np.testing.assert_allclose(sim.contacts().overlap, sunk, rtol=1e-9)
+    np.testing.assert_allclose(sim.contacts().spring[0], 0.0, atol=1e-9 * speed * DT)

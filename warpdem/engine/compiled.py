@@ -5,7 +5,21 @@ import functools
 import warp as wp
 
 from warpdem.engine.plan import Plan
-from warpdem.kernels import Built, border, budget, dissipation, flow, law, loop, motion, neighbours, orientation, pairs
+from warpdem.kernels import (
+    Built,
+    border,
+    budget,
+    dissipation,
+    flow,
+    law,
+    loop,
+    motion,
+    neighbours,
+    orientation,
+    pairs,
+    resident,
+    thread_contact,
+)
 from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.scene.models import model
 
@@ -15,7 +29,8 @@ def compile_plan(plan: Plan) -> Built:
     """Kernels and array structs of a plan; nothing is compiled until it is launched.
 
     Returns:
-        Namespace with ``loop`` (the step), ``lists`` (neighbours), ``walls`` (candidate kernels or None), ``Rows``.
+        Namespace with ``loop`` (the step), ``resident`` (the GPU's, or None), ``lists`` (neighbours), ``walls``
+        (candidate kernels or None), ``Rows``.
     """
     models = (
         model("normal", plan.normal),
@@ -52,21 +67,17 @@ def compile_plan(plan: Plan) -> Built:
             walls=plan.walls, energy=plan.energy, momentum=plan.momentum, turning_frame=plan.turning_frame,
             moving_frame=plan.moving_frame, periodic=any(plan.period),
         )  # fmt: skip
+    # a stage may look ahead of the step's beginning by about a step
+    travelled = motion.build_travel(
+        images, **spins, moving=plan.moving, in_frame=plan.in_frame, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0
+    )
     step = loop.build(
         pair_pack,
         touch,
         Rows,
         motion.build_load(plan.real, **spins, walls=plan.walls),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
-        # a stage may look ahead of the step's beginning by about a step
-        motion.build_travel(
-            images,
-            **spins,
-            moving=plan.moving,
-            in_frame=plan.in_frame,
-            outlets=plan.outlets,
-            ahead=1.5 if stages > 1 else 0.0,
-        ),
+        travelled,
         scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
         images,
         orientation.build(turning_axes=turning) if plan.orientation else None,
@@ -87,4 +98,13 @@ def compile_plan(plan: Plan) -> Built:
             shapes=any(shapes),
             gap=plan.gap,
         )
-    return Built(loop=step, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)
+    graph = None
+    if plan.resident:
+        evaluate = thread_contact.build(
+            plan.real, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning
+        )
+        graph = resident.build(
+            step, pair_pack, evaluate, Rows, travelled, plan.real, **spins, history=plan.memory, stages=stages,
+            lanes=plan.lanes, moving=plan.moving, constants=lists.constants_width, table=plan.table,
+        )  # fmt: skip
+    return Built(loop=step, resident=graph, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

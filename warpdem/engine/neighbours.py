@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from warpdem.filling.size_grids import RowRoom, SizeGrids, finest_cell, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
 from warpdem.kernels.pairs import share_width
@@ -12,36 +13,26 @@ REFRESH_STEPS = (30, 100)  # steps between refreshes that the margin is steered 
 CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
+LEAST_ROOM = 12  # room per row of the near list to begin with
 
 
-def morton_order(position: np.ndarray, cell: float) -> np.ndarray:
-    """Order of points (n, 3) [m] along a Z-order curve of cells of edge ``cell`` [m]; ties keep their order."""
+def morton_order(position: np.ndarray, cell: float, device="cpu") -> np.ndarray:
+    """Order of points (n, 3) [m] along a Z-order curve of cells of edge ``cell`` [m]; ties keep their order.
+
+    Sorted on ``device`` by radix, on a CPU too twice as fast as NumPy's stable sort.
+    """
+    n = len(position)
     index = ((position - position.min(axis=0)) / cell).astype(np.uint64)
     index = np.minimum(index, np.uint64(2**21 - 1))
     for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
                         (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):  # fmt: skip
         index = (index | (index << np.uint64(shift))) & np.uint64(mask)
     code = index[:, 0] | (index[:, 1] << np.uint64(1)) | (index[:, 2] << np.uint64(2))
-    return np.argsort(code, kind="stable")
-
-
-def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
-    """Cells of the hash grid in each direction: as many as the grains span, but not many more than there are grains.
-
-    The grid wraps around, so fewer cells only cost time; fewer than four would show a neighbour twice.
-    """
-    span = (position.max(axis=0) - position.min(axis=0)) / cell
-    cells = np.clip(np.ceil(np.minimum(span, 1000.0)).astype(int) + 1, 4, None)
-    while cells.prod() > max(4096, 8 * len(position)) and cells.max() > 4:
-        cells[cells.argmax()] = max(4, cells.max() // 2)
-    return tuple(int(c) for c in cells)
-
-
-def starts(count: np.ndarray) -> np.ndarray:
-    """Exclusive prefix sums with the total at the end, int32."""
-    out = np.zeros(len(count) + 1, dtype=np.int32)
-    np.cumsum(count, out=out[1:])
-    return out
+    # the second half of both is room for the sort
+    key = wp.array(np.pad(code.astype(np.int64), (0, n)), dtype=wp.int64, device=device)
+    slot = wp.array(np.pad(np.arange(n, dtype=np.int32), (0, n)), dtype=wp.int32, device=device)
+    wp.utils.radix_sort_pairs(key, slot, n)
+    return slot.numpy()[:n].copy()
 
 
 def class_starts(touching: np.ndarray, near: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
@@ -68,6 +59,7 @@ class Lists:
         skin: gap below which a pair is in the near list [m].
         rebuilds: how often the near list was made.
         refreshes: how often the contact list was made.
+        version: how often it was made by the host, in other arrays.
         margin: gap below which a near pair is in the contact list [m].
     """
 
@@ -84,15 +76,14 @@ class Lists:
         self.skin = self._skin_bounds[0]
         self.margin = 0.2 * self.skin
         self.rebuilds = 0
-        self.refreshes = 0
+        self.refreshes = self.version = 0
         self._last_refresh = self._last_rebuild = 0
         n = len(sim.state)
-        self.largest = float(radius.max(initial=0.0))
-        self._near = None  # width, count, slot, contact
+        self._near = None  # start, count, slot, contact
         self._known = n  # grains that the lists were made for
-        self._width = 12  # room per row of the near list
+        self._near_room = RowRoom(LEAST_ROOM)
         self._near_reference = None
-        self._grid = None
+        self._grids = SizeGrids(sim.device)
         self.contact_count = self.row_count = 0
         self._force_parity = 1  # parity of the step of the last force call
         self._near_feature = None
@@ -124,13 +115,19 @@ class Lists:
             kept = self._kept[name] = wp.empty(size + size // 2 + 64, dtype=dtype, device=self.sim.device)
         return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self.sim.device)
 
+    def _keep(self, name: str, data: np.ndarray) -> wp.array:
+        """``data`` as int32 in an array whose memory is kept."""
+        out = self._room(name, data.shape, wp.int32)
+        out.assign(data)
+        return out
+
     def update(self, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain."""
         sim = self.sim
         record = sim.state.record.numpy()
         position = record[:, grain.POSITION]
         if not np.isfinite(position).all():
-            sim.stop_not_finite()
+            sim.guards.stop_not_finite()
         kept = sim.stay(position)
         force_rebuild |= len(kept) < len(position)
         steps = sim.step_number - self._last_refresh
@@ -141,7 +138,7 @@ class Lists:
                 self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
         self._last_refresh = sim.step_number
         placement = sim.stepper.placements()
-        sim.travel.watch(record, placement)
+        sim.guards.travel.watch(record, placement)
         self._force_parity = (sim.step_number - 1) & 1
         if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             if self.rebuilds and sim.step_number - self._last_rebuild < REBUILD_STEPS:
@@ -173,46 +170,50 @@ class Lists:
         """New near lists of the grains in slots ``kept``, the others are dropped."""
         sim, lists = self.sim, self.sim.kernels.lists
         state = sim.state
-        cell = 2.0 * self.largest + sim.plan.gap + self.skin
-        position = state.record.numpy()[:, grain.POSITION]
+        record = state.record.numpy()
+        position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
         known = self._known
-        order = kept[morton_order(position[kept], cell)] if len(kept) else kept
-        state.reorder(order)
-        n = self._known = len(order)
+        n = self._known = len(kept)
         if n == 0:
+            state.reorder(kept)
             self.contact_count = self.row_count = 0
             self._near = None
             return
+        beyond = sim.plan.gap + self.skin
+        classes = size_classes(radius)
+        order = morton_order(position, finest_cell(radius, classes, beyond), sim.device)
+        position, radius, classes, order = position[order], radius[order], classes[order], kept[order]
+        state.reorder(order)
         old_place = self._upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
-        position = np.ascontiguousarray(state.record.numpy()[:, grain.POSITION])
-        self._near_reference = [position.copy(), *self._bodies(position, placement)]
-        points = self._upload(position, wp.vec3d)
-        cells = grid_cells(position, cell)
-        if self._grid is None or self._grid_cells != cells:
-            self._grid_cells = cells
-            self._grid = wp.HashGrid(*cells, device=sim.device, dtype=wp.float64)
-        self._grid.build(points, cell)
-        count = self._array(n, wp.int32)
-        while True:
-            slot = self._array(n * self._width, wp.int32)
-            inputs = [self._grid.id, state.record, state.id, self.largest, self.skin, self._width, count, slot]
-            sim.threads.split(lists.near_rows, n, inputs, sim.device)
-            longest = int(count.numpy().max(initial=0))
-            if longest <= self._width:
-                break
-            self._width = longest + 4
+        self._near_reference = [position, *self._bodies(position, placement)]
+        grids = self._grids.build(position, radius, classes, beyond)
+        start, count, slot = self._near_rows(grids, classes)
         contact = self._array(slot.shape, wp.int32)
         if self._near is None:
             contact.fill_(-1)
         else:
-            old_width, old_count, old_slot, old_contact = self._near
-            inputs = [state.id, self._width, count, slot, old_place, old_id, old_width, old_count, old_slot, old_contact]
-            sim.threads.split(lists.carry_contacts, n, [*inputs, contact], sim.device)
-        self._near = (self._width, count, slot, contact)
+            inputs = [state.id, start, count, slot, old_place, old_id, *self._near, contact]
+            sim.threads.split(lists.carry_contacts, n, inputs, sim.device)
+        self._near = (start, count, slot, contact)
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
+        if sim.plan.resident:
+            self.near_reference = self._room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
+            self.near_reference.assign(np.stack(self._near_reference, axis=1))
         self.rebuilds += 1
+
+    def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
+        """Start and count of the row of each grain, and the rows."""
+        sim, count = self.sim, self._array(len(classes), wp.int32)
+        while True:
+            start_host = self._near_room.starts(classes)
+            start, slot = self._upload(start_host, wp.int32), self._array(int(start_host[-1]), wp.int32)
+            inputs = [grids, sim.state.record, sim.state.id, self.skin, start, count, slot]
+            sim.threads.split(sim.kernels.lists.near_rows, len(classes), inputs, sim.device)
+            if self._near_room.holds(classes, count.numpy()):
+                return start, count, slot
+            sim.guards.lists_fit(self._near_room.entries(classes), count)
 
     def _rebuild_walls(self, placement: np.ndarray, old_place: wp.array) -> None:
         sim, n = self.sim, len(self.sim.state)
@@ -222,6 +223,7 @@ class Lists:
         placements = self._upload(placement, wp.types.vector(18, wp.float64))
         shared = [sim.state.record, 0.5 * self.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
         sim.threads.split(near, n, [0, *shared, nothing, count, nothing], sim.device)
+        sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
         start_host = starts(count.numpy())
         start = self._upload(start_host, wp.int32)
         feature = self._array(int(start_host[-1]), wp.int32)
@@ -238,18 +240,21 @@ class Lists:
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
-        width, count, slot, contact = self._near
-        pair_class = self._room("class", slot.shape, wp.uint8)
-        touching, close, listed = (self._room(name, (n,), wp.int32) for name in ("touching", "close", "listed"))
+        start, count, slot, contact = self._near
+        listed = self._room("listed", slot.shape, wp.int32)
+        touching, close, width = (self._room(name, (n,), wp.int32) for name in ("touching", "close", "width"))
         split = sim.threads.split
-        inputs = [state.record, state.id, width, count, slot, self.margin, pair_class, touching, close, listed]
+        inputs = [state.record, state.id, start, count, slot, self.margin, listed, touching, close, width]
         split(lists.select_contacts, n, inputs, sim.device)
         touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
-        row_start_host = starts(listed.numpy())
+        row_start_host = starts(width.numpy())
         self.contact_count = int(row_start_host[-1]) // 2
-        touching_start, close_start = self._upload(touching_host, wp.int32), self._upload(close_host, wp.int32)
-        row_start = self._upload(row_start_host, wp.int32)
+        touching_start, close_start = self._keep("touching_start", touching_host), self._keep("close_start", close_host)
+        row_start = self._keep("row_start", row_start_host)
         shares = int(row_start_host[-1])
+        self.totals = [packs * plan.lanes, shares, 0]
+        if plan.resident:  # the device makes the next ones in the same arrays
+            packs, shares = packs + packs // 4 + 64, shares + shares // 4 + 64
         lane_shape, room = (packs, plan.lanes), self._room
         row = room("row", (shares + 1, share_width(plan.spins)), self.real)
         self.entry = room("entry", (shares + 1 if plan.energy else 0, ENTRY), self.real)
@@ -257,8 +262,8 @@ class Lists:
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
         kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
         constants = room("constants", (packs, lists.constants_width, plan.lanes), self.real)
-        generation = f"memory{self.refreshes & 1}"  # the other one holds what is carried over
-        memory = room(generation, (packs, max(plan.memory, 1), plan.lanes), self.real)
+        memory_shape = packs, max(plan.memory, 1), plan.lanes
+        memory = room(f"memory{self.version & 1}", memory_shape, self.real)  # the other one holds what is carried over
         self.trial = room("trial", memory.shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
         # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
@@ -267,14 +272,13 @@ class Lists:
         kind.zero_()
         slot_i.fill_(shares)
         slot_j.fill_(shares)
-        split(
-            lists.fill_contacts,
-            n,
-            [state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, width, count, slot,
-             pair_class, touching_start, close_start, row_start, self.memory, contact, owner, partner, kind, constants,
-             slot_i, slot_j, memory],
-            sim.device,
-        )  # fmt: skip
+        self.select_inputs = inputs
+        self.fill_inputs = [
+            state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, start, count, slot,
+            listed, touching_start, close_start, row_start, self.memory, contact, owner, partner, kind, constants,
+            slot_i, slot_j, memory,
+        ]  # fmt: skip
+        split(lists.fill_contacts, n, self.fill_inputs, sim.device)
         self.memory = memory
         self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
@@ -284,15 +288,33 @@ class Lists:
         if plan.walls:
             self._refresh_walls(placement)
         self.refreshes += 1
+        self.version += 1
 
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
         placements = self._upload(placement, wp.types.vector(18, wp.float64))
-        inputs = [sim.state.record, 0.5 * self.margin, sim.walls.surface, placements, self._near_feature, rows]
-        sim.threads.split(sim.kernels.walls.close_features, len(sim.state), inputs, sim.device)
+        sim.threads.split(sim.kernels.walls.close_features, len(sim.state), self.close_inputs(placements)[1:], sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
-        self.row_count = len(near)
-        rows.grain = self._upload(near, wp.int32)
+        self.row_count = self.totals[2] = len(near)
+        if sim.plan.resident:  # room for the rows that the device finds
+            near = np.pad(near, (0, len(sim.state) - len(near)))
+        rows.grain = self._keep("wall_grain", near)
+
+    def close_inputs(self, placements: wp.array) -> list:
+        """Arguments of ``close_features`` for the walls at ``placements``."""
+        return [0, self.sim.state.record, 0.5 * self.margin, self.sim.walls.surface, placements, self._near_feature, self.rows]
+
+    # -- made on the device -----------------------------------------------------------------------
+
+    def spare_memory(self) -> wp.array:
+        """As large as the memory of the contacts, for what is carried over on the device; the next refresh writes there."""
+        return self._room(f"memory{self.version & 1}", self.memory.shape, self.real)
+
+    def refreshed_on_device(self, times: int, step: int, totals: np.ndarray) -> None:
+        """Contact list and wall rows were made anew, at last at ``step``: their number is all that the host keeps of them."""
+        self.refreshes += times
+        self._last_refresh = step
+        self.contact_count, self.row_count = int(totals[1]) // 2, int(totals[2])
 
     # -- checkpoint -----------------------------------------------------------------------------
 
@@ -333,7 +355,7 @@ class Lists:
         sim, rows = self.sim, self.rows
         if rows is None:
             return {}
-        parity, g = sim.step_number & 1, rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
+        parity, g = sim.step_number & 1, self.wall_grains
         slot, holder = self.place_slots(parity, g)
         out = {f"place_{name}": values for name, values in self.places(parity, slot).items()}
         out["place_grain"] = sim.state.id.numpy()[holder]
@@ -342,6 +364,11 @@ class Lists:
         if sim.plan.energy:
             out |= {f"wall_{name}": getattr(rows, name).numpy()[sim.state.rank] for name in ("entry", "power")}
         return out
+
+    @property
+    def wall_grains(self) -> np.ndarray:
+        """Memory slots of the grains that have candidates, shape (wall rows,)."""
+        return self.rows.grain.numpy()[: self.row_count] if self.row_count else np.zeros(0, dtype=np.int32)
 
     def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slots of the places of the grains in memory slots ``g``, and the grain of each."""
@@ -359,13 +386,10 @@ class Lists:
         plan, n = self.sim.plan, len(self.sim.state)
         pair, memory = data["pair"], data["pair_memory"][:, : max(plan.memory, 1)]
         owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
-        order = np.argsort(owner, kind="stable")
+        order = np.lexsort((partner, owner))
         count = np.bincount(owner, minlength=n)
-        width = int(count.max(initial=0))
-        place = owner[order] * width + np.arange(len(order)) - starts(count)[owner[order]]
-        slot, contact = np.zeros(n * width, dtype=np.int32), np.zeros(n * width, dtype=np.int32)
-        slot[place], contact[place] = partner[order], order
-        self._near = (width, *(self._upload(a.astype(np.int32), wp.int32) for a in (count, slot, contact)))
+        rows = (starts(count), count, partner[order], order)
+        self._near = tuple(self._upload(a.astype(np.int32), wp.int32) for a in rows)
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, self.real)
@@ -422,8 +446,7 @@ class Lists:
             values = np.zeros_like(data[f"wall_{name}"])
             values[state.rank] = data[f"wall_{name}"]
             getattr(self.rows, name).assign(values)
-        g = self.rows.grain.numpy() if self.row_count else np.zeros(0, dtype=np.int32)
-        slot, holder = self.place_slots(self._force_parity, g)
+        slot, holder = self.place_slots(self._force_parity, self.wall_grains)
         order = np.argsort(data["place_grain"], kind="stable")
         mine = np.argsort(state.id.numpy()[holder], kind="stable")
         result = self.rows.result.numpy()

@@ -15,7 +15,8 @@ from warpdem.kernels.field import NUMBERS
 from warpdem.scene.models import digest, is_file, model, numbers
 from warpdem.scene.motion import frame_chain
 
-SIMD_LANES = 4  # four doubles fill an AVX2 register; a GPU thread takes one contact
+SIMD_LANES = 4  # four doubles fill an AVX2 register
+WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one pack: it reads consecutive memory
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ class Plan:
     """The momentum budget is added up."""
     flows: int = 0
     """Planes that the flow through is measured at."""
+    resident: bool = False
+    """Many steps are one captured graph that makes its contact lists itself: how a GPU runs."""
     left_out: dict[str, str] = field(default_factory=dict, compare=False)
     """What is neither compiled nor allocated, with the reason."""
 
@@ -143,6 +146,7 @@ class Plan:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {self.moving} of their motions relative to the frame"]
         runs = runs if self.walls else runs[:-1]
+        runs += ["steps as one captured graph, with contact lists made on the device"] if self.resident else []
         runs += [f"contacts side by side: {self.lanes}", f"memory per contact: {8 * self.memory} B"]
         return [f"runs      {line}" for line in runs] + [f"left out  {k}: {why}" for k, why in self.left_out.items()]
 
@@ -177,7 +181,9 @@ def law_gap(scene) -> float:
     return max((float(gap(*(materials[m] for m in pair.materials), pair)) for pair in scene.pairs), default=0.0)
 
 
-def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resting: int, lanes: int = SIMD_LANES) -> Plan:
+def make_plan(
+    scene, grain_types: np.ndarray, has_spin: bool, moving: int, resting: int, lanes: int = SIMD_LANES, resident: bool = False
+) -> Plan:
     """Decide what ``scene`` needs.
 
     Args:
@@ -187,6 +193,7 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resti
         moving: number of wall motions relative to the frame.
         resting: number of wall motions that rest in it.
         lanes: contacts side by side.
+        resident: steps run as one captured graph.
     """
     names = list(scene.materials)
     table = coefficient_table(scene).reshape(len(names), len(names), -1)
@@ -259,6 +266,7 @@ def make_plan(scene, grain_types: np.ndarray, has_spin: bool, moving: int, resti
         table=not one_kind,
         gap=law_gap(scene),
         lanes=lanes,
+        resident=resident,
         fields=fields,
         user_files=tuple(digest(name) for name in chosen if is_file(name)),
         precision=scene.engine.precision,

@@ -25,7 +25,6 @@ class State:
         group: number of the group, shape (n,), int32, on the host: only results show it.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.budget``), shape (n, width each).
-        rank: memory slots in ascending order of id, shape (n,), on the host.
     """
 
     def __init__(
@@ -53,10 +52,17 @@ class State:
         self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device) if orientation else None
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
-        self.rank = np.argsort(self.id.numpy(), kind="stable")
+        self._rank: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.record.shape[0]
+
+    @property
+    def rank(self) -> np.ndarray:
+        """Memory slots in ascending order of id, shape (n,), on the host."""
+        if self._rank is None:
+            self._rank = np.argsort(self.id.numpy(), kind="stable")
+        return self._rank
 
     @property
     def names(self) -> list[str]:
@@ -76,15 +82,21 @@ class State:
             both = np.concatenate([array.numpy(), getattr(more, name).numpy()])
             setattr(self, name, wp.array(both, dtype=array.dtype, device=self.device))
         self.group = np.concatenate([self.group, more.group])
-        self.rank = np.argsort(self.id.numpy(), kind="stable")
+        self._rank: np.ndarray | None = None
 
     def reorder(self, order: np.ndarray) -> None:
         """Put the grains into ``order``: slot s gets what was in slot order[s]."""
+        index = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
         for name in self.names:
             array = getattr(self, name)
-            setattr(self, name, wp.array(array.numpy()[order], dtype=array.dtype, device=self.device))
+            picked = wp.empty((len(order), *array.shape[1:]), dtype=array.dtype, device=self.device)
+            wp.copy(picked, wp.indexedarray(array, [index] + [None] * (array.ndim - 1)))
+            if picked.shape == array.shape:  # in place: launches that were captured find it there
+                wp.copy(array, picked)
+            else:
+                setattr(self, name, picked)
         self.group = self.group[order]
-        self.rank = np.argsort(self.id.numpy(), kind="stable")
+        self._rank: np.ndarray | None = None
 
     def by_id(self, columns: slice | int) -> np.ndarray:
         """Columns of the record in ascending order of id, a fresh copy."""
@@ -99,4 +111,4 @@ class State:
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
             setattr(self, name, wp.array(values, dtype=array.dtype, device=self.device))
         self.group = np.asarray(data["group"], dtype=np.int32)
-        self.rank = np.arange(len(self))
+        self._rank = None

@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.engine.plan import field_numbers
+from warpdem.engine.resident import Resident
 from warpdem.kernels import barrier
 from warpdem.kernels.budget import Energies, Momenta
 from warpdem.kernels.field import Numbers
@@ -15,7 +16,6 @@ from warpdem.kernels.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
 from warpdem.threads import ranges
 
-CUDA_THREADS = 1 << 16  # most GPU threads of one launch; more work is strided
 SCHEDULE_STEPS = 256  # steps whose schedule is made at once
 
 
@@ -30,10 +30,10 @@ class Stepper:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.stages = len(sim.plan.scheme.STAGES)
-        device, cpu = sim.device, sim.device.is_cpu
-        slots = sim.threads.count if cpu else CUDA_THREADS
+        device = sim.device
+        slots = 1 if sim.plan.resident else sim.threads.count
         control = self.control = sim.kernels.loop.Control()
-        control.share = wp.zeros((slots if cpu else 0, 6), dtype=wp.int32, device=device)
+        control.share = wp.zeros((slots, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
@@ -45,8 +45,9 @@ class Stepper:
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
         self._arguments = None
-        self._arguments_of = -1  # refresh that they belong to
+        self._arguments_of = -1  # version of the lists that they belong to
         self._yield_to = wp.uint64(barrier.yield_address())
+        self.resident = Resident(sim, control) if sim.plan.resident else None
 
     @property
     def extreme(self) -> np.ndarray:
@@ -65,14 +66,22 @@ class Stepper:
         sim, first = self.sim, self.sim.step_number
         if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
             with sim.clock("schedule"):
-                self.control.row = wp.array(sim.schedule.rows(first, SCHEDULE_STEPS), dtype=Row, device=sim.device)
+                self._schedule("row", sim.schedule.rows(first, SCHEDULE_STEPS), Row)
                 if sim.plan.frame_rows:
-                    self.control.frame = wp.array(sim.schedule.frames(first, SCHEDULE_STEPS), dtype=FrameRow, device=sim.device)
+                    self._schedule("frame", sim.schedule.frames(first, SCHEDULE_STEPS), FrameRow)
                 self._placements = sim.schedule.placements(first, SCHEDULE_STEPS)
-                self.control.placement = wp.array(self._placements, dtype=Placement, device=sim.device)
+                self._schedule("placement", self._placements, Placement)
                 self._block = (first, SCHEDULE_STEPS)
         base = first - self._block[0]
         return base, self._block[1] - base
+
+    def _schedule(self, name: str, table: np.ndarray, dtype) -> None:
+        """Put a table of the schedule where the kernels find it, each time at the same place."""
+        there = getattr(self.control, name)
+        if there is not None and there.size:
+            there.assign(table)
+        else:
+            setattr(self.control, name, wp.array(table, dtype=dtype, device=self.sim.device))
 
     def placements(self) -> np.ndarray:
         """Placements of the wall motions at the present step, shape (motions, 18)."""
@@ -82,7 +91,7 @@ class Stepper:
     def arguments(self):
         """Structs of grains, packs and wall rows for the present lists."""
         lists = self.sim.lists
-        if self._arguments_of == lists.refreshes:
+        if self._arguments_of == lists.version:
             return self._arguments
         sim, loop = self.sim, self.sim.kernels.loop
         lane, lane_int = sim.kernels.pairs.Lane, sim.kernels.pairs.LaneInt
@@ -107,7 +116,7 @@ class Stepper:
         if sim.plan.table:
             packs.kind = packed(lists.kind, lane_int)
         rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
-        self._arguments, self._arguments_of = (grains, packs, rows), lists.refreshes
+        self._arguments, self._arguments_of = (grains, packs, rows), lists.version
         return self._arguments
 
     def read_sums(self) -> dict[str, np.ndarray]:
@@ -135,7 +144,7 @@ class Stepper:
         base, _ = self.row()
         grains, packs, rows = self.arguments()
         surface = sim.walls.surface if sim.walls else Surface()
-        run = self._on_cpu if sim.device.is_cpu else self._on_gpu
+        run = self.resident.advance if self.resident else self._on_cpu
         return run(base, count, forces_first, hold, sim.step_number & 1, grains, packs, rows, surface)
 
     def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
@@ -157,31 +166,3 @@ class Stepper:
         if count == 0:
             return 0, False
         return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
-
-    def _on_gpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
-        """One launch per phase, and a look at the flags after each step."""
-        sim, loop, control, n = self.sim, self.sim.kernels.loop, self.control, len(self.sim.state)
-
-        def launch(kernel, last, *inputs):
-            dim = min(last, CUDA_THREADS)
-            if dim:
-                wp.launch(kernel, dim=dim, inputs=[dim, last, *inputs], device=sim.device)
-
-        def forces(s: int, stage: int = 0) -> None:
-            launch(loop.pair_forces, packs.owner.shape[0], base + s, stage, grains, packs, control, sim.coefficients, sim.dt)
-            launch(loop.wall_forces, sim.lists.row_count, base + s, stage, grains, rows, surface, control,
-                   sim.coefficients, sim.plan.materials, (parity + s) & 1, sim.dt)  # fmt: skip
-
-        if forces_first:
-            forces(0)
-        for s in range(1, count + 1):
-            for stage in range(self.stages):
-                if stage:
-                    forces(s - 1, stage)
-                launch(loop.move, n, base + s - 1, stage, grains, rows, control, sim.dt, sim.lists.reach)
-            if control.moved.numpy()[::SPAN].any():
-                control.moved.zero_()
-                return s, True
-            if s < count or not hold:
-                forces(s)
-        return count, False

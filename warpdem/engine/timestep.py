@@ -2,18 +2,26 @@
 
 Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
 contact time      of an undamped impact at max_speed, from the law's energy (Hertz: 2.9433 d_max/v; Hooke: pi sqrt(m*/k))
-spectral limit    2/w_max x (sqrt(1 + 4 z^2) - 2 z),   w_max^2 = (Z/m) max((2/3)(k_n + 2 k_t), (10/3) k_t)
+spectral limit    the least step at which a mode (K, C, m*) of the contacts grows: K dt^2/4 + C dt = m*
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 travel            s r / max_speed beside meshes, see ``travel``
 external fields   0.1 / the largest rate at which one changes a grain's motion: sqrt(k/m), c/m, e B/m
 
-The spectral limit is that of a packing of Z contacts per grain with free rotation (checked against Bloch waves), its factor
-that of the predicted velocity v* at the damping ratio z of the tangential mode (exact for a damped oscillator). Stiffnesses
-are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of "auto"; Z = 2 is one
-impact of two grains, beyond which a given step is refused (a dense packing hardly ever holds impact overlaps everywhere).
+Modes, with m* the reduced mass of a contact, k its stiffness (tangent along the normal, secant across) and C made of its
+damping as K is of its stiffness:
 
-``step = "auto"`` is the least of 10 % of the Rayleigh time, contact time / 40, half the spectral limit, and what frame and
-fields allow.
+    packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbours move against each other, K = (5 Z/3) k_t all turn
+    one contact                       K = k_n along the normal, K = (7/2) k_t rolling
+
+That condition is exact for a damped oscillator under the predicted velocity v* = v + (dt/2) a of the default scheme; with
+w = sqrt(K/m*) and z = C/(2 w m*) it reads dt = (2/w)(sqrt(1 + 4 z^2) - 2 z). The modes are those of Bloch waves on cubic
+packings of equal grains with free rotation. Measured: tests/verification/test_stability_limit.py.
+
+Stiffnesses are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of
+"auto"; beyond the limit of one contact a given step is refused (a dense packing hardly ever holds such overlaps everywhere).
+
+``step = "auto"`` is the least of 10 % of the Rayleigh time, contact time / 40, 80 % of the spectral limit of a packing, and
+what frame and fields allow.
 """
 
 import math
@@ -28,8 +36,9 @@ from warpdem.errors import SceneError
 from warpdem.scene.models import model, numbers
 from warpdem.scene.motion import frame_chain, wall_chain
 
-PACKED, BINARY = 6, 2  # contacts per grain: dense frictional packing; an impact of two grains
+PACKED = 6  # contacts per grain: dense frictional packing
 RAYLEIGH_SHARE = 0.1
+PACKED_SHARE = 0.8  # overlaps of impacts everywhere in a packing are caution enough
 CONTACT_STEPS = 40
 FRAME_ANGLE = 0.02  # [rad] per step
 FIELD_ANGLE = 0.1  # [rad] per step: second order leaves 4e-4 of the motion; a drag is stable up to 1
@@ -43,9 +52,9 @@ class Limits:
     contact_time: float
     """Undamped contact time of the quickest impact at ``max_speed`` [s]."""
     packed: float
-    """Spectral limit of a packing at impact overlaps [s]."""
+    """Spectral limit of a packing whose overlaps are those of an impact at ``max_speed`` [s]."""
     stable: float
-    """Spectral limit of one impact at ``max_speed`` [s]: the largest step that is accepted."""
+    """Spectral limit of one contact at that overlap [s]: the largest step that is accepted."""
     frame: float
     field: float
     """Largest step for the external fields [s]."""
@@ -64,7 +73,7 @@ class Limits:
         return {
             f"{RAYLEIGH_SHARE:.0%} of the Rayleigh time": RAYLEIGH_SHARE * self.rayleigh,
             f"contact time / {CONTACT_STEPS} at {self.max_speed:.3g} m/s": self.contact_time / CONTACT_STEPS,
-            "half the spectral stability limit": 0.5 * self.packed,
+            f"{PACKED_SHARE:.0%} of the spectral limit of a packing": PACKED_SHARE * self.packed,
             f"{FRAME_ANGLE} rad of the frame": self.frame,
             f"{FIELD_ANGLE} rad of the external fields": self.field,
             "half the limit of travel beside meshes": 0.5 * self.travel,
@@ -86,9 +95,35 @@ def damped_contact_factor(restitution: float) -> float:
     return float(np.interp(restitution, e, factor))
 
 
-def damping_ratio(restitution: float) -> float:
-    """Share of critical damping [-] of a linear contact that returns ``restitution``."""
-    return -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+def stable_step(stiffness: float, damping: float, mass: float) -> float:
+    """Least time step [s] at which m x'' + C x' + K x = 0 grows under the predicted velocity: K dt^2/4 + C dt = m.
+
+    Args:
+        stiffness: K [N/m], or its share of a rotation.
+        damping: C [N s/m].
+        mass: m [kg].
+    """
+    return 2.0 * mass / (damping + math.sqrt(damping**2 + stiffness * mass))
+
+
+def packing_limit(normal: tuple[float, float], tangential: tuple[float, float], mass: float, contacts: int = PACKED) -> float:
+    """Stability limit of a packing [s].
+
+    Args:
+        normal: stiffness [N/m] and damping [N s/m] of each contact along its normal.
+        tangential: the same across it.
+        mass: reduced mass m* of a contact [kg].
+        contacts: contacts per grain Z [-].
+    """
+    against = [contacts / 3.0 * (n + 2.0 * t) for n, t in zip(normal, tangential, strict=True)]
+    turning = [contacts * 5.0 / 3.0 * t for t in tangential]
+    return min(stable_step(*against, mass), stable_step(*turning, mass) if turning[0] > 0.0 else math.inf)
+
+
+def contact_limit(normal: tuple[float, float], tangential: tuple[float, float], mass: float) -> float:
+    """Stability limit of one contact [s]; arguments as of ``packing_limit``."""
+    rolling = [3.5 * t for t in tangential]
+    return min(stable_step(*normal, mass), stable_step(*rolling, mass) if rolling[0] > 0.0 else math.inf)
 
 
 def contact_time(scene, base: float, mass: float, radius: float, speed: float) -> float:
@@ -120,7 +155,7 @@ def limits(scene, start, meshes: dict) -> Limits:
     rate = frame_chain(scene).max_rate
     frame = FRAME_ANGLE / rate if rate > 0 else math.inf
     speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
-    rayleigh = contact = packed = damped = math.inf
+    rayleigh = contact = packed = stable = damped = math.inf
     overlap = 0.0
     law = scene.located(scene.contact.normal)
     materials = list(scene.materials.values())
@@ -139,24 +174,23 @@ def limits(scene, start, meshes: dict) -> Limits:
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
             restitution = scene.pair(names[t], names[other]).restitution
-            base, _, shear_ratio, _, friction, *_ = table[t, other]
+            base, damping, shear, shear_damping, friction, *_ = table[t, other]
             met = impact(law, base, reduced_mass, reduced_radius, max(speed, 1e-6))
             if speed > 0:
                 contact = min(contact, met.time)
                 damped = min(damped, met.time * damped_contact_factor(restitution))
                 overlap = max(overlap, met.overlap / radius)
-            k_n = met.tangent
-            k_t = shear_ratio * met.secant if friction > 0 else 0.0
-            beta = damping_ratio(restitution)
-            # damping ratio of the mode that governs: rolling at a contact (k_t, m* 2/7) with friction, else the normal one
-            gamma = math.sqrt(3.5) * math.sqrt(5.0 / 6.0) * beta if k_t > 0 else beta
-            omega = math.sqrt(PACKED / mass * max(2.0 / 3.0 * (k_n + 2.0 * k_t), 10.0 / 3.0 * k_t))
-            packed = min(packed, 2.0 / omega * (math.sqrt(1.0 + 4.0 * gamma**2) - 2.0 * gamma))
+            dashpot = damping * math.sqrt(met.secant * reduced_mass)
+            sticks = scene.contact.tangential != "none" and friction > 0.0
+            normal = met.tangent, dashpot
+            tangential = (shear * met.secant, shear_damping * dashpot) if sticks else (0.0, 0.0)
+            packed = min(packed, packing_limit(normal, tangential, reduced_mass))
+            stable = min(stable, contact_limit(normal, tangential, reduced_mass))
     return Limits(
         rayleigh=float(rayleigh),
         contact_time=float(contact),
         packed=float(packed),
-        stable=float(packed * math.sqrt(PACKED / BINARY)),
+        stable=float(stable),
         frame=float(frame),
         field=field_limit(scene, start),
         travel=longest_step(scene, start.radius, speed),

@@ -66,7 +66,7 @@ class TravelGuard:
                 continue
             worst = fast[np.argmax(travel[fast] / radius[fast])]
             place = ", ".join(f"{x:.4g}" for x in position[worst])
-            sim.notice(
+            sim.guards.notice(
                 "travel",
                 f"at t = {sim.time:.6g} s (step {sim.step_number}): grain {sim.state.id.numpy()[worst]} at ({place}) m went "
                 f"{travel[worst] / radius[worst]:.3g} of its radius in one step beside the wall {wall.name!r}; allowed is "

@@ -23,6 +23,7 @@ import warp as wp
 
 from warpdem.errors import SceneError
 from warpdem.filling.region import Region, region
+from warpdem.filling.size_grids import RowRoom, SizeGrids, finest_cell, size_classes
 from warpdem.kernels import packing as kernels
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.scene.sizes import DiameterDistribution, SizeLaw, size_law
@@ -208,7 +209,7 @@ def fill(
 def worst_overlaps(position: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest overlap of each grain as a share of the smaller radius [-], (n,), and its partner, (n,), -1: none."""
     threads = Threads(available_threads())
-    neighbours = _Neighbours(np.array(position, float), radius, len(radius), 0.0, threads, width=0)
+    neighbours = _Neighbours(np.array(position, float), radius, len(radius), 0.0, threads, room=0)
     neighbours.build()
     threads.close()
     return neighbours.overlap.numpy(), neighbours.partner.numpy()
@@ -279,7 +280,7 @@ class Pack:
         self._radius = np.concatenate([*(asked.radius for asked in fillings), held_radius])
         places = [_first_places(asked) for asked in fillings]
         # neighbours in space become neighbours in memory; the order within a filling is put back at the end
-        cell = 4.0 * float(self._radius.max())
+        cell = 2.0 * finest_cell(self._radius, size_classes(self._radius), 0.0)
         self._order = [np.lexsort(np.floor(points / cell).T) for points in places]
         self._position = np.concatenate([*(p[o] for p, o in zip(places, self._order, strict=True)), held_position])
         for part, order in zip(self._parts, self._order, strict=True):
@@ -394,7 +395,7 @@ class Pack:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit."""
         goal = 1.0
         while left > 0.0:
-            goal *= 1.0 - max(0.08 * left, 0.003)
+            goal *= 1.0 - min(max(0.08 * left, 0.003), 0.1)  # a small grain may lie many of its radii deep in a large one
             left = self._settle(goal)
         asked = "; ".join(
             f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} ({len(one.radius)} grains in "
@@ -418,39 +419,37 @@ class _Neighbours:
         loose: Number of grains, the first ones, that have neighbours and move.
         skin: Reach beyond touching [m].
         threads: Who computes.
-        width: Columns of the table to begin with; 0 for no table.
+        room: Neighbours that the table has room for to begin with, per grain; 0 for no table.
     """
 
-    def __init__(self, position: np.ndarray, radius: np.ndarray, loose: int, skin: float, threads: Threads, width: int = 24):
-        self._position, self._loose = position, loose
-        self._largest, self._skin, self._threads, self._width = float(radius.max()), skin, threads, width
+    def __init__(self, position: np.ndarray, radius: np.ndarray, loose: int, skin: float, threads: Threads, room: int = 24):
+        self._position, self._loose, self._skin, self._threads = position, loose, skin, threads
+        self._radii, self._classes = radius, size_classes(radius)
+        self._room = RowRoom(room) if room else None
+        self._grids = SizeGrids(wp.get_device("cpu"))
         self._points = wp.zeros(len(position), dtype=wp.vec3d, device="cpu")
         self._radius = wp.array(radius, dtype=wp.float64, device="cpu")
         self._count = wp.zeros(loose, dtype=wp.int32, device="cpu")
         self._move = wp.zeros(loose, dtype=wp.vec3d, device="cpu")
         self.overlap = wp.zeros(loose, dtype=wp.float64, device="cpu")
         self.partner = wp.zeros(loose, dtype=wp.int32, device="cpu")
-        self._table = wp.empty((loose, max(width, 1)), dtype=wp.int32, device="cpu")
-        # beyond 128 cells a side the grid wraps round, which costs time but loses nothing
-        self._cell = 2.0 * self._largest + skin
-        cells = np.clip(np.ptp(position, axis=0) / self._cell + 1.0, 1, 128).astype(int)
-        self._grid = wp.HashGrid(*cells.tolist(), device="cpu", dtype=wp.float64)
         self._built_at: np.ndarray | None = None
         self.builds = 0
 
     def build(self) -> None:
         """List the neighbours."""
         self._points.numpy()[:] = self._position
-        self._grid.build(self._points, self._cell)
+        grids = self._grids.build(self._position, self._radii, self._classes, self._skin)
+        loose = self._classes[: self._loose]
         while True:
-            inputs = [self._grid.id, self._points, self._radius, self._largest, self._skin]
+            start = self._room.starts(loose) if self._room else np.zeros(self._loose + 1, dtype=np.int32)
+            self._start = wp.array(start, dtype=wp.int32, device="cpu")
+            self._table = wp.empty(int(start[-1]), dtype=wp.int32, device="cpu")
+            inputs = [grids, self._points, self._radius, self._skin, self._start]
             outputs = [self._table, self._count, self.overlap, self.partner]
             self._threads.split(kernels.list_neighbours, self._loose, [*inputs, *outputs], wp.get_device("cpu"))
-            most = int(self._count.numpy().max(initial=0))
-            if self._width == 0 or most <= self._width:
+            if self._room is None or self._room.holds(loose, self._count.numpy()):
                 break
-            self._width = most + 8
-            self._table = wp.empty((self._loose, self._width), dtype=wp.int32, device="cpu")
         self._built_at = self._position[: self._loose].copy()
         self.builds += 1
 
@@ -459,8 +458,9 @@ class _Neighbours:
         if self._built_at is None or self._moved() > 0.5 * self._skin:
             self.build()
         self._points.numpy()[:] = self._position
-        inputs = [self._points, self._radius, self._loose, growth, self._table, self._count, self._move, self.overlap]
-        self._threads.split(kernels.push_apart, self._loose, inputs, wp.get_device("cpu"))
+        inputs = [self._points, self._radius, self._loose, growth, self._start, self._table, self._count]
+        outputs = [self._move, self.overlap]
+        self._threads.split(kernels.push_apart, self._loose, [*inputs, *outputs], wp.get_device("cpu"))
         return self._move.numpy(), self.overlap.numpy()
 
     def _moved(self) -> float:

@@ -200,8 +200,8 @@ def read_contacts(sim, since: int = 0) -> Contacts:
             )
         )  # fmt: skip
     if len(state) and plan.walls and lists.row_count:
-        rows, parity = lists.rows, (sim.step_number - since) & 1
-        slot, g = lists.place_slots(parity, rows.grain.numpy())
+        parity = (sim.step_number - since) & 1
+        slot, g = lists.place_slots(parity, lists.wall_grains)
         place = lists.places(parity, slot)
         overlap, normal, wall = place["overlap"], place["normal"], place["wall"]
         spring = place.get("spring", np.zeros((len(g), 3)))

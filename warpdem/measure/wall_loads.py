@@ -63,7 +63,7 @@ def _places(sim) -> dict[str, np.ndarray]:
     In order of grain id, so that sums over them do not depend on the order of the lists.
     """
     lists, state, parity = sim.lists, sim.state, sim.step_number & 1
-    g = lists.rows.grain.numpy() if len(state) and lists.row_count else np.zeros(0, dtype=np.int32)
+    g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
     slot, holder = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
     place, record = lists.places(parity, slot), state.record.numpy()[holder]
     point = record[:, grain.POSITION] - place["normal"] * (record[:, grain.RADIUS] - place["overlap"])[:, None]

@@ -1,0 +1,98 @@
+"""Numbering of contacts and wall rows on the device: what the host does with prefix sums when it makes the lists.
+
+Within a block of grains the contacts that touch fill whole packs first, then the others do; rows of the summation and grains
+beside a wall are numbered straight through. Three launches: sums of each block, starts of the blocks (one thread), starts of
+the grains. Own kernels, because a library's scan asks for memory, which a branch of a captured graph may not.
+"""
+
+import warp as wp
+
+Sums = wp.types.vector(4, wp.int32)  # of a block: touching and near contacts, rounded up to packs; shares; grains beside a wall
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def sum_blocks(
+    block: wp.int32,  # grains per block
+    lanes: wp.int32,
+    # per grain, read
+    touching: wp.array[wp.int32],
+    near: wp.array[wp.int32],
+    shares: wp.array[wp.int32],
+    candidates: wp.array[wp.int32],  # of size 0 when there are no walls
+    # written
+    sums_out: wp.array[Sums],
+):
+    """Sums of each block."""
+    b = wp.tid()
+    total = Sums()
+    for i in range(b * block, wp.min((b + 1) * block, touching.shape[0])):
+        total[0] = total[0] + touching[i]
+        total[1] = total[1] + near[i]
+        total[2] = total[2] + shares[i]
+        if candidates.shape[0] > 0:
+            if candidates[i] > 0:
+                total[3] = total[3] + 1
+    total[0] = (total[0] + lanes - 1) // lanes * lanes
+    total[1] = (total[1] + lanes - 1) // lanes * lanes
+    sums_out[b] = total
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def start_blocks(
+    # read and written: sums of each block, replaced by those before it
+    sums_out: wp.array[Sums],
+    # written: packs' lanes, shares and wall rows in all
+    total_out: wp.array[wp.int32],
+):
+    """Where each block begins."""
+    running = Sums()
+    for b in range(sums_out.shape[0]):
+        here = sums_out[b]
+        sums_out[b] = running
+        running += here
+    total_out[0] = running[0] + running[1]
+    total_out[1] = running[2]
+    total_out[2] = running[3]
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def start_grains(
+    block: wp.int32,
+    lanes: wp.int32,
+    # per grain, read
+    touching: wp.array[wp.int32],
+    near: wp.array[wp.int32],
+    shares: wp.array[wp.int32],
+    candidates: wp.array[wp.int32],
+    starts: wp.array[Sums],
+    # written
+    touching_start_out: wp.array[wp.int32],
+    near_start_out: wp.array[wp.int32],
+    row_start_out: wp.array[wp.int32],  # one more than grains
+    wall_grain_out: wp.array[wp.int32],
+):
+    """Where each grain begins, and which grain each wall row belongs to."""
+    b = wp.tid()
+    n = touching.shape[0]
+    at = starts[b]
+    touch = at[0] + at[1]
+    row = at[2]
+    wall = at[3]
+    last = wp.min((b + 1) * block, n)
+    other = wp.int32(0)
+    for i in range(b * block, last):
+        other += touching[i]
+    other = touch + (other + lanes - 1) // lanes * lanes
+    for i in range(b * block, last):
+        touching_start_out[i] = touch
+        near_start_out[i] = other
+        row_start_out[i] = row
+        touch += touching[i]
+        other += near[i]
+        row += shares[i]
+        if candidates.shape[0] > 0:
+            if candidates[i] > 0:
+                wall_grain_out[wall] = i
+                wall += 1
+    if last == n:
+        row_start_out[n] = row

@@ -1,0 +1,97 @@
+"""One grain-grain contact per GPU thread: the same law as a pack's lane, its shares written straight to the rows of its grains.
+
+A GPU hides latencies by its many threads and needs no scratch: the results stay in registers until they are written. With
+packs as wide as a warp the threads of a warp read and write neighbouring memory, and since a pack holds one class (touching or
+near), a warp either computes or passes over. Bits are those of ``pairs.pack``: what is out of reach would come out as zero.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import grain
+
+
+@functools.cache
+def build(
+    real, pairs, border, parts: bool, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float
+):
+    """Return ``evaluate``; arguments as in ``pairs.build``, with its namespace as ``pairs`` and whether it has ``parts``."""
+    g = grain.build(spins)
+    vec3 = wp.types.vector(3, real)
+    Share, Entry = pairs.Share, pairs.Entry
+
+    @wp.func
+    def evaluate(
+        p: int,
+        k: int,
+        # state, read
+        grains: wp.array(dtype=g.Record),
+        owner: wp.array2d(dtype=wp.int32),
+        partner: wp.array2d(dtype=wp.int32),
+        constants: wp.array3d(dtype=real),
+        # coefficients
+        kind: wp.array2d(dtype=wp.int32),
+        coefficients: wp.array(dtype=pairs.Coefficients),
+        turn_rate: pairs.Turn,
+        slip_time: wp.float64,
+        dt: wp.float64,
+        memory: wp.array3d(dtype=real),  # of the step before
+        slot_i: wp.array2d(dtype=wp.int32),
+        slot_j: wp.array2d(dtype=wp.int32),
+        # written
+        memory_out: wp.array3d(dtype=real),  # may be the same array
+        row_out: wp.array(dtype=Share),
+        entry_out: wp.array(dtype=Entry),
+    ):
+        """Evaluate lane ``k`` of pack ``p``; returns its overlap share [-] and approach speed [m/s]."""
+        gi = grains[owner[p, k]]
+        gj = grains[partner[p, k]]
+        at_i = slot_i[p, k]
+        at_j = slot_j[p, k]
+        if wp.static(not parts):  # the energy of a contact that just opened is still to be told
+            across = border.nearest(g.position(gi) - g.position(gj))
+            reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
+            if reach * reach * wp.float64(1.000001) < wp.dot(across, across):
+                row_out[at_i] = Share()
+                row_out[at_j] = Share()
+                for f in range(wp.static(history)):
+                    memory_out[p, f, k] = real(0.0)
+                return wp.float64(0.0), wp.float64(0.0)
+        radius = real(0.0)
+        inertia = real(0.0)
+        if wp.static(rolling):
+            radius = constants[p, 2, k]
+            inertia = constants[p, 3, k]
+        wide = coefficients[0]
+        if wp.static(table):
+            wide = coefficients[kind[p, k]]
+        c = pairs.Numbers()
+        for f in range(7):
+            c[f] = real(wide[f])
+        spring = vec3()
+        angle = vec3()
+        if wp.static(history >= 3):
+            spring = vec3(memory[p, 0, k], memory[p, 1, k], memory[p, 2, k])
+            if wp.static(turning_frame):
+                spring = spring + turn_rate * spring
+        if wp.static(history == 6):
+            angle = vec3(memory[p, 3, k], memory[p, 4, k], memory[p, 5, k])
+            if wp.static(turning_frame):
+                angle = angle + turn_rate * angle
+        o, for_i, for_j = pairs.contact(
+            gi, gj, constants[p, 0, k], constants[p, 1, k], radius, inertia, c, spring, angle, slip_time, dt
+        )
+        if wp.static(spins):
+            row_out[at_i] = Share(o[0], o[1], o[2], o[3], o[4], o[5])
+            row_out[at_j] = Share(-o[0], -o[1], -o[2], o[6], o[7], o[8])
+        else:
+            row_out[at_i] = Share(o[0], o[1], o[2])
+            row_out[at_j] = Share(-o[0], -o[1], -o[2])
+        if wp.static(parts):
+            entry_out[at_i] = for_i
+            entry_out[at_j] = for_j
+        for f in range(wp.static(history)):
+            memory_out[p, f, k] = o[9 + f]
+        return wp.float64(o[15]), wp.float64(o[16])
+
+    return evaluate

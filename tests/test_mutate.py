@@ -1,0 +1,104 @@
+"""The table of tools/mutate.py fits the kernels as they stand; the tool tells killed, survived and broken mutants apart."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tools"))
+import mutate  # noqa: E402
+
+MUTANTS, CATCH_ALL = mutate.read_table()
+WITHOUT = {"__init__", "barrier", "grain", "packing", "size_grids", "explicit_euler", "record", "surface"}
+"""Files without a formula of their own, and ``packing``, which makes a start whose overlaps are checked wherever it is used."""
+
+
+def test_there_are_enough_and_their_names_differ():
+    names = [m.name for m in MUTANTS]
+    assert len(names) == len(set(names)) >= 60
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.name)
+def test_the_original_stands_once_and_the_mutant_is_python(mutant):
+    text = (ROOT / mutant.file).read_text()
+    compile(mutant.changed(text), mutant.file, "exec")
+    assert mutant.new != mutant.old
+
+
+@pytest.mark.parametrize("test", sorted({t for m in MUTANTS for t in m.tests} | set(CATCH_ALL)))
+def test_the_named_tests_exist(test):
+    path, _, function = test.partition("::")
+    assert (ROOT / path).exists()
+    if function:
+        assert re.search(rf"^def {re.escape(function.split('[')[0])}\(", (ROOT / path).read_text(), re.MULTILINE)
+
+
+def test_every_file_with_a_formula_has_mutants():
+    files = {p.relative_to(ROOT).as_posix() for p in (ROOT / "kernels").rglob("*.py") if p.stem not in WITHOUT}
+    assert files <= {m.file for m in MUTANTS}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A copy of a tree as small as it gets."""
+    monkeypatch.setattr(mutate, "ROOT", tmp_path / "tree")
+    monkeypatch.setattr(mutate, "PARTS", ("warpdem", "kernels", "scenes", "tests"))
+    for part in mutate.PARTS:
+        (mutate.ROOT / part).mkdir(parents=True)
+    for name, text in {
+        "warpdem/__init__.py": "", "kernels/__init__.py": "", "kernels/law.py": "ONE = 1\nTWO = 2\n",
+        "tests/test_one.py": "from warpdem.kernels.law import ONE\n\n\ndef test_one():\n    assert ONE == 1\n",
+        "tests/test_two.py": "from warpdem.kernels.law import TWO\n\n\ndef test_two():\n    assert TWO == 2\n",
+    }.items():  # fmt: skip
+        (mutate.ROOT / name).write_text(text)
+    return mutate.Workplace(tmp_path / "copy", tmp_path / "cache")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "status", "by"),
+    [
+        ("ONE = 1", "ONE = 3", "killed", "tests/test_one.py::test_one: assert 3 == 1"),
+        ("TWO = 2", "TWO = 1 + 1", "survived", ""),
+        ("TWO = 2", "TWO = 4", "killed", "tests/test_two.py::test_two: assert 4 == 2"),  # by the tests for all
+        ("ONE = 1", "ONE =", "not run", None),
+    ],
+)
+def test_a_mutant_is_judged_and_taken_back(place, old, new, status, by):
+    mutant = mutate.Mutant("name", "kernels/law.py", old, new, ("tests/test_one.py",))
+    result = place.judge(mutant, ["tests"], 60.0)
+    assert result["status"] == status
+    assert by is None or result["by"] == by
+    assert (place.folder / "kernels/law.py").read_text() == "ONE = 1\nTWO = 2\n"
+    assert place.test(["tests"], 60.0) == ("passed", "")
+
+
+def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp_path):
+    first, second, changed = (mutate.Mutant(n, "kernels/law.py", "1", "2", ("tests",)) for n in ("a", "b", "c"))
+
+    def result(mutant, status):
+        return {"name": mutant.name, "file": mutant.file, "digest": mutant.digest, "status": status, "by": "", "seconds": 1.0}
+
+    record = mutate.Record(tmp_path / "r.md", [first, second, changed])
+    for mutant in (first, changed):
+        record.add(result(mutant, "killed"))
+    other = mutate.Mutant("c", "kernels/law.py", "1", "3", ("tests",))
+    record = mutate.Record(tmp_path / "r.md", [first, second, other])
+    record.add(result(second, "survived"))
+    assert list(record.lines) == ["a", "b"]
+    assert record.is_open(second)
+    assert not record.is_open(first)
+    assert "2 of 3 mutants tried, 1 killed, 0 defended, 1 open" in (tmp_path / "r.md").read_text()
+
+
+def test_a_text_that_moved_on_is_named():
+    with pytest.raises(ValueError, match=r"a: '1' stands 2 times in kernels/law\.py, not once"):
+        mutate.Mutant("a", "kernels/law.py", "1", "2", ()).changed("11")
+
+
+def test_list_and_unknown_names(capsys):
+    assert mutate.main(["--list", "--only", "hertz_*"]) == 0
+    assert "kernels/normal/hertz.py" in capsys.readouterr().out
+    assert mutate.main(["--only", "no_such_mutant"]) == 2
+    assert "no mutant is called no_such_mutant" in capsys.readouterr().err

@@ -1,0 +1,79 @@
+"""Where the time of a step goes on a device: each launch of the captured graph by itself, against the bandwidth of a copy."""
+
+import time
+
+import numpy as np
+import warp as wp
+from warpdem.kernels.pairs import share_width
+from warpdem.kernels.resident import CLOCK, GO, LANES, LEFT, PARITY, ROW, ROWS, SHARES
+from warpdem.kernels.wall.surface import Surface
+
+import warpdem
+from warpdem.engine.resident import Launches
+
+COPY = 1 << 28  # numbers of the array that is copied on a GPU: far beyond its caches
+
+
+def seconds_of(launch, repeats: int, device) -> float:
+    """Least time of one launch [s]; on a GPU of many in a row, so that the host's part does not count."""
+    launch()
+    wp.synchronize_device(device)
+    many, best = (20 if device.is_cuda else 1), np.inf
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        for _ in range(many):
+            launch()
+        wp.synchronize_device(device)
+        best = min(best, (time.perf_counter() - begin) / many)
+    return best
+
+
+def copy_bandwidth(device, repeats: int = 5) -> float:
+    """Bytes read and written per second by a plain copy [B/s]."""
+    size = COPY if device.is_cuda else COPY >> 5
+    a, b = (wp.zeros(size, dtype=wp.float64, device=device) for _ in range(2))
+    return 16.0 * size / seconds_of(lambda: wp.copy(b, a), repeats, device)
+
+
+def least_bytes(sim: warpdem.Simulation) -> dict[str, float]:
+    """Bytes that each launch must move at least: every number once, as if what neighbours share stayed in the cache."""
+    plan, n, contacts = sim.plan, len(sim.state), sim.lists.contact_count
+    number = 4 if plan.precision == "mixed" else 8
+    record = 8 * (16 if plan.spins else 10)
+    shares = 2 * share_width(plan.spins) * number * contacts
+    per_contact = 16 + number * (sim.lists.constants.shape[1] + 2 * plan.memory) + 4 * plan.table
+    return {
+        "pair_forces": n * record + contacts * per_contact + shares,
+        "move": shares + n * (2 * record + 16 + 24 * (1 + plan.moving) + 4),
+    }
+
+
+def measured(sim: warpdem.Simulation, repeats: int = 5) -> dict:
+    """Time of each launch [us], its share of their sum, and the bytes per second it moves over those of a copy.
+
+    The launches repeat one instant and spoil the run: measure at its end.
+    """
+    sim._prepare()
+    resident, stepper, device = sim.stepper.resident, sim.stepper, sim.device
+    grains, _, rows = stepper.arguments()
+    launches = Launches(resident, grains, rows, sim.walls.surface if sim.walls else Surface())
+    clock = np.zeros(CLOCK, dtype=np.int32)
+    base, left = stepper.row()
+    clock[[ROW, LEFT, PARITY, GO]] = base, max(left, 1), sim.step_number & 1, 1
+    clock[[LANES, SHARES, ROWS]] = sim.lists.totals[0], sim.lists.totals[1], sim.lists.row_count
+    resident.clock.assign(clock)
+    calls = {"pair_forces": launches.pair_forces, "wall_forces": launches.wall_forces, "move": launches.move}
+    if not sim.plan.walls:
+        del calls["wall_forces"]
+    seconds = {name: seconds_of(lambda call=call: call(0), repeats, device) for name, call in calls.items()}
+    copy, total = copy_bandwidth(device), sum(seconds.values())
+    moved = least_bytes(sim)
+    return {
+        "launch_us": {name: 1e6 * s for name, s in seconds.items()},
+        "launch_share": {name: s / total for name, s in seconds.items()},
+        "copy_bytes_per_s": copy,
+        "of_copy": {name: b / seconds[name] / copy for name, b in moved.items()},
+        "least_bytes_per_grain": {name: b / len(sim.state) for name, b in moved.items()},
+        "captures": resident.captures,
+        "refreshes_on_device": resident.refreshes,
+    }

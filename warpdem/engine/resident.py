@@ -1,0 +1,221 @@
+"""Many steps as one captured graph, lists refreshed inside it: how a GPU runs, and a CPU when asked to."""
+
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from warpdem.engine.neighbours import CLASS_BLOCK
+from warpdem.engine.travel import share
+from warpdem.kernels import numbering
+from warpdem.kernels.resident import (
+    CLOCK,
+    DONE,
+    FRESH,
+    GO,
+    HOLD,
+    LANES,
+    LATEST,
+    LEFT,
+    PARITY,
+    REFRESH,
+    REFRESHES,
+    ROW,
+    ROWS,
+    SHARES,
+    STALE,
+    Watched,
+)
+from warpdem.kernels.schedule import Placement
+
+BODY = 4  # steps between two looks at the clock: a look costs about a launch, a step in vain three
+GRAPHS = 4  # kept: the arrays of the lists alternate between a few places
+
+
+class Resident:
+    """Runs batches of steps; the clock is all that goes back and forth.
+
+    Attributes:
+        refreshes: how often the contact list was made on the device.
+        captures: how often a graph was captured.
+    """
+
+    def __init__(self, sim, control) -> None:
+        self.sim, self.control = sim, control
+        device = sim.device
+        self.clock = wp.zeros(CLOCK, dtype=wp.int32, device=device)
+        self.placements = wp.zeros(max(len(sim.schedule.motions), 1), dtype=Placement, device=device)
+        self.refreshes = self.captures = 0
+        self.nothing = wp.zeros(0, dtype=wp.int32, device=device)
+        self._sums = wp.zeros(0, dtype=numbering.Sums, device=device)
+        self._totals = np.zeros(3, dtype=np.int32)  # lanes of packs, shares, wall rows
+        self._totals_of = -1  # version of the lists that they belong to
+        self._graphs: dict[tuple, tuple] = {}
+
+    @cached_property
+    def watched(self) -> Watched:
+        """Mesh walls of the travel guard."""
+        watched, guard, device = Watched(), self.sim.guards.travel, self.sim.device
+        meshes, motion = guard.meshes, guard.motion
+        watched.motion = wp.array([motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
+        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
+        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        return watched
+
+    def sums(self, blocks: int) -> wp.array:
+        """Room for the sums of each block of grains."""
+        if self._sums.shape[0] != blocks:
+            self._sums = wp.zeros(blocks, dtype=numbering.Sums, device=self.sim.device)
+        return self._sums
+
+    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+        """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
+        lists = self.sim.lists
+        if self._totals_of != lists.version:
+            self._totals[:] = lists.totals
+            self._totals_of = lists.version
+        clock = np.zeros(CLOCK, dtype=np.int32)
+        clock[[ROW, LEFT, PARITY, HOLD, GO]] = base, count, parity, hold, count > 0
+        clock[[LANES, SHARES, ROWS]] = self._totals
+        self.clock.assign(clock)
+        launches = Launches(self, grains, rows, surface)
+        if forces_first:
+            launches.forces(0)
+        if count:
+            self._run(launches)
+        clock = self.clock.numpy()
+        self._totals[:] = clock[[LANES, SHARES, ROWS]]
+        if clock[REFRESHES]:
+            self.refreshes += int(clock[REFRESHES])
+            lists.refreshed_on_device(int(clock[REFRESHES]), self.sim.step_number + int(clock[LATEST]), self._totals)
+        return int(clock[DONE]), bool(clock[STALE])
+
+    def _run(self, launches: "Launches") -> None:
+        """Launch the graph of these arrays, captured at first use; step by step where conditional nodes are unknown."""
+        device = self.sim.device
+        if device.is_cuda and not wp.is_conditional_graph_supported():
+            launches.loop()
+            return
+        key = launches.key()
+        if key not in self._graphs:
+            launches.load()
+            with wp.ScopedCapture(device=device) as capture:
+                launches.loop()
+            while len(self._graphs) >= GRAPHS:
+                self._graphs.pop(next(iter(self._graphs)))
+            self._graphs[key] = capture.graph, launches, self._sums  # kept: the arrays that it reads and writes
+            self.captures += 1
+        wp.capture_launch(self._graphs[key][0])
+
+
+def addresses(*structs) -> tuple[int, ...]:
+    """Where the arrays of structs lie."""
+    arrays = [getattr(one, name) for one in structs for name in one._cls.vars]
+    return tuple(x.ptr or 0 for x in arrays if isinstance(x, wp.array))
+
+
+class Launches:
+    """The launches of a graph over one set of arrays."""
+
+    def __init__(self, resident: Resident, grains, rows, surface) -> None:
+        self.resident, self.sim = resident, resident.sim
+        self.grains, self.rows, self.surface = grains, rows, surface
+        sim, lists = self.sim, self.sim.lists
+        self.kernels = sim.kernels.resident
+        self.n, self.reach = len(sim.state), lists.reach
+        contacts = self.contacts = self.kernels.Contacts()
+        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "constants", "memory"):
+            setattr(contacts, name, getattr(lists, name))
+        contacts.trial = lists.trial if len(sim.plan.scheme.STAGES) > 1 else lists.memory
+        contacts.next = lists.spare_memory()
+        self.select, self.fill = lists.select_inputs, [*lists.fill_inputs]
+        self.fill[-9], self.fill[-1] = contacts.memory, contacts.next
+
+    def key(self) -> tuple:
+        """What the graph holds by value."""
+        control, arrays = self.resident.control, [*self.select, *self.fill]
+        lists = [x.ptr if isinstance(x, wp.array) else x for x in arrays]
+        more = [x.shape for x in (self.contacts.owner, self.grains.row)]
+        near = self.sim.lists.near_reference.ptr
+        return self.n, self.reach, near, *lists, *more, *addresses(control, self.grains, self.rows, self.contacts)
+
+    def load(self) -> None:
+        """Compile what the graph launches: not possible within a capture on every system."""
+        sim = self.sim
+        for group in (self.kernels, sim.kernels.lists, sim.kernels.walls, numbering):
+            for thing in vars(group).values() if group is not None else ():
+                if isinstance(thing, wp.Kernel):
+                    wp.load_module(thing.module, device=sim.device)
+
+    def _launch(self, kernel, dim: int, *inputs) -> None:
+        if dim:
+            wp.launch(kernel, dim=dim, inputs=inputs, device=self.sim.device)
+
+    def pair_forces(self, ahead: int, stage: int = 0) -> None:
+        """Forces of the contacts between grains ``ahead`` steps from now."""
+        inputs = ahead, stage, self.grains, self.contacts, self.resident.control, self.sim.coefficients, self.resident.clock
+        self._launch(self.kernels.pair_forces, self.contacts.owner.size, *inputs, self.sim.dt)
+
+    def wall_forces(self, ahead: int, stage: int = 0) -> None:
+        """Forces of the contacts with walls ``ahead`` steps from now."""
+        if self.sim.plan.walls:
+            inputs = ahead, stage, self.grains, self.rows, self.surface, self.resident.control, self.sim.coefficients
+            more = self.sim.plan.materials, self.resident.clock, self.sim.dt
+            self._launch(self.kernels.wall_forces, self.n, *inputs, *more)
+
+    def move(self, ahead: int, stage: int = 0) -> None:
+        """The step that begins ``ahead`` steps from now."""
+        inputs = ahead, stage, self.grains, self.rows, self.resident.control, self.resident.clock, self.sim.dt, self.reach
+        self._launch(self.kernels.move, self.n, *inputs)
+
+    def forces(self, ahead: int, stage: int = 0) -> None:
+        """All forces ``ahead`` steps from now."""
+        self.pair_forces(ahead, stage)
+        self.wall_forces(ahead, stage)
+
+    def loop(self) -> None:
+        """All steps that the clock has left, or those until the host is asked."""
+        wp.capture_while(self.resident.clock[GO : GO + 1], self._body)
+
+    def _body(self) -> None:
+        sim, control, clock = self.sim, self.resident.control, self.resident.clock
+        for ahead in range(BODY):
+            for stage in range(len(sim.plan.scheme.STAGES)):
+                if stage:
+                    self.forces(ahead, stage)
+                self.move(ahead, stage)
+            self.forces(ahead + 1)
+        placements = self.resident.placements
+        self._launch(self.kernels.tick, 1, BODY, len(sim.schedule.motions), control, clock, placements)
+        wp.capture_if(clock[REFRESH : REFRESH + 1], self._select)
+
+    def _select(self) -> None:
+        """Which contacts and wall rows there will be, and whether this can be told here."""
+        sim, lists, control, clock = self.sim, self.sim.lists, self.resident.control, self.resident.clock
+        placements, lanes = self.resident.placements, sim.plan.lanes
+        room = 0.5 * lists.skin - self.reach
+        self._launch(self.kernels.look, self.n, self.grains, lists.near_reference, control, self.resident.watched, placements,
+                     sim.dt, room, clock)  # fmt: skip
+        self._launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select)
+        walls = wall_grain = self.resident.nothing
+        if sim.plan.walls:
+            self._launch(sim.kernels.walls.close_features, self.n, *lists.close_inputs(placements))
+            walls, wall_grain = self.rows.candidates, self.rows.grain
+        counts, blocks = self.select[-3:], -(-self.n // CLASS_BLOCK)
+        sums = self.resident.sums(blocks)
+        self._launch(numbering.sum_blocks, blocks, CLASS_BLOCK, lanes, *counts, walls, sums)
+        self._launch(numbering.start_blocks, 1, sums, clock[LANES : ROWS + 1])
+        self._launch(numbering.start_grains, blocks, CLASS_BLOCK, lanes, *counts, walls, sums, *self.fill[-12:-9], wall_grain)
+        self._launch(self.kernels.judge, 1, self.contacts.owner.size, self.grains.row.shape[0] - 1, clock)
+        wp.capture_if(clock[FRESH : FRESH + 1], self._fill)
+
+    def _fill(self) -> None:
+        """The contact list and the forces of this instant."""
+        sim, n, size = self.sim, self.n, self.contacts.owner.size
+        self._launch(self.kernels.clear, size, min(1, n - 1), self.grains.row.shape[0] - 1, self.contacts)
+        self._launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill)
+        if sim.plan.memory:
+            self._launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
+        self._launch(self.kernels.mark, n, self.grains, self.resident.placements)
+        self.forces(0)

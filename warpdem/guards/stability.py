@@ -1,0 +1,166 @@
+"""The time step against the contacts that there are: the largest step under which the stiffest of them stay stable.
+
+    K u = w^2 M u,     dt < (2/w) (sqrt(1 + 4 z^2) - 2 z),     z = u.C u / (2 w u.M u)
+
+u holds translations and rotations. Each contact gives K its slope along the normal and its tangential stiffness, C the
+damping of both at the present overlap; where friction is left out, the normal part alone. w is the largest rate of the
+grains that the sum
+
+    (1/m_i) sum_c (1 + min(1, m_i/m_j)) (k_n + 7/2 k_t)      (walls: 1 for the bracket)
+
+over their contacts names as the stiffest; it is found by power iteration, which errs to the low side, so that no step is
+called too long which is not. The factor is that of the predicted velocity of exact_drift for a damped oscillator; other
+schemes are there to be compared, up to where they fail, and are not watched.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpdem.engine.impact import secant
+from warpdem.guards.words import grain_at, instant
+from warpdem.measure.observers import LEAST_OVERLAP, coefficients_of
+from warpdem.scene.models import model
+
+DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
+STIFFEST = 200  # grains that are looked at in full
+ROUNDS = 60  # of the power iteration
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Contacts as linear springs and dashpots between rows of grains; row n is the walls."""
+
+    i: np.ndarray
+    j: np.ndarray
+    normal: np.ndarray
+    """From j to i, shape (c, 3)."""
+    stiffness: np.ndarray
+    """Along the normal and across [N/m], shape (2, c)."""
+    damping: np.ndarray
+    """Along the normal and across [N s/m], shape (2, c)."""
+    arm: np.ndarray
+    """From the centres of i and j to the contact [m], shape (2, c)."""
+
+    def taken(self, which: np.ndarray) -> "Springs":
+        """The contacts ``which``."""
+        return Springs(
+            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.damping[:, which],
+            self.arm[:, which],
+        )  # fmt: skip
+
+
+def springs(sim, contacts) -> Springs:
+    """The touching contacts of ``sim`` at their present overlaps."""
+    contacts_on = contacts.overlap > 0.0
+    p, plan = sim.particles, sim.plan
+    n, ids = len(p.id), p.id
+    i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
+    radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
+    overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
+    energy, h = model("normal", plan.normal).energy, DIFFERENCE * overlap
+    slope = (energy(overlap + h, contacts.stiffness) - 2.0 * energy(overlap, contacts.stiffness)
+             + energy(overlap - h, contacts.stiffness)) / (h * h)  # fmt: skip
+    k = secant(plan.normal, overlap, contacts.stiffness)
+    table = coefficients_of(sim, contacts)
+    dashpot = table[:, 1] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
+    friction = (table[:, 4] > 0.0) * 1.0 if plan.tangential else np.zeros(len(k))
+    arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
+    out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, 2] * k]),
+                  np.stack([dashpot, friction * table[:, 3] * dashpot]), arm)  # fmt: skip
+    return out.taken(np.flatnonzero(contacts_on))
+
+
+def filter_rates(s: Springs, mass: np.ndarray) -> np.ndarray:
+    """Square of the rate that the sum over the contacts of each grain allows for [1/s2], shape (n,)."""
+    n, heavy = len(mass), np.append(mass, np.inf)
+    k = s.stiffness[0] + 3.5 * s.stiffness[1]
+    total = np.bincount(s.i, k * (1.0 + np.where(s.j < n, np.minimum(1.0, heavy[s.i] / heavy[s.j]), 0.0)), n + 1)
+    total += np.bincount(s.j, k * (1.0 + np.minimum(1.0, heavy[s.j] / heavy[s.i])) * (s.j < n), n + 1)
+    return total[:n] / mass
+
+
+def largest_rate(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, float, int]:
+    """Largest rate w [1/s] of the grains that ``s`` joins, that mode's damping ratio z [-], and the grain that moves most."""
+    rows = np.unique(np.concatenate([s.i, s.j]))
+    rows = rows[rows < len(mass)]
+    n, place = len(rows), np.full(len(mass) + 1, len(rows))
+    place[rows] = np.arange(n)
+    i, j = place[s.i], place[s.j]
+    # motion scaled by sqrt(M), so that K is symmetric; the last row stands for the walls, which do not move
+    scale = np.zeros((n + 1, 6))
+    scale[:n, :3], scale[:n, 3:] = 1.0 / np.sqrt(mass[rows])[:, None], 1.0 / np.sqrt(inertia[rows])[:, None]
+
+    def stretch(motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Relative displacement at each contact along the normal, shape (c,), and across, shape (c, 3)."""
+        u = motion * scale
+        turning = u[i, 3:] * s.arm[0][:, None] + u[j, 3:] * s.arm[1][:, None]
+        way = u[i, :3] - u[j, :3] - np.cross(turning, s.normal)
+        along = np.einsum("ij,ij->i", way, s.normal)
+        return along, way - along[:, None] * s.normal
+
+    def pull(force: np.ndarray) -> np.ndarray:
+        """What contact forces, shape (c, 3), do to each motion."""
+        twist = np.cross(force, s.normal)
+        sides = ((i, np.hstack([force, s.arm[0][:, None] * twist])), (j, np.hstack([-force, s.arm[1][:, None] * twist])))
+        total = sum(np.stack([np.bincount(at, part[:, c], n + 1) for c in range(6)], axis=1) for at, part in sides)
+        return total * scale
+
+    motion = np.random.default_rng(0).normal(size=(n + 1, 6))
+    square = 0.0
+    for _ in range(ROUNDS):
+        motion /= np.linalg.norm(motion)
+        along, across = stretch(motion)
+        moved = pull((s.stiffness[0] * along)[:, None] * s.normal + s.stiffness[1][:, None] * across)
+        square, before = float(np.sum(motion * moved)), motion
+        motion = moved
+    rate = np.sqrt(square)
+    along, across = stretch(before)
+    lost = float(s.damping[0] @ along**2 + s.damping[1] @ np.einsum("ij,ij->i", across, across))
+    return rate, lost / (2.0 * rate), int(rows[np.argmax(np.einsum("ij,ij->i", before[:n], before[:n]))])
+
+
+def damped_share(s: Springs, mass: np.ndarray) -> float:
+    """Least factor on the limit [-] that the damping of any contact can make."""
+    heavy = np.append(mass, np.inf)
+    reduced = 1.0 / (1.0 / heavy[s.i] + 1.0 / heavy[s.j])
+    normal = s.damping[0] / (2.0 * np.sqrt(s.stiffness[0] * reduced))
+    # rolling at a contact: 2/7 of the mass
+    across = s.damping[1] / (2.0 * np.sqrt(np.maximum(s.stiffness[1], 1.0e-300) * reduced * 2.0 / 7.0))
+    z = float(max(normal.max(), across.max()))
+    return np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z
+
+
+def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, int]:
+    """Largest stable step [s] for the stiffest grains that ``s`` joins, and the one that sets it."""
+    taken = np.append(np.isin(np.arange(len(mass)), np.argsort(filter_rates(s, mass))[-STIFFEST:]), False)
+    rate, z, worst = largest_rate(s.taken(np.flatnonzero(taken[s.i] | taken[s.j])), mass, inertia)
+    return 2.0 / rate * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z), worst
+
+
+class StabilityGuard:
+    """Watches the time step of a simulation."""
+
+    def __init__(self, sim) -> None:
+        self.sim = sim
+
+    def look(self) -> None:
+        """Compare the time step with the limit of the present contacts.
+
+        Raises:
+            StabilityError: it is over it.
+        """
+        sim = self.sim
+        if sim.plan.integrator != "exact_drift":
+            return
+        found, p = springs(sim, sim.contacts()), sim.particles
+        if not len(found.i) or filter_rates(found, p.mass).max() * sim.dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:
+            return
+        limit, worst = stable_step(found, p.mass, p.inertia)
+        if sim.dt > limit:
+            sim.guards.notice(
+                "stability",
+                f"{instant(sim)}: the time step {sim.dt:.3g} s is over the limit {limit:.3g} s of the contacts that there are, "
+                f"of which {grain_at(sim, worst)} has the stiffest: speeds grow with every step. Take a smaller time.step, "
+                "or a larger time.max_speed for step = 'auto'.",
+            )
