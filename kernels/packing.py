@@ -12,7 +12,6 @@ A packing is geometry, not mechanics: no forces, no friction, and no float atomi
 """
 
 import warp as wp
-
 from warpdem.kernels.size_grids import SizeGrids
 
 

@@ -334,3 +334,13 @@ def test_grains_that_go_with_a_turning_wall_have_not_moved(make_simulation):
     assert np.linalg.norm(laboratory.particles.position - places, axis=1).min() > 5e-3
     assert np.linalg.norm(framed.particles.position - places, axis=1).max() < 4e-3
     assert laboratory.lists.rebuilds == framed.lists.rebuilds
+
+
+def test_a_grain_that_goes_with_a_fast_wall_needs_no_new_lists(make_simulation):
+    """Its way in the wall's axes is taken at one instant: a step's way of the wall is five times the skin."""
+    floor = {"name": "belt", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "motion": {"velocity": [5.0, 0, 0]}}
+    sim = make_simulation(
+        [[0, 0, 1.2e-3]], radius=1e-3, velocities=[[5.0, 0, 0]], walls=[floor], step=1e-5, engine={"skin": 1e-5}
+    )
+    sim.step(100)
+    assert sim.lists.rebuilds <= 1, "at most the first lists are made again"

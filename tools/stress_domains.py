@@ -67,24 +67,24 @@ def stopped_drum() -> float:
 # -- walls -----------------------------------------------------------------------------------------
 
 
-def fan(count: int, apex: float) -> str:
-    """Path of a binary STL: ``count`` triangles about the z axis, corners 0.01 m from it, the middle at height ``apex`` [m]."""
+def write_fan(path: Path, count: int, apex: float) -> None:
+    """Write a binary STL: ``count`` triangles about the z axis, corners 0.01 m from it, the middle at height ``apex`` [m]."""
     angle = np.linspace(0.0, 2.0 * math.pi, count + 1)
     rim = np.stack([0.01 * np.cos(angle), 0.01 * np.sin(angle), 0.0 * angle], axis=1)
     rim[-1] = rim[0]
     corners = np.stack([np.tile([0.0, 0.0, apex], (count, 1)), rim[:-1], rim[1:]], axis=1)
     data = np.zeros(count, dtype=[("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("rest", "<u2")])
     data["corner"] = corners
-    path = Path(tempfile.mkdtemp(prefix="stress-")) / "fan.stl"
     path.write_bytes(bytes(80) + np.uint32(count).tobytes() + data.tobytes())
-    return str(path)
 
 
 def on_edges(apex: float) -> float:
     """Overlap of a grain at rest on the middle of a fan of a thousand triangles over the closed form, less 1."""
     depth = rest_depth(5e7, 9.81)
-    wall = {"name": "fan", "material": "g", "mesh": fan(1000, apex), "open": True}
-    sim = simulate([[0, 0, apex + RADIUS - depth]], walls=[wall], gravity=DOWN, max_speed=0.01)
+    with tempfile.TemporaryDirectory() as folder:
+        write_fan(path := Path(folder) / "fan.stl", 1000, apex)
+        wall = {"name": "fan", "material": "g", "mesh": str(path), "open": True}
+        sim = simulate([[0, 0, apex + RADIUS - depth]], walls=[wall], gravity=DOWN, max_speed=0.01)
     sim.step(5000)
     return abs(float(sim.contacts().overlap.sum()) / depth - 1.0)
 

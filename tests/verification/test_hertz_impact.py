@@ -29,15 +29,25 @@ PAIR_CASES = {
 SECOND_ORDER = (math.pi / 200) ** 2 / 8.0
 
 
-def watched(sim, overlap, until):
-    """Largest overlap [m] and end of contact [s] of each impact, and force over overlap at every instant met.
+def on_wall(p):
+    """Overlaps with the plane z = 0 [m], negative apart, shape (n,)."""
+    return p.radius - p.position[:, 2]
 
-    The overlap [m] is ``overlap()``, negative apart, shape (n,). Three instants make a parabola; the ends are straight.
+
+def of_pair(p):
+    """Overlap of the two grains on the x axis [m], negative apart, shape (1,)."""
+    return p.radius.sum() - np.ptp(p.position[:, 0], keepdims=True)
+
+
+def watched(sim, overlap, until):
+    """Largest overlap [m] and time of contact [s] of each impact; overlap [m] and force [N] at every instant in contact.
+
+    Three instants make the parabola of the largest overlap; begin and end lie on straight lines through two instants.
     """
-    seen, curve = [overlap()], []
+    seen, curve = [overlap(sim.particles)], []
     while sim.time < until:
         sim.step(1)
-        seen.append(overlap())
+        seen.append(overlap(sim.particles))
         contacts = sim.contacts()
         curve.append(np.stack([contacts.overlap, np.linalg.norm(contacts.force, axis=1)], axis=1))
     seen, n = np.array(seen), np.arange(len(seen[0]))
@@ -68,8 +78,7 @@ def test_impact_on_a_rigid_wall(device, name):
     sphere, speed, *_, duration = case
     scene, _ = wall_impacts(sphere, [speed], 0.0, "mindlin", restitution=[1.0], friction=0.1)
     sim = Simulation(scene, device=device, threads=1)
-    overlap = lambda: sphere.radius - sim.particles.position[:, 2]  # noqa: E731
-    largest, time, curve = watched(sim, overlap, 1.1 * duration)
+    largest, time, curve = watched(sim, on_wall, 1.1 * duration)
     # a wall of 1e6 times the modulus; the readings K d^(3/2) carry the rounding of d/R = 5e-4
     check(case, True, largest, time, curve, 2e-6)
     np.testing.assert_allclose(sim.particles.velocity, [[0, 0, speed]], atol=5e-6 * speed)
@@ -88,8 +97,7 @@ def test_impact_of_two_spheres(make_simulation, name, precision):
         density=sphere.density, young_modulus=sphere.young_modulus, poisson_ratio=sphere.poisson_ratio, restitution=1.0,
         friction=sphere.friction, tangential="mindlin", max_speed=speed, engine={"precision": precision},
     )  # fmt: skip
-    overlap = lambda: 2.0 * sphere.radius - np.ptp(sim.particles.position[:, 0], keepdims=True)  # noqa: E731
-    largest, time, curve = watched(sim, overlap, 1.1 * duration)
+    largest, time, curve = watched(sim, of_pair, 1.1 * duration)
     check(case, False, largest, time, curve, 1e-8 if precision == "double" else 1e-6)
     np.testing.assert_allclose(sim.particles.velocity[:, 0], [-0.5 * speed, 0.5 * speed], rtol=5e-6)
 
@@ -108,8 +116,7 @@ def test_a_damped_impact_is_shallower_and_lasts_longer(device):
     depth, _, duration = OXIDE.impact(3.9, rigid_wall=True)
     scene, _ = wall_impacts(OXIDE, np.full(len(e), 3.9), 0.0, "mindlin", restitution=e, steps=400)
     sim = Simulation(scene, device=device, threads=1)
-    overlap = lambda: OXIDE.radius - sim.particles.position[:, 2]  # noqa: E731
-    largest, time, _ = watched(sim, overlap, 1.85 * duration)
+    largest, time, _ = watched(sim, on_wall, 1.85 * duration)
     np.testing.assert_allclose(largest / depth, shallower, rtol=2e-3)
     np.testing.assert_allclose(time / duration, longer, rtol=2e-3)
 
@@ -120,8 +127,7 @@ def test_the_sphere_on_steel_of_mercurydpm(device):
     scene, end = wall_impacts(sphere, [1.0], 0.0, "mindlin", steps=400)
     sim = Simulation(scene, device=device, threads=1)
     assert sim.energy()["kinetic"] == pytest.approx(5.235988e-6, rel=1e-7)
-    overlap = lambda: sphere.radius - sim.particles.position[:, 2]  # noqa: E731
-    largest, time, _ = watched(sim, overlap, end)
+    largest, time, _ = watched(sim, on_wall, end)
     assert largest[0] == pytest.approx(7.2462e-6, rel=2e-3)
     assert time[0] == pytest.approx(3.2663e-5, rel=2e-3)
     # |e_out - e| < 0.002 at 400 steps (test_restitution): twice that over e in the energy
@@ -151,8 +157,7 @@ def test_an_elastic_impact_converges_in_rebound_and_depth(device):
             OXIDE, np.full(16, speed), 0.0, "mindlin", restitution=np.ones(16), friction=0.1, steps=n, phase=phases
         )
         sim = Simulation(scene, device=device, threads=1)
-        overlap = lambda: OXIDE.radius - sim.particles.position[:, 2]  # noqa: B023, E731
-        largest, _, _ = watched(sim, overlap, (1.0 + 3.0 / n) * duration)
+        largest, _, _ = watched(sim, on_wall, (1.0 + 3.0 / n) * duration)
         errors.append((rms(sim.particles.velocity[:, 2] / speed - 1.0), rms(largest / depth - 1.0)))
     order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order[0] >= 2.4
@@ -183,8 +188,7 @@ def test_a_linear_impact_has_the_time_and_restitution_of_the_damped_oscillator(m
         place.tolist(), velocities=[[0, 0, -speed]] * n, radius=radius, density=density, normal="hooke", stiffness=stiffness,
         restitution=e, walls=({"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},), step=step,
     )  # fmt: skip
-    overlap = lambda: radius - sim.particles.position[:, 2]  # noqa: E731
-    largest, time, _ = watched(sim, overlap, 1.05 * duration)
+    largest, time, _ = watched(sim, on_wall, 1.05 * duration)
     jump = beta * math.pi / 400
     np.testing.assert_allclose(time, duration, rtol=1e-4)
     np.testing.assert_allclose(sim.particles.velocity[:, 2] / speed, e, atol=2e-4)

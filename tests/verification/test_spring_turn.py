@@ -81,3 +81,15 @@ def test_a_grain_that_rolls_while_it_sinks_in_does_not_slip(make_simulation):
     sim.step(1)
     np.testing.assert_allclose(sim.contacts().overlap, sunk, rtol=1e-9)
     np.testing.assert_allclose(sim.contacts().spring[0], 0.0, atol=1e-9 * speed * DT)
+
+
+def test_a_turning_wall_slips_past_by_the_way_of_its_point_halfway(make_simulation):
+    """Slip of one step is V dt - Omega x (q + V dt/2) dt: with the point at the step's end it errs by Omega dt/2 of V dt."""
+    place, velocity, turn = np.array([5e-3, 0, R - DEPTH]), np.array([0.3, 0.2, 0.0]), np.array([0, 0, OMEGA])
+    disk = {"name": "disk", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "motion": {"axis": [0, 0, 1], "rate": OMEGA}}
+    sim = make_simulation([place], radius=R, velocities=[velocity], walls=(disk,), step=DT, **SOFT)
+    sim.step(1)
+    slip = velocity * DT - np.cross(turn, place + 0.5 * velocity * DT) * DT
+    # the wall's path is a chord: (Omega dt)^2 of V dt, and (Omega dt)^3/24 of q
+    error = (OMEGA * DT) ** 2 * np.linalg.norm(velocity * DT) + (OMEGA * DT) ** 3 / 24 * np.linalg.norm(place)
+    np.testing.assert_allclose(sim.contacts().spring[0], slip, atol=error)

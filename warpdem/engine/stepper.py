@@ -16,7 +16,7 @@ from warpdem.kernels.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
 from warpdem.threads import ranges
 
-SCHEDULE_STEPS = 256  # steps whose schedule is made at once
+SCHEDULE_STEPS = {False: 256, True: 2048}  # whose schedule is made at once, on a CPU and by the graph: it comes back so often
 
 
 def packed(array, dtype):
@@ -30,6 +30,7 @@ class Stepper:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.stages = len(sim.plan.scheme.STAGES)
+        self._ahead = SCHEDULE_STEPS[sim.plan.resident]
         device = sim.device
         slots = 1 if sim.plan.resident else sim.threads.count
         control = self.control = sim.kernels.loop.Control()
@@ -66,12 +67,12 @@ class Stepper:
         sim, first = self.sim, self.sim.step_number
         if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
             with sim.clock("schedule"):
-                self._schedule("row", sim.schedule.rows(first, SCHEDULE_STEPS), Row)
+                self._schedule("row", sim.schedule.rows(first, self._ahead), Row)
                 if sim.plan.frame_rows:
-                    self._schedule("frame", sim.schedule.frames(first, SCHEDULE_STEPS), FrameRow)
-                self._placements = sim.schedule.placements(first, SCHEDULE_STEPS)
+                    self._schedule("frame", sim.schedule.frames(first, self._ahead), FrameRow)
+                self._placements = sim.schedule.placements(first, self._ahead)
                 self._schedule("placement", self._placements, Placement)
-                self._block = (first, SCHEDULE_STEPS)
+                self._block = (first, self._ahead)
         base = first - self._block[0]
         return base, self._block[1] - base
 
