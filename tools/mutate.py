@@ -2,6 +2,7 @@
 
     python tools/mutate.py                          # the whole table, one mutant after the other
     python tools/mutate.py --jobs 2 --only 'law_*'  # those whose names match; the rest of the result is kept
+    python tools/mutate.py --left                   # those that the last result leaves open or has not tried
     python tools/mutate.py --list
 
 The table is ``tools/mutants.toml``. Each worker has a copy of the tree with kernels of its own, in which it writes a mutant,
@@ -204,14 +205,16 @@ class Record:
         print(f"{result['status']:9} {result['seconds']:6.1f} s  {result['name']:40} {result['by'][:90]}", flush=True)
 
     def is_open(self, mutant: Mutant) -> bool:
-        """Whether the mutant is neither killed nor defended."""
-        return self.lines[mutant.name]["status"] != "killed" and not mutant.reason
+        """Whether the mutant, as it stands now, is neither killed nor tried and defended."""
+        line = self.lines.get(mutant.name)
+        return line is None or (line["status"] != "killed" and not mutant.reason)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", action="append", metavar="PATTERN", help="mutants whose names match, * and ? allowed")
+    parser.add_argument("--left", action="store_true", help="only mutants that the last result leaves open or has not tried")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time (default 1)")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds for the tests of a mutant (default 300)")
     parser.add_argument("--no-catch-all", action="store_true", help="only the tests that the table names for each mutant")
@@ -220,13 +223,17 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     mutants, catch_all = read_table()
     asked = [m for m in mutants if not options.only or any(fnmatch.fnmatch(m.name, p) for p in options.only)]
+    record = Record(options.out, mutants)
+    if options.left:
+        asked = [m for m in asked if record.is_open(m)]
     if options.list:
         for m in asked:
             print(f"{m.name:40} {m.file:36} {' '.join(m.tests)}")
         return 0
     if not asked:
-        print(f"no mutant is called {' or '.join(options.only)}: see --list", file=sys.stderr)
-        return 2
+        print(f"no mutant{' is left of' if options.left else ' is called'} {' or '.join(options.only or ['all'])}: see --list",
+              file=sys.stderr)  # fmt: skip
+        return 0 if options.left else 2
     for m in asked:  # before anything is copied
         try:
             m.changed((ROOT / m.file).read_text())
@@ -241,7 +248,6 @@ def main(arguments: list[str] | None = None) -> int:
         if outcome != "passed":
             print(f"the tests do not pass on the unchanged kernels: {by}", file=sys.stderr)
             return 2
-        record = Record(options.out, mutants)
         judge_all(asked, [] if options.no_catch_all else catch_all, places, options.limit, record.add)
     left = [m.name for m in asked if record.is_open(m)]
     print(f"{len(asked) - len(left)} of {len(asked)} killed or defended" + (f"; open: {', '.join(left)}" if left else ""))

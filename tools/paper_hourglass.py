@@ -41,6 +41,7 @@ class Size:
         rest: Time that is run after the glass has stopped on its head [s].
         paper: Whether the grains and the glass are the paper's 160 000.
         device: Device; threads are one on a CPU.
+        precision: Value of ``engine.precision``.
     """
 
     twins: int = 8
@@ -49,6 +50,7 @@ class Size:
     rest: float = 0.55
     paper: bool = False
     device: str = "cpu"
+    precision: str = "double"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ def glass(size: Size) -> dict[str, Any]:
     """Tables of the scene at that size."""
     scene = tables(SCENES / "hourglass.toml")
     fill = scene["grains"][0]["fill"] = {**scene["grains"][0]["fill"], "count": size.count}
+    scene["engine"] = {"precision": size.precision}
     if size.paper:
         scene["walls"][0] |= {"mesh": "../meshes/hourglass_paper.stl", "scale": 0.001}
         fill |= {key: PAPER_SIZE[key] for key in ("count", "diameter")}
@@ -145,19 +148,25 @@ def run(size: Size, rpm: float, setting: str, start: dict[str, np.ndarray], twin
     return Run(times, np.array(passed), np.array(places), overlap, sum(sim.seconds.values()) - sim.seconds["set-up"])
 
 
-def runs(size: Size, rpm: float, start: dict[str, np.ndarray]) -> dict[str, list[Run]]:
-    """All twins of both settings, one process per core; on a GPU one after the other."""
-    jobs = [(setting, twin) for twin in range(size.twins) for setting in SETTINGS]
-    for setting in SETTINGS:  # compiled once, before the processes start
-        simulation(size, rpm, setting, start, 0).step(1)
+def finished(jobs: dict[tuple[str, int], tuple], device: str) -> dict[tuple[str, int], Run]:
+    """Runs by name and twin, given the arguments of ``run``: one process per core; on a GPU one after the other."""
+    for size, rpm, setting, start, _ in {name: job for (name, _), job in jobs.items()}.values():
+        simulation(size, rpm, setting, start, 0).step(1)  # compiled once, before the processes start
     found = {}
-    workers = len(os.sched_getaffinity(0)) if size.device == "cpu" else 1
+    workers = len(os.sched_getaffinity(0)) if device == "cpu" else 1
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(run, size, rpm, setting, start, twin): (setting, twin) for setting, twin in jobs}
-        for job in as_completed(waiting):
-            found[waiting[job]] = job.result()
-            setting, twin = waiting[job]
-            print(f"hourglass, {rpm:g} rpm, {setting}, twin {twin}: {found[waiting[job]].seconds:.0f} s", flush=True)
+        waiting = {pool.submit(run, *job): key for key, job in jobs.items()}
+        for done in as_completed(waiting):
+            name, twin = waiting[done]
+            found[name, twin] = done.result()
+            print(f"hourglass, {jobs[name, twin][1]:g} rpm, {name}, twin {twin}: {found[name, twin].seconds:.0f} s", flush=True)
+    return found
+
+
+def runs(size: Size, rpm: float, start: dict[str, np.ndarray]) -> dict[str, list[Run]]:
+    """All twins of both settings."""
+    jobs = {(setting, twin): (size, rpm, setting, start, twin) for twin in range(size.twins) for setting in SETTINGS}
+    found = finished(jobs, size.device)
     return {setting: [found[setting, twin] for twin in range(size.twins)] for setting in SETTINGS}
 
 

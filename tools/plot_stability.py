@@ -44,11 +44,11 @@ def draw(found: list[dict], gas: dict[float, float], path: Path) -> None:
     for ax, (name, title) in zip(axes, NAMES.items(), strict=False):
         for k, (normal, ratio) in enumerate(LAWS):
             rows = [r for r in found if (r["of"], r["normal"], r["ratio"]) == (name, normal, ratio)]
-            free = 2.0 * max(r["rule_s"] for r in rows)  # rule at e = 1 is 2/w: steps in units of 1/w
+            rate = 2.0 / max(r["rule_s"] for r in rows)  # the rule of e = 1 is 2/w
             e = [r["restitution"] for r in rows]
             word = "no friction" if ratio == 0.0 else "hertz, friction" if normal == "hertz" else f"k_t = {ratio:.2g} k_n"
-            ax.plot(e, [4.0 * r["rule_s"] / free for r in rows], "-", color=f"C{k}")
-            ax.plot(e, [4.0 * r["measured_s"] / free for r in rows], "o", color=f"C{k}", label=word)
+            ax.plot(e, [rate * r["rule_s"] for r in rows], "-", color=f"C{k}")
+            ax.plot(e, [rate * r["measured_s"] for r in rows], "o", color=f"C{k}", label=word)
         ax.set(title=title, xlabel="restitution", ylabel="largest stable step x undamped rate w", ylim=(0, 2.2))
         ax.legend(fontsize=8, title="points: measured; lines: rule", title_fontsize=8)
     steps = np.array(list(gas))
