@@ -198,3 +198,9 @@ def test_damped_contact_factor_against_trajectories():
         factor = timestep.damped_contact_factor(e)
         assert factor == pytest.approx(path.t_events[0][-1] / undamped, rel=5e-3)
     assert np.all(np.diff([timestep.damped_contact_factor(e) for e in np.linspace(0.05, 1.0, 50)]) < 0)
+
+
+def test_a_lone_free_grain_has_no_contact_to_limit_it():
+    alone = found(scene(grains=[{"material": "glass", "positions": [[0, 0, 0]], "radius": RADIUS}]))
+    assert alone.stable == alone.packed == alone.contact_time == math.inf
+    assert alone.overlap == 0.0

@@ -12,6 +12,7 @@ damping as K is of its stiffness:
 
     packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbours move against each other, K = (5 Z/3) k_t all turn
     one contact                       K = k_n along the normal, K = (7/2) k_t rolling
+    rolling spring k_r                against I* = (2/5) m* R^2, on a wall together with slip; in a packing (2 Z/3) k_r
 
 That condition is exact for a damped oscillator under the predicted velocity v* = v + (dt/2) a of the default scheme; with
 w = sqrt(K/m*) and z = C/(2 w m*) it reads dt = (2/w)(sqrt(1 + 4 z^2) - 2 z). The modes are those of Bloch waves on cubic
@@ -126,6 +127,32 @@ def contact_limit(normal: tuple[float, float], tangential: tuple[float, float], 
     return min(stable_step(*normal, mass), stable_step(*rolling, mass) if rolling[0] > 0.0 else math.inf)
 
 
+def rolling_limit(
+    spring: tuple[float, float], tangential: tuple[float, float], inertia: float, mass: float, radius: float, wall: bool
+) -> tuple[float, float]:
+    """Stability limits [s] of a packing and of one contact whose relative rotation bends a spring.
+
+    On a wall the angle bends it and slips by R at once: the larger rate of both together. Between two grains slip goes with
+    the sum of the spins and the spring with their difference, so that neither feels the other.
+
+    Args:
+        spring: k_r [N m] and C_r [N m s].
+        tangential: stiffness [N/m] and damping [N s/m] across the contact.
+        inertia: I* [kg m2].
+        mass: reduced mass m* [kg].
+        radius: of the grain [m].
+        wall: whether the contact is one with a wall.
+    """
+    packing = stable_step(*(2.0 * PACKED / 3.0 * k for k in spring), inertia)
+    if not wall:
+        return packing, stable_step(*spring, inertia)
+    both = []
+    for k_r, k_t in zip(spring, tangential, strict=True):
+        trace, product = k_t / mass + (k_t * radius**2 + k_r) / inertia, k_t * k_r / (mass * inertia)
+        both.append(0.5 * (trace + math.sqrt(trace**2 - 4.0 * product)))
+    return packing, stable_step(*both, 1.0)
+
+
 def contact_time(scene, base: float, mass: float, radius: float, speed: float) -> float:
     """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``base`` is the stiffness base of the normal law."""
     return impact(scene.located(scene.contact.normal), base, mass, radius, speed).time
@@ -170,11 +197,12 @@ def limits(scene, start, meshes: dict) -> Limits:
         )
         mass = m.density * 4.0 / 3.0 * math.pi * radius**3
         walls = {names.index(w.material) for w in scene.walls}
-        partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type)]
+        alone = len(start.id) < 2 and not scene.streams
+        partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type) if not alone]
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
             restitution = scene.pair(names[t], names[other]).restitution
-            base, damping, shear, shear_damping, friction, *_ = table[t, other]
+            base, damping, shear, shear_damping, friction, rolling_friction, rolling_damping = table[t, other]
             met = impact(law, base, reduced_mass, reduced_radius, max(speed, 1e-6))
             if speed > 0:
                 contact = min(contact, met.time)
@@ -186,6 +214,12 @@ def limits(scene, start, meshes: dict) -> Limits:
             tangential = (shear * met.secant, shear_damping * dashpot) if sticks else (0.0, 0.0)
             packed = min(packed, packing_limit(normal, tangential, reduced_mass))
             stable = min(stable, contact_limit(normal, tangential, reduced_mass))
+            if scene.contact.rolling == "spring" and rolling_friction > 0.0:
+                k_r = 2.25 * met.secant * (rolling_friction * reduced_radius) ** 2
+                spring = k_r, 2.0 * rolling_damping * math.sqrt(1.4 * reduced_mass * radius**2 * k_r)
+                wall = reduced_radius == radius
+                rolling = rolling_limit(spring, tangential, 0.4 * reduced_mass * radius**2, reduced_mass, radius, wall)
+                packed, stable = min(packed, rolling[0]), min(stable, rolling[1])
     return Limits(
         rayleigh=float(rayleigh),
         contact_time=float(contact),
