@@ -123,8 +123,8 @@ def test_grain_on_the_turning_disk_draws_the_circle_of_rolling():
 
 def test_figures_of_the_bed_are_those_of_its_contacts():
     problem = PROBLEMS["bed"]
-    sim = problem.simulation(Setting("exact_drift", "double", 5000), copies=60)
-    sim.step(5000)
+    sim = problem.simulation(Setting("exact_drift", "double", 10_000), copies=60)
+    sim.step(10_000)
     height, energy, coordination, force = problem.figures(sim)[0]
     assert 0 < height < 0.01 and energy > 0 and coordination > 1
     weight = 9.81 * sim.particles.mass.sum()

@@ -97,6 +97,21 @@ def test_warning_names_number_and_remedy(kind):
         assert word in text, text
 
 
+def test_overlaps_are_warned_of_from_a_tenth_of_the_radius_or_where_the_run_stops():
+    fast = {"end": 0.01, "step": 1e-6, "max_speed": 0.8}
+    assert 0.05 < simulation(time=fast).limits.overlap < 0.1
+    assert said(time=fast) == ""
+    text = said(time=fast, engine={"max_overlap": 0.05})
+    assert "over engine.max_overlap = 0.05 the run stops itself" in text and "brings that to 5%" in text
+
+
+def test_steps_are_warned_of_from_eight_tenths_of_the_limit_of_one_impact():
+    limit = simulation(time={"end": 0.01, "step": 1e-6, "max_speed": 1.0}).limits.stable
+    for share, warned in ((0.75, False), (0.85, True)):
+        text = said(time={"end": 0.01, "step": share * limit, "max_speed": 1.0})
+        assert ("of the stability limit" in text) is warned, text
+
+
 def test_open_mesh_without_borders_is_a_warning(tmp_path):
     box = trimesh.creation.box((0.02, 0.02, 0.02))
     box.update_faces(box.face_normals[:, 2] < 0.5)

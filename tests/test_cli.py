@@ -1,10 +1,12 @@
 """The command: exit codes, messages in one screen, nothing computed from a wrong scene, interrupt and resume."""
 
 import json
+import shlex
 import signal
 import subprocess
 import sys
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -221,6 +223,9 @@ def test_wrong_scene_is_answered_in_one_screen_before_anything_is_computed(warpd
         ((*RUN, "--set", "time.ned=1"), ["time.ned", "end"]),
         ((*RUN, "--set", "nonsense"), ["nonsense"]),
         ((*RUN, "--resume"), ["checkpoint.h5", "no checkpoint"]),
+        ((*RUN, "--until", "0"), ["--until 0", "above 0"]),
+        ((*RUN, "--until", "-1"), ["--until -1", "above 0"]),
+        ((*RUN, "--until", "nan"), ["--until nan", "above 0"]),
     ],
 )
 def test_wrong_argument_is_answered_with_2(warpdem, folder, arguments, words):
@@ -230,14 +235,23 @@ def test_wrong_argument_is_answered_with_2(warpdem, folder, arguments, words):
     assert "Traceback" not in error
     for word in words:
         assert word in " ".join(error.split())
-    assert results(folder) == []
+    assert not (folder / "out").exists()
 
 
 def test_render_of_nothing_says_so(warpdem):
     code, _, error = warpdem("render", "nowhere")
-    assert code == 1
+    assert code == 2
     assert "nowhere" in error
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("index", ["result.pvd", "result.vtkhdf"])
+def test_render_of_the_folder_above_names_that_of_the_results(warpdem, folder, index):
+    (folder / "mine" / "results").mkdir(parents=True)
+    (folder / "mine" / "results" / index).touch()
+    code, _, error = warpdem("render", "mine")
+    assert code == 2
+    assert "the results are in mine/results" in " ".join(error.split())
 
 
 def test_unknown_option_is_refused(warpdem, folder):
@@ -300,14 +314,50 @@ def test_interrupted_run_resumes_to_the_same_bits(warpdem, folder, signal_number
     process.send_signal(signal_number)
     _, error = process.communicate(timeout=60.0)
     assert process.returncode == 130, error
-    assert "--resume continues" in error
     assert record(folder)["status"] == "interrupted"
     assert 0 < record(folder)["steps"] < 10_000
-    assert warpdem(*RUN, "--quiet", "--resume", *long)[0] == 0
+    reached = f"at t = {record(folder)['time']:.6g} s"
+    said, command = error.strip().splitlines()[-1].split("; go on with: warpdem ")
+    assert said == f"interrupted {reached} of 0.1 s"
+    code, out, _ = warpdem(*shlex.split(command))
+    assert code == 0
+    assert f"goes on {reached}, 4 grains, {10_000 - round(float(reached[7:-2]) / 1e-5)} steps" in " ".join(out.split())
     assert record(folder)["status"] == "done"
     resumed = record(folder)["state_hash"]
     assert warpdem(*RUN, "--quiet", "--overwrite", *long)[0] == 0
     assert record(folder)["state_hash"] == resumed
+
+
+def test_the_command_that_goes_on_names_the_options_given(warpdem, folder, monkeypatch):
+    (folder / "my law.py").touch()
+    monkeypatch.setattr("warpdem.run_phases.run", Mock(side_effect=KeyboardInterrupt("at t = 1 s of 2 s")))
+    options = ["--threads=1", "--precision=mixed", "--until=2.0", "--plugin", "my law.py", "--allow-path", "."]
+    changes = ["--set", "time.end=3", 'engine.skin="0.1 mm"']
+    code, _, error = warpdem("run", "bed.toml", *options, *changes, "--quiet", "--overwrite")
+    assert code == 130
+    said, command = error.rstrip("\n").split("; go on with: ")
+    assert said == "interrupted at t = 1 s of 2 s"
+    assert shlex.split(command) == ["warpdem", "run", "bed.toml", "--out", "out/bed", "--resume", *options, *changes]
+
+
+def test_resume_with_other_settings_says_so(warpdem, folder):
+    assert warpdem(*RUN, "--quiet", "--set", "time.end=0.001")[0] == 0
+    code, _, error = warpdem(*RUN, "--resume")
+    assert code == 2
+    text = " ".join(error.split())
+    assert "other values of time" in text and "repeat the same --set options" in text
+
+
+def test_run_tells_how_many_warnings_check_has(warpdem, folder):
+    stiff = ("--until", "1e-4", "--set", "materials.glass.young_modulus=1e6")
+    code, out, _ = warpdem(*RUN, *stiff)
+    assert code == 0
+    assert out.count("1 warning, see warpdem check") == 1
+    code, out, _ = warpdem(*RUN, "--overwrite", *stiff, "pairs.0.restitution=0.01")
+    assert code == 0
+    assert "2 warnings, see warpdem check" in out
+    _, out, _ = warpdem("check", "bed.toml", "--no-probe", *stiff[2:], "pairs.0.restitution=0.01")
+    assert out.count("warning ") == 2
 
 
 def test_resume_of_a_finished_run_changes_nothing(warpdem, folder):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from warpdem import demo
+from warpdem import Simulation, advice, demo, load_scene
 from warpdem.errors import OutputError, SceneError
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
@@ -45,13 +46,25 @@ def test_header_without_a_part_is_refused(tmp_path):
 
 
 def test_list_names_each_scene_its_outcome_and_time():
-    console = Console(width=150, record=True, file=io.StringIO())
+    console = Console(width=90, record=True, file=io.StringIO())
     demo.print_gallery(console)
     text = console.export_text()
+    words = " ".join(text.split())
     for scene in demo.gallery().values():
-        assert f"\n{scene.name} " in text and scene.takes in text and scene.about in text
-        assert scene.outcome[:30] in text
-    assert len(text.splitlines()) == 1 + 2 * len(demo.gallery())
+        assert f"\n{scene.name} " in text and f" {scene.takes} " in text
+        assert " ".join(scene.about.split()) in words and " ".join(scene.outcome.split()) in words
+    assert max(map(len, text.splitlines())) <= 90
+    assert "…" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", demo.gallery())
+def test_scene_that_check_warns_of_says_why(name):
+    """Each warning is of the time step or of overlaps; the first comment has a word on it."""
+    file = demo.gallery()[name].file
+    warned = advice.warnings(Simulation(load_scene(file), device="cpu"))
+    comment = re.match(r"(?:#.*\n)*", file.read_text(encoding="utf-8"))[0]
+    assert ("warpdem check warns" in comment) is bool(warned), warned
 
 
 def test_copy_takes_the_scene_and_the_meshes_it_names(tmp_path):

@@ -230,11 +230,22 @@ TABLE = {
     "mesh outside": ("walls.1.mesh=../tub.stl", ['walls[1].mesh = "../tub.stl"', "outside the folders", "--allow-path"]),
     "mesh from the net": ("walls.1.mesh=https://a.b/tub.stl", ["walls[1].mesh", "nothing is read over a network"]),
     "mesh of another kind": ("walls.1.mesh=tub.step", ["walls[1].mesh", ".stl, .obj, .ply"]),
-    "open mesh": ("walls.1.mesh=open.stl", ["walls[1].mesh", "open.stl", "must be closed", "3 open edges"]),
+    "open mesh": (
+        "walls.1.mesh=open.stl",
+        ["walls[1].mesh", "open.stl", "3 open edges", "; if it is open on purpose, add open = true to this wall"],
+    ),
+    "filling of an open mesh": (
+        "walls.1.mesh=open.stl ;; walls.1.open=true ;; " + fill("count=10, diameter='2 mm'"),
+        ["grains[0].fill", "open.stl", "must be closed", "fill a box instead: fill = { box = { min"],
+    ),
     "empty mesh": ("walls.1.mesh=empty.stl", ["walls[1].mesh", "empty.stl", "0 triangles"]),
     "damaged mesh": ("walls.1.mesh=junk.stl", ["walls[1].mesh", "junk.stl (8 bytes)", "cannot be read as a mesh"]),
     "mesh with nan": ("walls.1.mesh=nan.obj", ["walls[1].mesh", "nan.obj", "not a finite number"]),
-    "mesh too small": ("walls.1.scale=1e-4", ["walls[1].mesh", "tub.stl", "0.002 diameters", "check scale"]),
+    "mesh too small": (
+        "walls.1.scale=1e-4",
+        ["walls[1].mesh", "tub.stl", "0.002 diameters", "check the scale", "and the unit of the grains' diameters"],
+    ),
+    "diameters without unit": ("grains.0.radius=1", ["walls[1].mesh", "0.02 diameters", "scale = 1000", 'as in "2 mm"']),
     "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "runs none", "--plugin"]),
     "USD of another kind": ("frame={usd='tub.stl', prim='/A'}", ["frame.usd", "ending in .usd, .usda, .usdc, .usdz"]),
     "damaged USD": ("frame={usd='junk.usda', prim='/A'}", ["frame", "junk.usda", "cannot be read"]),
@@ -280,7 +291,28 @@ TABLE = {
     ),
     "outside the mesh": (
         "grains.0.positions=[[0, 0, 0.002], [0.003, 0, 0.002], [0, 0.03, 0.002]]",
-        ["walls[1].mesh", "grain 2", "outside the closed mesh 'tub'", "1 of 3"],
+        ["walls[1].mesh", "grain 2", "outside the closed mesh 'tub'", "while 2 grains are inside"],
+    ),
+    "in the mesh, most outside": (
+        "grains.0.positions=[[0, 0, 0.002], [0, 0.04, 0.002], [0, 0.03, 0.002]]",
+        ["walls[1].mesh", "grain 0", "inside the closed mesh 'tub'", "while 2 grains are outside"],
+    ),
+    "into a plane": (
+        "grains.0.positions=[[0, 0, 0.0005], [0.003, 0, 0.002], [0, 0.003, 0.002]]",
+        ["walls[0]", "grain 0 at (0, 0, 0.0005) m", "0.0005 m into the wall 'floor'", "0.5 of its radius", "is 0.1", "1 of 3"],
+    ),
+    "into a closed mesh": (
+        "grains.0.positions=[[0, 0, 0.002], [0.003, 0, 0.002], [0, 0.0198, 0.002]]",
+        ["walls[1]", "grain 2", "0.0008 m into the wall 'tub'", "0.8 of its radius"],
+    ),
+    "into an open mesh": (
+        "walls.1={name='tub', material='glass', mesh='open.stl', open=true} ;; "
+        "grains.0.positions=[[0, 0, 0.002], [0.003, 0, 0.002], [0, 0.0202, 0.002]]",
+        ["walls[1]", "grain 2", "0.0008 m into the wall 'tub'", "0.8 of its radius"],
+    ),
+    "into an open cylinder": (
+        shape("cylinder={point=[0.0025, 0, -0.1], axis=[0, 0, 1], radius='2 mm', length=0.3}"),
+        ["walls[0]", "grain 0", "0.0005 m into the wall 's'", "1 of 3 grains"],
     ),
     "does not fit in": (
         shape("cylinder={point=[0, 0, -0.1], axis=[0, 0, 1], radius='0.5 mm', inside=true}"),

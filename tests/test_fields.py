@@ -169,7 +169,7 @@ def lorentz_error(step):
 
 
 def test_lorentz_force_leads_round_the_circle_in_second_order():
-    errors, bounds = np.transpose([lorentz_error(step) for step in (4e-4, 2e-4, 1e-4)])
+    errors, bounds = np.transpose([lorentz_error(step) for step in (3.2e-4, 1.6e-4, 0.8e-4)])
     assert np.all(errors < 1.05 * bounds)
     np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 2.0, atol=0.1)
 

@@ -33,7 +33,7 @@ def test_pose_is_scale_then_rotate_then_translate(tmp_path):
 )
 def test_hourglass_of_the_scenes_is_one_smooth_piece_and_two_lids(name, neck, length, rim):
     mesh = load_mesh(MESHES / f"{name}.stl", 1e-3)
-    require_closed(mesh, "walls[0].mesh")
+    require_closed(mesh, "walls[0].mesh", "mend it")
     # the cones leave the neck at 29.95 degrees, measured across the middle of a facet
     assert mesh.piece.max() + 1 == 3
     # the facets of a cone run straight from the neck to the lid: 48 planes each for two cones and the neck
@@ -46,7 +46,7 @@ def test_hourglass_of_the_scenes_is_one_smooth_piece_and_two_lids(name, neck, le
 
 def test_box_of_the_scenes_is_the_unit_box():
     mesh = load_mesh(MESHES / "box.stl")
-    require_closed(mesh, "walls[0].mesh")
+    require_closed(mesh, "walls[0].mesh", "mend it")
     np.testing.assert_array_equal(mesh.bounds, [[0, 0, 0], [1, 1, 1]])
     assert mesh.volume == pytest.approx(1.0)
     assert mesh.plane.max() + 1 == 6
@@ -90,8 +90,8 @@ def test_open_mesh_is_refused_with_the_place_of_the_hole():
     mesh = build_mesh(box()[1:])
     assert not mesh.is_closed
     assert mesh.open_edges == 3
-    with pytest.raises(SceneError, match=r"walls\[2\]\.mesh: mesh: .* 3 open edges .* at \(") as caught:
-        require_closed(mesh, "walls[2].mesh")
+    with pytest.raises(SceneError, match=r"walls\[2\]\.mesh: mesh: .* 3 open edges .* at \(.*\) m; mend it$") as caught:
+        require_closed(mesh, "walls[2].mesh", "mend it")
     place = [float(v) for v in re.search(r"at \((.*?)\) m", str(caught.value))[1].split(",")]
     gone = box()[0]
     middles = 0.5 * (gone + np.roll(gone, -1, axis=0))
@@ -106,10 +106,10 @@ def test_surface_with_one_side_is_refused():
     assert mesh.is_closed
     assert mesh.turned == 0
     with pytest.raises(SceneError, match=r"[1-9] edges whose two triangles are wound against each other"):
-        require_closed(mesh, "walls[0].mesh")
+        require_closed(mesh, "walls[0].mesh", "mend it")
     for way in (1, -1):  # nor is it known which way a body beside it should be wound
         assert build_mesh(np.concatenate([corners, 0.1 * box()[:, ::way] + 9.0])).turned == 0
-    require_closed(build_mesh(box()), "walls[0].mesh")
+    require_closed(build_mesh(box()), "walls[0].mesh", "mend it")
 
 
 def test_what_was_mended_is_noted_with_count_and_place():
@@ -147,7 +147,7 @@ def test_edges_of_three_triangles_are_told_from_borders():
     assert not mesh.is_closed
     assert any("1 edges at which three or more triangles meet, the first at (0, 0, -1.5) m" in n for n in mesh.notes)
     with pytest.raises(SceneError, match="three or more triangles"):
-        require_closed(mesh, "walls[0].mesh")
+        require_closed(mesh, "walls[0].mesh", "mend it")
 
 
 def test_mesh_without_area_is_refused():

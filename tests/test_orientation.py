@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from warpdem import Scene, SceneError, Simulation
 
-STEPS, DT = 400, 5e-5
+STEPS, DT = 400, 4e-5
 SPINS = np.array([[0.0, 0.0, 0.0], [30.0, -50.0, 20.0], [0.0, 0.0, 200.0]])
 FRAMES = {
     "rest": None,
@@ -64,7 +64,7 @@ def test_a_steady_spin_turns_a_grain_exactly_in_any_frame(frame):
 
 @pytest.mark.parametrize("integrator", ["scovel", "rk2"])
 def test_schemes_with_relative_spins_agree_to_their_order(integrator):
-    """Their spins relative to the frame are turned by second-order steps: (60/s 5e-5 s)^2 / 12 per radian."""
+    """Their spins relative to the frame are turned by second-order steps: (60/s 4e-5 s)^2 / 12 per radian."""
     sim = flight("turning", integrator)
     sim.step(STEPS)
     assert 0.0 < error(sim) < 1e-4

@@ -146,7 +146,10 @@ def test_a_phase_that_stops_itself_is_told(tmp_path):
 
 def test_a_new_run_leaves_nothing_of_an_older_one(done, tmp_path):
     run(scene(), tmp_path / "out", until=110 * STEP)
-    run(scene(), tmp_path / "out", until=20 * STEP)
+    for refused in ({}, {"until": -1.0, "overwrite": True}):
+        with pytest.raises(SceneError, match="holds the results of a run|--until -1: .* above 0"):
+            run(scene(), tmp_path / "out", **refused)
+    run(scene(), tmp_path / "out", until=20 * STEP, overwrite=True)
     assert [p["status"] for p in record(tmp_path / "out")["phases"]] == ["done", "not begun", "not begun"]
     entries = ElementTree.parse(tmp_path / "out" / "result.pvd").iter("DataSet")
     assert max(float(e.attrib["timestep"]) for e in entries) == pytest.approx(20 * STEP)

@@ -6,8 +6,11 @@ import io
 import json
 import math
 import os
+import re
 import signal
+import time
 from contextlib import ExitStack
+from pathlib import Path
 from unittest.mock import Mock
 
 import h5py
@@ -19,8 +22,9 @@ from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
 from warpdem.output.write_vtk import read_results
-from warpdem.runner import check_folder, default_folder, run_scene
-from warpdem.summary import scene_hash, steps_per_contact
+from warpdem.progress import told_if_long
+from warpdem.runner import check_request, default_folder, make_folder, named_folder, run_scene
+from warpdem.summary import print_summary, scene_hash, steps_per_contact
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
 
@@ -86,6 +90,7 @@ def test_run_json_tells_what_was_run_and_what_came_out(done):
     assert record["extremes"]["steps_per_contact"] == steps_per_contact(sim)
     assert record["lists"]["rebuilds"] >= 1
     assert record["seconds"]["total"] > record["seconds"]["steps"] > 0
+    assert record["seconds"]["compile"] > 0
     assert Scene.model_validate(record["scene_data"]) == scene()
 
 
@@ -111,11 +116,18 @@ def test_history_has_a_row_at_every_interval(done):
         assert rows[-1, header.index(f"centre_{name} [m]")] == pytest.approx(centre, rel=1e-14)
 
 
-def test_summary_tells_speed_lists_extremes_and_what_was_left_out(done):
+def test_summary_tells_speed_lists_and_extremes(done):
     _, sim, text = done
     for what in ("twelve grains", "12 grains", "ns per grain and step", "rebuilds", "largest overlap", "steps per contact",
-                 "left out", "turning of the axes", sim.state_hash(), "wall time"):  # fmt: skip
+                 sim.state_hash(), "wall time"):  # fmt: skip
         assert what in text, what
+    assert "left out" not in text  # check tells
+
+
+def test_summary_of_a_narrow_terminal_has_the_whole_hash(done):
+    text = io.StringIO()
+    print_summary(done[1], Console(file=text, width=60), 1.0, done[0], None)
+    assert done[1].state_hash() in re.sub(r"[^0-9a-z…]", "", text.getvalue())
 
 
 def test_steps_per_contact_is_the_least_over_pairs_and_walls():
@@ -136,6 +148,12 @@ def test_quiet_prints_nothing(tmp_path, capfd):
     _, text = run(scene(time={"end": 1e-3, "step": 1e-5, "max_speed": 1}), tmp_path, quiet=True)
     assert text == ""
     assert capfd.readouterr().out == ""
+
+
+def test_time_to_compile_is_booked_as_such(tmp_path, monkeypatch):
+    monkeypatch.setattr(Simulation, "load_kernels", lambda sim: time.sleep(0.2))
+    sim, _ = run(scene(), tmp_path, until=1e-4)
+    assert 0.2 <= sim.seconds["compile"] < 0.5
 
 
 def test_until_ends_sooner(tmp_path):
@@ -197,7 +215,7 @@ def test_a_new_run_in_the_folder_takes_the_old_checkpoint_away(tmp_path, monkeyp
     run(scene(), tmp_path, until=1e-3)
     monkeypatch.setattr(checkpoint, "save", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
-        run(scene(), tmp_path)
+        run(scene(), tmp_path, overwrite=True)
     assert not (tmp_path / "checkpoint.h5").exists()
 
 
@@ -300,12 +318,60 @@ def test_default_folder_never_holds_results(tmp_path, monkeypatch):
     assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
 
 
+def test_folder_of_a_result_stage_is_named_after_its_run(tmp_path, monkeypatch):
+    assert named_folder(Path("out/drum/result.usda")).as_posix() == "out/drum"
+    assert named_folder(Path("out/drum/result.toml")).as_posix() == "out/result"
+    monkeypatch.chdir(tmp_path)
+    assert named_folder(Path("result.usdc")).name == tmp_path.name
+
+
 def test_folder_with_results_is_refused(tmp_path):
-    check_folder(tmp_path / "new", overwrite=False)
+    check_request(tmp_path / "new", None, overwrite=False)
+    assert not (tmp_path / "new").exists()
+    make_folder(tmp_path / "new")
     (tmp_path / "new" / "run.json").touch()
     with pytest.raises(SceneError, match="holds the results of a run"):
-        check_folder(tmp_path / "new", overwrite=False)
-    check_folder(tmp_path / "new", overwrite=True)
+        check_request(tmp_path / "new", None, overwrite=False)
+    check_request(tmp_path / "new", None, overwrite=True)
     (tmp_path / "file").touch()
-    with pytest.raises(SceneError, match="cannot be written"):
-        check_folder(tmp_path / "file" / "below", overwrite=False)
+    for below in (tmp_path / "file" / "below", tmp_path / "file"):
+        with pytest.raises(SceneError, match=r"cannot be written \(.*file is no folder"):
+            check_request(below, None, overwrite=False)
+        with pytest.raises(OutputError, match="cannot be written"):
+            make_folder(below)
+
+
+def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(scene(), "mine", until=1e-4)
+    before = {path: path.read_bytes() for path in Path("mine").iterdir()}
+    with pytest.raises(SceneError, match="mine: holds the results of a run"):
+        run(scene(), "mine")
+    assert {path: path.read_bytes() for path in Path("mine").iterdir()} == before
+    with pytest.raises(SceneError, match="--until 0: .* above 0"):
+        run(scene(), "other", until=0.0)
+    assert not Path("other").exists()
+    run(scene(), "mine", until=2e-4, overwrite=True)
+    assert history(Path("mine"))[1][-1, 0] == pytest.approx(2e-4)
+
+
+@pytest.mark.parametrize(("seconds", "quiet", "said"), [(0.0, False, ""), (0.2, False, "compiling\n"), (0.2, True, "")])
+def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
+    monkeypatch.setattr("warpdem.progress.LONG", 0.05)
+    text = io.StringIO()
+    with told_if_long("compiling", Console(file=text), quiet):
+        time.sleep(seconds)
+    time.sleep(0.1)
+    assert text.getvalue() == said
+
+
+def test_the_lines_of_the_readme_read_the_history(done, monkeypatch):
+    """From README.md: the block that reads history.csv, run."""
+    page = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
+    [block] = [b for b in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "history.csv" in b]
+    left = {}
+    exec(block.replace("out/hourglass", done[0].as_posix()).replace("glass", "floor"), left)
+    header, rows = history(done[0])
+    np.testing.assert_array_equal(left["table"]["time [s]"], rows[:, 0])
+    np.testing.assert_array_equal(left["force"], rows[:, header.index("floor force z [N]")])
+    assert np.any(left["force"] != 0.0)

@@ -8,6 +8,7 @@ import pytest
 
 from warpdem import SceneError, Simulation
 from warpdem.engine.impact import impact
+from warpdem.runner import run_scene
 from warpdem.scene import models
 from warpdem.scene.file import scene_from_dict
 
@@ -238,6 +239,52 @@ def test_wrong_field_file_is_answered_by_file_and_what_is_allowed(tmp_path, old,
     answer = message(tmp_path, fields=[field])
     for word in ["fields[0]", *words]:
         assert word in answer
+
+
+FORCE = "return wp.vec3d(p[0], p[1], p[2]) * mass + wp.vec3d(p[3], p[4], p[5]) * wp.cos(p[6] * time)"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (FORCE, "return wp.vec3d(p[0], p[1], p[2]) * weight", ["pull.py, line 17: ", "* weight: ", "undefined symbol: weight"]),
+        (FORCE, "return wp.vec3d(p[0], p[1], p[2]) * 2.0", ["pull.py, line 17: ", "* 2.0: ", "same scalar type"]),
+        (FORCE, "return wp.vec3d(wp.root(mass), p[1], p[2])", ["pull.py, line 17: ", "Could not find function wp.root"]),
+        ("q: wp.vec3d, v", "q: wp.vec3, v", ["pull.py: ", "overload for 'force'"]),
+        ("def build():", "def build(real):", ["pull.py: ", "missing 1 required positional argument"]),
+        ("def build():\n", "def build():\n    1 / 0\n", ["pull.py, line 13: ", "1 / 0: ZeroDivisionError: division by zero"]),
+    ],
+)
+def test_function_that_does_not_compile_is_refused_before_the_run(tmp_path, old, new, words):
+    assert old in OWN_FIELD
+    field = own_field(tmp_path, pull=[0, 0, 0])
+    (tmp_path / "pull.py").write_text(OWN_FIELD.replace(old, new))
+    for _ in range(2):  # Warp remembers what failed
+        with pytest.raises(SceneError) as error:
+            run_scene(scene_from_dict(data(**FREE | {"fields": field}), tmp_path), tmp_path / "out", device="cpu", threads=1)
+        for word in [str(tmp_path), "Warp cannot compile it: ", *words]:
+            assert word in str(error.value)
+        assert "Error while parsing" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_law_and_observer_that_do_not_compile_are_refused_before_the_run(own, tmp_path):
+    text = (own / "normal.py").read_text()
+    for old, new, words in (
+        ("touching * stiffness", "touching * stiff", r"Warp cannot compile it: spring = .*undefined symbol: stiff$"),
+        ("0.5 * stiffness *", "0.5 * stiff *", r"it fails in the estimate of an impact: return .*: NameError: name 'stiff' "),
+    ):
+        assert old in text
+        (tmp_path / "law.py").write_text(text.replace(old, new))
+        with pytest.raises(SceneError, match=r"law\.py, line \d+: " + words):
+            simulation(tmp_path, contact={**data()["contact"], "normal": "law.py"})
+    (tmp_path / "tally.py").write_text(
+        'import functools\nimport warp as wp\nfrom warpdem.kernels.field import Numbers\nUNIT = "x"\nPARAMETERS = {}\n'
+        "@functools.cache\ndef build():\n    @wp.func\n    def observe(q: wp.vec3d, v: wp.vec3d, w: wp.vec3d, mass: wp.float64,"
+        " radius: wp.float64, time: wp.float64, p: Numbers) -> wp.float64:\n        return mass * radus\n    return observe\n"
+    )
+    with pytest.raises(SceneError, match=r"tally\.py, line 10: Warp cannot compile it: return mass \* radus: .*: radus"):
+        simulation(tmp_path, **FREE | {"observers": [{"name": "a", "model": "tally.py"}]})
 
 
 def test_time_step_limits_know_a_law_by_its_energy_alone(tmp_path):

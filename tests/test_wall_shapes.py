@@ -101,6 +101,11 @@ def test_one_contact_with_the_overlap_that_geometry_gives(wall, position, normal
     assert contacts.overlap[0] == pytest.approx(RADIUS - shape.nearest(np.array([position]))[1][0], abs=1e-15)
 
 
+def test_a_point_on_the_axis_is_as_far_from_the_wall_as_the_wall_from_the_axis():
+    at, distance = Cylinder(**CYLINDER).nearest(np.array([[0.0, 0.0, 3e-3]]))
+    assert distance[0] == pytest.approx(5e-3) == np.linalg.norm(at[0, :2])
+
+
 def test_far_from_the_wall_nothing_is_touched():
     for wall in ({"cylinder": CYLINDER}, {"cone": CONE}, {"sphere": SPHERE}):
         assert len(simulate([wall], [0, 0, 3e-3]).contacts().i) == 0

@@ -51,22 +51,17 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
     return out
 
 
-def settled(mesh: Path, wall: dict, start: dict | None) -> Simulation:
-    """The hourglass scene in a resting frame with another mesh, its grains settled or as in ``start``."""
+def hourglass(mesh: Path, wall: dict, grains: dict | None) -> Simulation:
+    """The hourglass scene in a resting frame with another mesh, filled or with ``grains`` as they lay."""
     data = load_scene(SCENES / "hourglass.toml").model_dump(mode="json")
     data["walls"][0] |= {"mesh": str(mesh), **wall}
-    data |= {"frame": None, "grains": [start] if start else data["grains"]}
-    sim = Simulation(Scene.model_validate(data), device="cpu", threads=1)
-    if start is None:
-        sim.run(until=0.25)
-        return settled(mesh, wall, dict(material="grain", positions=sim.particles.position, radii=sim.particles.radius))
-    sim.step(1000)
-    return sim
+    data |= {"frame": None, "grains": [grains] if grains else data["grains"]}
+    return Simulation(Scene.model_validate(data), device="cpu", threads=1)
 
 
 def hourglasses(launches: int, folder: Path) -> list[dict]:
     """A mesh of some 5 000 triangles at rest and turning (so slowly that the grains lie alike), and one of 90 000."""
-    rows, start = [], None
+    rows, grains = [], None
     for fineness, wall, name in (
         (1.25, {}, "hourglass"),
         (1.25, {"motion": [{"axis": [0, 1, 0], "rate": 1e-9}]}, "hourglass, turning"),
@@ -75,8 +70,12 @@ def hourglasses(launches: int, folder: Path) -> list[dict]:
         mesh = folder / f"hourglass{fineness}.stl"
         triangles = make_meshes.hourglass(**make_meshes.SMALL, segments=int(48 * fineness), rows=int(14 * fineness))
         make_meshes.write_stl(mesh, triangles)
-        sim = settled(mesh, wall, start)
-        start = start or dict(material="grain", positions=sim.particles.position, radii=sim.particles.radius)
+        if grains is None:
+            first = hourglass(mesh, wall, None)
+            first.run(until=0.25)  # they lie by then
+            grains = dict(material="grain", positions=first.particles.position, radii=first.particles.radius)
+        sim = hourglass(mesh, wall, grains)
+        sim.step(1000)
         places = int(sim.lists.places(sim.step_number & 1, sim.lists.place_slots(
             sim.step_number & 1, sim.lists.wall_grains)[0])["wall"].size)  # fmt: skip
         rows.append({"case": name, "triangles": len(triangles), "places": places, **phases(sim, launches)})

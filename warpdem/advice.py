@@ -10,13 +10,13 @@ from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.scene.models import model
 
-STABLE_SHARE = 0.5
-"""Of the stability limit of one impact: a denser packing has a lower limit."""
+STABLE_SHARE = PACKED_SHARE
+"""Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""
 RAYLEIGH_SHARE = 0.2
 CONTACT_STEPS = 28
 """Steps per contact at which the default scheme returns the restitution within 1e-3."""
-OVERLAP = 0.05
-"""Of the radius: beyond it the volume that overlaps is not small and contacts feel each other."""
+OVERLAP = 0.1
+"""Of the radius, at the speed that the time step is made for: beyond it contacts of a grain feel each other."""
 RESTITUTION = 0.05
 """The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
 SIZE_RATIO = 10.0
@@ -105,17 +105,18 @@ def _step(sim) -> Iterator[str]:
 
 def _impacts(sim) -> Iterator[str]:
     share, speed = sim.limits.overlap, sim.limits.max_speed
-    if share <= OVERLAP:
+    limit = sim.scene.engine.max_overlap
+    sound = min(OVERLAP, limit)
+    if share <= sound:
         return
     normal = model("normal", sim.scene.located(sim.scene.contact.normal))
     constant = stiffness(sim.scene.located(sim.scene.contact.normal), 1.0, 1.0)
-    stiffer = float(normal.energy(share, constant) / normal.energy(OVERLAP, constant))
+    stiffer = float(normal.energy(share, constant) / normal.energy(sound, constant))
     key = "pairs[].stiffness" if sim.scene.contact.normal == "hooke" else "young_modulus"
-    limit = sim.scene.engine.max_overlap
     stops = f"; over engine.max_overlap = {limit:g} the run stops itself" if share > limit else ""
     yield (
         f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: {stiffer:.2g} times "
-        f"the {key} brings that to {OVERLAP:.0%}, at a smaller time step"
+        f"the {key} brings that to {sound:.0%}, at a smaller time step"
     )
 
 

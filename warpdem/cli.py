@@ -1,6 +1,7 @@
 """The command ``warpdem``: run, check, convert, render, demo. Arguments to calls; no physics."""
 
 import json
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -52,7 +53,7 @@ def run(
 
     Args:
         scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
-        out: Folder of the results; out/NAME if not given.
+        out: Folder of the results; out/NAME if not given, NAME that of the scene, or of its folder for a result stage.
         device: cpu or cuda:0; a GPU if there is one.
         threads: CPU threads; all cores if not given.
         precision: Precision of the contact law instead of the scene's.
@@ -62,14 +63,24 @@ def run(
         quiet: Print errors only.
     """
     from warpdem.run_phases import run as run_all
-    from warpdem.runner import check_folder, default_folder
+    from warpdem.runner import default_folder, named_folder
     from warpdem.scene.file import load_scene
 
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
-    folder = out or (Path("out") / scene.stem if resume else default_folder(scene))
-    check_folder(folder, overwrite or resume)
-    run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, quiet=quiet)
+    folder = out or (named_folder(scene) if resume else default_folder(scene))
+    try:
+        run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite, quiet=quiet)
+    except KeyboardInterrupt as stop:
+        if not stop.args:  # nothing was run yet
+            raise
+        given = {"device": device, "threads": threads, "precision": precision, "until": until, "at": at}
+        options = [f"--{name}={value}" for name, value in given.items() if value is not None]
+        options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
+                    for word in (f"--{name}", str(path))]  # fmt: skip
+        options += ["--set", *set_] if set_ else []
+        command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
+        raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
 
 
 @app.command
@@ -210,14 +221,15 @@ def demo(
 
 
 def main() -> None:
-    """Entry point: exit codes 0 done, 2 wrong scene, 3 run stopped itself, 130 interrupted."""
+    """Entry point: exit codes 0 done, 2 wrong scene or argument, 3 run stopped itself, 130 interrupted."""
     try:
         app()
     except WarpdemError as error:
         Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"error: {error}")
         sys.exit(error.exit_code)
     except KeyboardInterrupt as stop:  # before a run has begun there is nothing to continue
-        Console(stderr=True).print("; ".join(["interrupted", *map(str, stop.args)]))
+        said = "; ".join(map(str, stop.args))
+        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"interrupted {said}".rstrip())
         sys.exit(130)
 
 

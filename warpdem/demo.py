@@ -10,6 +10,8 @@ from importlib import resources
 from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from warpdem.errors import OutputError, SceneError
 from warpdem.scene.file import load_scene
@@ -98,14 +100,16 @@ def copy(name: str, folder: Path) -> Path:
 
 
 def print_gallery(console: Console) -> None:
-    """Print name and time of each scene, and in a line each what happens and what must come out, cut to the width."""
-    scenes = gallery().values()
-    wide, long = max(len(scene.name) for scene in scenes), max(len(scene.takes) for scene in scenes)
+    """Print name and time of each scene, what happens, and what must come out, in as many lines as that takes."""
     console.print("warpdem demo NAME copies a scene to the folder NAME and runs it; here what happens, and what must come out")
-    for scene in scenes:
-        head = f"{scene.name:{wide}}  {scene.takes:{long}}  "
-        for line in (head + scene.about, " " * len(head) + scene.outcome):
-            console.print(line, no_wrap=True, overflow="ellipsis", markup=False)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for scene in gallery().values():
+        table.add_row(scene.name, scene.takes, Text(scene.about, style="bold"))
+        table.add_row("", "", Text(scene.outcome))
+    console.print(table)
 
 
 def print_outcome(file: Path, console: Console) -> None:

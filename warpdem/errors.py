@@ -2,15 +2,13 @@
 
 
 class WarpdemError(Exception):
-    """Base of all errors that a user can mend; ``exit_code`` is what the command line returns."""
+    """Base of all errors that a user can mend; ``exit_code`` is what the command line returns: 2 for what was asked for."""
 
-    exit_code = 1
+    exit_code = 2
 
 
 class SceneError(WarpdemError):
     """The scene is wrong: the message names file, key, value and what is allowed."""
-
-    exit_code = 2
 
 
 class StabilityError(WarpdemError):

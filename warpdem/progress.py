@@ -1,10 +1,27 @@
-"""How far a run is: a bar in a terminal, and the same bar in a notebook."""
+"""How far a run is: a bar in a terminal, and the same bar in a notebook; a word before what takes long."""
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
+LONG = 1.0
+"""Seconds of wall time after which a word is due."""
+
+
+@contextmanager
+def told_if_long(text: str, console: Console, quiet: bool) -> Iterator[None]:
+    """Print ``text`` if the block runs longer than `LONG`; nothing if ``quiet``."""
+    word = threading.Timer(LONG, lambda: console.print(text, markup=False))
+    word.daemon = True
+    if not quiet:
+        word.start()
+    try:
+        yield
+    finally:
+        word.cancel()
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
-from warpdem.runner import CHECKPOINT, run_scene
+from warpdem.runner import CHECKPOINT, check_request, make_folder, run_scene
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 from warpdem.summary import scene_hash
@@ -24,10 +24,11 @@ INDICES = ("result.pvd", "contacts.pvd")
 
 def run(
     scene: Scene,
-    folder: Path,
+    folder: Path | str,
     *,
     until: float | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     quiet: bool = False,
     console: Console | None = None,
     **keys,
@@ -39,6 +40,7 @@ def run(
         folder: where the results go.
         until: end of the whole run [s] instead of the scene's.
         resume: go on from the checkpoints in the folder; phases that are done are left as they are.
+        overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
         console: where to print.
         keys: ``device`` and ``threads`` of ``run_scene``.
@@ -50,9 +52,12 @@ def run(
         WarpdemError: as ``run_scene``.
         KeyboardInterrupt: as ``run_scene``.
     """
+    said = {"quiet": quiet, "console": console or Console(), **keys}
     if not scene.phases:
-        return run_scene(scene, folder, until=until, resume=resume, quiet=quiet, console=console, **keys)
-    console = console or Console()
+        return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, **said)
+    folder = Path(folder)
+    check_request(folder, until, overwrite or resume)
+    make_folder(folder)
     folders = [folder / f"{k + 1}-{phase.name}" for k, phase in enumerate(scene.phases)]
     begins = [sum(scene.phase(j).time.end for j in range(k)) for k in range(len(folders))]
     asked = len(folders) if until is None else sum(begin < until for begin in begins)
@@ -69,9 +74,8 @@ def run(
             end = one.time.end if until is None else min(one.time.end, until - begin)
             if resume and _is_done(there, end) and k + 1 < asked:
                 continue
-            there.mkdir(parents=True, exist_ok=True)
             going = resume and (k == 0 or (there / CHECKPOINT).exists())
-            sim = run_scene(one, there, until=end, resume=going, quiet=quiet, console=console, **keys)
+            sim = run_scene(one, there, until=end, resume=going, overwrite=True, **said)
         status = "done"
     except (WarpdemError, KeyboardInterrupt):
         status = _status(folders[k])

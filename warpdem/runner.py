@@ -1,6 +1,8 @@
 """A run with its outputs: advances a simulation from frame to frame, writes, shows progress, and sums up."""
 
 import json
+import math
+import os
 import platform
 import signal
 import threading
@@ -13,18 +15,19 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from warpdem import summary
+from warpdem import advice, summary
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError, SceneError, StabilityError
 from warpdem.measure import measures, observation
 from warpdem.measure.dimensionless import Turning, TurningNumbers
 from warpdem.output.background import Background
 from warpdem.output.write_grid import GridWriter
-from warpdem.progress import progress_bar
+from warpdem.progress import progress_bar, told_if_long
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 from warpdem.snapshot import Snapshot, WallMesh
-from warpdem.write_tables import HistoryWriter, write_run_record
+from warpdem.usd.stage import USD_SUFFIXES
+from warpdem.write_tables import HistoryWriter, not_written, write_run_record
 
 HISTORY_COLUMNS = (
     "time [s]", "frame_angle [rad]", "grains [-]", "kinetic [J]", "rotational [J]", "elastic [J]", "potential [J]",
@@ -34,9 +37,15 @@ CHECKPOINT = "checkpoint.h5"
 SECONDS_PER_CHUNK = 0.3  # of wall time between two looks at progress and interrupts
 
 
+def named_folder(scene_path: Path) -> Path:
+    """``out/NAME``: the name of the scene's file, or of its folder if it is the result stage of a run."""
+    is_result = scene_path.stem == "result" and scene_path.suffix.lower() in USD_SUFFIXES
+    return Path("out") / (scene_path.resolve().parent.name if is_result else scene_path.stem)
+
+
 def default_folder(scene_path: Path) -> Path:
     """``out/NAME``, or ``out/NAME-2``, ``out/NAME-3``... when there are results already."""
-    base = Path("out") / scene_path.stem
+    base = named_folder(scene_path)
     folder, number = base, 1
     while (folder / "run.json").exists():
         number += 1
@@ -44,21 +53,31 @@ def default_folder(scene_path: Path) -> Path:
     return folder
 
 
-def check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuse to write over the results of another run.
+def check_request(folder: Path, until: float | None, overwrite: bool) -> None:
+    """Refuse to write over the results of another run, and an end that is none; nothing is written.
 
     Raises:
-        SceneError: if ``folder`` holds a run and ``overwrite`` is false, or cannot be written.
+        SceneError: if ``folder`` holds a run and ``overwrite`` is false, or cannot be written; if ``until`` [s] is not above 0.
     """
+    if until is not None and not 0.0 < until < math.inf:
+        raise SceneError(f"--until {until:g}: the time at which the run ends must be above 0 [s]")
     if (folder / "run.json").exists() and not overwrite:
         raise SceneError(f"--out {folder}: holds the results of a run; take another folder, or say --overwrite")
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise SceneError(f"--out {folder}: cannot be written ({there} is no folder to write in)")
+
+
+def make_folder(folder: Path) -> None:
+    """Make ``folder`` if it is not there.
+
+    Raises:
+        OutputError: the system refuses.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".write-test"
-        probe.touch()
-        probe.unlink()
     except OSError as error:
-        raise SceneError(f"--out {folder}: cannot be written ({error.strerror})") from error
+        raise not_written(folder, error) from error
 
 
 def history_columns(scene: Scene) -> list[str]:
@@ -225,24 +244,38 @@ def _interrupts() -> Iterator[Callable[[], bool]]:
 
 def run_scene(
     scene: Scene,
-    folder: Path,
+    folder: Path | str,
     *,
     device: str | None = None,
     threads: int | None = None,
     until: float | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     quiet: bool = False,
     console: Console | None = None,
 ) -> Simulation:
     """Run ``scene`` to its end, write its results into ``folder`` and print a summary.
 
+    Args:
+        scene: validated scene.
+        folder: where the results go; made if it is not there.
+        device: as ``Simulation``.
+        threads: as ``Simulation``.
+        until: end [s] instead of the scene's.
+        resume: go on from the checkpoint in the folder.
+        overwrite: allow a folder that holds the results of a run.
+        quiet: print errors only.
+        console: where to print.
+
     Raises:
-        SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong.
+        SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong, or the folder holds
+            the results of a run and neither ``resume`` nor ``overwrite`` is said.
         StabilityError: if the run stops itself; results and the last good checkpoint stay.
         OutputError: if a result cannot be written; results so far and the last good checkpoint stay.
         KeyboardInterrupt: on Ctrl-C and SIGTERM, with a checkpoint of the present step.
     """
-    console = console or Console()
+    folder, console = Path(folder), console or Console()
+    check_request(folder, until, overwrite or resume)
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
     sim = Simulation(scene, device=device, threads=threads)
@@ -250,10 +283,10 @@ def run_scene(
         checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
     if not quiet:
-        console.print(f"[bold]{scene.title or scene.source}[/]: {len(sim.state)} grains, {sim.steps_until(end)} steps of "
-                      f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
-        for note in sim.notes:
-            console.print(f"note: {note}", markup=False)
+        _announce(sim, end, folder, console)
+    with sim.clock("compile"), told_if_long("compiling kernels (once per kind of scene) ...", console, quiet):
+        sim.load_kernels()
+    make_folder(folder)
     outputs = Outputs(sim, folder, resume)
     if not resume:
         (folder / CHECKPOINT).unlink(missing_ok=True)  # one of a run before would not fit what is written now
@@ -284,6 +317,18 @@ def run_scene(
     if not quiet:
         summary.print_summary(sim, console, time.perf_counter() - begin, folder, outputs.turning.result())
     return sim
+
+
+def _announce(sim: Simulation, end: float, folder: Path, console: Console) -> None:
+    """What is about to be run, to ``end`` [s]."""
+    goes_on = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
+    steps = max(0, sim.steps_until(end) - sim.step_number)
+    console.print(f"[bold]{sim.scene.title or sim.scene.source}[/]: {goes_on}{len(sim.state)} grains, {steps} steps of "
+                  f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
+    for note in sim.notes:
+        console.print(f"note: {note}", markup=False)
+    if count := len(advice.warnings(sim)):
+        console.print(f"{count} warning{'s' if count > 1 else ''}, see warpdem check")
 
 
 def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, console: Console, quiet: bool) -> None:
@@ -331,7 +376,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
             outputs.close()
         raise
     if sim.step_number < last:
-        raise KeyboardInterrupt("--resume continues")
+        raise KeyboardInterrupt(f"at t = {sim.time:.6g} s of {end:g} s")
 
 
 def _next(step: int, every: int) -> int:

@@ -110,7 +110,8 @@ class Simulation:
             self.limits = timestep.limits(scene, self.expected, self.meshes)
             self.dt = timestep.choose(scene, self.limits)
             self.schedule.dt = self.dt
-            self.kernels = compile_plan(self.plan)
+            self.kernels = compile_plan(self.plan, self.device)
+            observation.compile_own(scene, self.device)
             density = np.array([m.density for m in scene.materials.values()])
             moving = replace(start, velocity=start_velocity, spin=start_spin)
             self.density = density
@@ -177,6 +178,16 @@ class Simulation:
     def time(self) -> float:
         """Simulated time [s]: step number times time step, never a running sum."""
         return self.step_number * self.dt
+
+    def load_kernels(self) -> None:
+        """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
+        built = self.kernels
+        if self.plan.resident:  # the graph's are compiled where it is captured
+            return
+        lists = [thing for group in (built.lists, built.walls) if group is not None for thing in vars(group).values()]
+        for thing in (built.loop.run, built.loop.read, built.loop.read_budget, *lists):
+            if isinstance(thing, wp.Kernel):
+                wp.load_module(thing.module, device=self.device)
 
     def step(self, count: int = 1) -> None:
         """Advance by ``count`` time steps.

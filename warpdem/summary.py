@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from warpdem.engine.plan import coefficient_table
 from warpdem.engine.timestep import contact_time, damped_contact_factor
@@ -64,8 +64,8 @@ def turning_line(turning: Turning) -> str:
 
 
 def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
-    """Time per stage, speed, lists, extremes, what was left out, and the numbers of the turning if something turned."""
-    table = Table(title="summary", show_header=False, title_justify="left")
+    """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
+    table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
     n, steps = len(sim.state), sim.steps_done
     stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
     table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
@@ -92,8 +92,6 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
     for guard, message in sim.noticed.items():
         table.add_row("[bold red]noticed[/]", f"{guard}: {message}")
-    for name, why in sim.plan.left_out.items():
-        table.add_row("left out", f"{name}: {why}")
     table.add_row("state hash", sim.state_hash())
     table.add_row("results", str(folder))
     console.print(table)

@@ -84,6 +84,10 @@ def render(
 
 def _results(folder: Path) -> AnyResults:
     """The results in a folder, of whichever format is there."""
+    below = folder / "results"  # where a demo has them
+    here, there = (any((at / name).exists() for name in (GRAINS, INDEX)) for at in (folder, below))
+    if there and not here:
+        raise WarpdemError(f"{folder}: the results are in {below}; give that folder")
     return read_vtkhdf(folder) if (folder / GRAINS).exists() and not (folder / INDEX).exists() else read_results(folder)
 
 

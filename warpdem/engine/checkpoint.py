@@ -146,8 +146,10 @@ def _check(sim, data: dict) -> None:
         there, here = data["scene"], sim.given.model_dump(mode="json")
         keys = [key for key in {**here, **there} if here.get(key) != there.get(key)]
         files = [place for place, digest in sim.files.items() if data["files"].get(place) != digest]
-        found = f"other values of {', '.join(keys)}" if keys else f"other contents of the file of {', '.join(files)}"
-        raise SceneError(f"{data['path']}: belongs to another scene than {sim.scene.source}: {found}; nothing was changed")
+        found = f"other contents of the file of {', '.join(files)}; nothing was changed"
+        if keys:
+            found = f"other values of {', '.join(keys)}; nothing was changed; repeat the same --set options, if any were given"
+        raise SceneError(f"{data['path']}: belongs to another scene than {sim.scene.source}: {found}")
     if data["dt"] != sim.dt:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {sim.dt!r} s; nothing was changed"

@@ -21,17 +21,36 @@ from warpdem.kernels import (
     thread_contact,
 )
 from warpdem.kernels.wall import candidates, contact, feature
-from warpdem.scene.models import model
+from warpdem.scene.models import is_file, model, using
 
 
-@functools.cache
-def compile_plan(plan: Plan) -> Built:
-    """Kernels and array structs of a plan; nothing is compiled until it is launched.
+def compile_plan(plan: Plan, device=None) -> Built:
+    """Kernels and array structs of a plan.
+
+    Nothing is compiled until it is launched, except on ``device`` what holds the user's own models: their mistakes come
+    before the run.
 
     Returns:
         Namespace with ``loop`` (the step), ``resident`` (the GPU's, or None), ``lists`` (neighbours), ``walls``
         (candidate kernels or None), ``Rows``.
+
+    Raises:
+        SceneError: Warp cannot compile a file of the user.
     """
+    names = [plan.normal, plan.tangential or "", plan.rolling or "", *(name for name, _ in plan.fields)]
+    with using(names):
+        built = _built(plan)
+        if device is not None and any(is_file(name) for name in names):
+            stepping = vars(built.resident).values() if plan.resident else (built.loop.run,)
+            for thing in (*stepping, built.loop.read_budget):
+                if isinstance(thing, wp.Kernel):
+                    wp.load_module(thing.module, device=device)
+    return built
+
+
+@functools.cache
+def _built(plan: Plan) -> Built:
+    """Kernels and array structs of a plan, each built once."""
     models = (
         model("normal", plan.normal),
         model("tangential", plan.tangential) if plan.tangential else None,

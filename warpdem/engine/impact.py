@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.scene.models import model
+from warpdem.scene.models import model, using
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
 DIFFERENCE = 1.0e-4  # of the overlap: step of the derivatives
@@ -46,18 +46,23 @@ def secant(normal: str, overlap, constant):
 
 
 def impact(normal: str, base: float, mass: float, radius: float, speed: float) -> Impact:
-    """Impact at ``speed`` [m/s] of two bodies with m* [kg] and R* [m] under the law named ``normal``."""
-    energy, constant = model("normal", normal).energy, stiffness(normal, base, radius)
-    whole = 0.5 * mass * speed**2
-    low, high = 0.0, 1.0e-12 * radius
-    while energy(high, constant) < whole:
-        low, high = high, 2.0 * high
-    for _ in range(60):  # more bits than a double has
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if energy(middle, constant) < whole else (low, middle)
-    u = 0.5 * (NODES + 1.0)  # d = d_max (1 - u^2) takes the singular end of the integral away
-    left = 1.0 - energy(high * (1.0 - u**2), constant) / whole
-    time = 2.0 * float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
-    step = DIFFERENCE * high
-    bend = (energy(high + step, constant) - 2.0 * energy(high, constant) + energy(high - step, constant)) / step**2
-    return Impact(high, time, float(secant(normal, high, constant)), float(bend))
+    """Impact at ``speed`` [m/s] of two bodies with m* [kg] and R* [m] under the law named ``normal``.
+
+    Raises:
+        SceneError: ``energy`` or ``stiffness`` in a file of the user fails.
+    """
+    with using([normal], "it fails in the estimate of an impact"):
+        energy, constant = model("normal", normal).energy, stiffness(normal, base, radius)
+        whole = 0.5 * mass * speed**2
+        low, high = 0.0, 1.0e-12 * radius
+        while energy(high, constant) < whole:
+            low, high = high, 2.0 * high
+        for _ in range(60):  # more bits than a double has
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if energy(middle, constant) < whole else (low, middle)
+        u = 0.5 * (NODES + 1.0)  # d = d_max (1 - u^2) takes the singular end of the integral away
+        left = 1.0 - energy(high * (1.0 - u**2), constant) / whole
+        time = 2.0 * float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
+        step = DIFFERENCE * high
+        bend = (energy(high + step, constant) - 2.0 * energy(high, constant) + energy(high - step, constant)) / step**2
+        return Impact(high, time, float(secant(normal, high, constant)), float(bend))

@@ -28,7 +28,7 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
             file, folders = scene.resolve(wall.mesh), scene.access.folders
             mesh = load_mesh(file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders)
             if not wall.open:
-                require_closed(mesh, key)
+                require_closed(mesh, key, "if it is open on purpose, add open = true to this wall")
             meshes[wall.name] = mesh
     return meshes
 

@@ -101,21 +101,27 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: 
 
     A closed mesh with more than half of the grains inside, or one that a filling names, is a container: all other
     grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
-    meshes have no inside and are not checked, nor are ``known`` walls, which were there before the start.
+    meshes have no inside. ``known`` walls, which were there before the start, are not checked.
 
     Raises:
         SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
-            centre is on the wrong side of a wall.
+            centre is on the wrong side of a wall, or nearer to it than the radius by more than that share.
     """
     if len(grains) == 0:
         return
     _check_overlaps(grains, scene)
-    meshes = {name: mesh for name, mesh in meshes.items() if name not in known}
-    seen = {wall.name: _in_body_axes(scene, number, grains.position) for number, wall in enumerate(scene.walls)}
+    distance = {}
     for number, wall in enumerate(scene.walls):
-        if wall.shape is not None and wall.name not in known:
-            _check_shape(grains, seen[wall.name], wall, f"{scene.source}: walls[{number}]")
-    _check_closed_meshes(grains, seen, meshes, scene)
+        if wall.name in known:
+            continue
+        seen = _in_body_axes(scene, number, grains.position)
+        if wall.shape is not None:
+            distance[wall.name] = wall.shape.nearest(seen)[1]
+            _check_shape(grains, seen, distance[wall.name], wall, f"{scene.source}: walls[{number}]")
+        else:
+            distance[wall.name] = signed_distance(meshes[wall.name], seen)[0]
+    _check_closed_meshes(grains, distance, meshes, scene)
+    _check_wall_overlaps(grains, distance, scene)
 
 
 def _in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
@@ -351,7 +357,24 @@ def _check_overlaps(grains: Grains0, scene) -> None:
     )
 
 
-def _check_shape(grains: Grains0, position: np.ndarray, wall, key: str) -> None:
+def _check_wall_overlaps(grains: Grains0, distance: dict[str, np.ndarray], scene) -> None:
+    """Refuse grains that reach too far into a wall, given the distances (n,) [m] of their centres from each wall."""
+    allowed = scene.engine.max_overlap
+    for number, wall in enumerate(scene.walls):
+        if wall.name not in distance:
+            continue
+        share = 1.0 - np.abs(distance[wall.name]) / grains.radius
+        deep = share > allowed
+        if deep.any():
+            i = int(np.argmax(share))
+            raise SceneError(
+                f"{scene.source}: walls[{number}]: {_place(grains, i)} reaches {share[i] * grains.radius[i]:.6g} m into the "
+                f"wall {wall.name!r}, {share[i]:.3g} of its radius; allowed at the start is {allowed:g} "
+                f"({int(deep.sum())} of {len(grains)} grains reach in by more)"
+            )
+
+
+def _check_shape(grains: Grains0, position: np.ndarray, height: np.ndarray, wall, key: str) -> None:
     kind = next(name for name in SHAPES if getattr(wall, name) is not None)
     shape = wall.shape
     if isinstance(shape, (Cylinder, Sphere)):
@@ -362,7 +385,6 @@ def _check_shape(grains: Grains0, position: np.ndarray, wall, key: str) -> None:
                 f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
                 f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
             )
-    height = shape.nearest(position)[1]
     behind = height < 0.0
     if behind.any():
         i = int(np.argmin(height))
@@ -376,25 +398,25 @@ def _check_shape(grains: Grains0, position: np.ndarray, wall, key: str) -> None:
 
 
 def _check_closed_meshes(
-    grains: Grains0, seen: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
+    grains: Grains0, distance: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
 ) -> None:
     keys = {wall.name: f"{scene.source}: walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
     filled = {group.fill.wall for group in scene.grains if group.fill is not None}
     depth = {
-        name: -signed_distance(mesh, seen[name])[0]
+        name: -distance[name]
         for name, mesh in meshes.items()
-        if mesh.is_closed and mesh.twisted_edges == 0
+        if name in distance and mesh.is_closed and mesh.twisted_edges == 0
     }
     containers = {name for name, d in depth.items() if name in filled or 2 * int((d > 0.0).sum()) > len(grains)}
     contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else None
     for name, d in depth.items():
-        if name in containers:
-            wrong, side = ~contained & (d <= 0.0), "outside the closed mesh"
-        else:
-            wrong, side = d > 0.0, "inside the solid mesh"
+        within = d > 0.0
+        wrong = ~contained & ~within if name in containers else within
         if wrong.any():
             i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
+            side, other = ("inside", "outside") if within[i] else ("outside", "inside")
+            others = int((within != within[i]).sum())
             raise SceneError(
-                f"{keys[name]}: {_place(grains, i)} is {side} {name!r}, {abs(d[i]):.6g} m from its surface "
-                f"({int(wrong.sum())} of {len(grains)} grains are {side.split()[0]})"
+                f"{keys[name]}: {_place(grains, i)} is {side} the closed mesh {name!r}, {abs(d[i]):.6g} m from its surface, "
+                f"while {others} {'grain is' if others == 1 else 'grains are'} {other}"
             )

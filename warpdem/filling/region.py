@@ -64,7 +64,7 @@ def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None
         SceneError: Nothing is left, the mesh is not closed, or ``up`` is zero, or slants where mesh and box are given.
     """
     if mesh is not None:
-        require_closed(mesh, key)
+        require_closed(mesh, key, "fill a box instead: fill = { box = { min = [...], max = [...] } }")
     bounds = np.asarray(mesh.bounds if box is None else box, float)
     low, high = bounds.copy()
     if mesh is not None:

@@ -123,9 +123,15 @@ def size_warning(name: str, bounds: np.ndarray, diameters, key: str) -> str | No
     if low <= ratio <= high:
         return None
     factor, unit = (0.001, "millimetres") if ratio > high else (1000.0, "kilometres, or was it scaled twice")
-    advice = "check scale and the diameters"
+    advice = "check the scale of the mesh, and the unit of the grains' diameters (a number without one is in metres)"
     if low <= ratio * factor <= high:
-        advice = f"is the file in {unit}? Then multiply its scale by {factor:g} (scale = {factor:g} if it had none)"
+        grains = "are the grains' diameters in the wrong unit"
+        if ratio < low:
+            grains = f"do the grains' diameters lack their unit, as in \"{1000.0 * diameter / factor:.6g} mm\""
+        advice = (
+            f"is the file in {unit}? Then multiply its scale by {factor:g} (scale = {factor:g} if it had none). "
+            f"Or {grains}? A number without a unit is in metres"
+        )
     text = (
         f"{key}: {name}: the mesh is {size:.6g} m large and the grains are {diameter:.6g} m in diameter: "
         f"{ratio:.3g} diameters"

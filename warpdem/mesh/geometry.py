@@ -197,8 +197,13 @@ class _Report:
             self.notes.append(f"{len(corners)} {noun}{' ' if noun else ''}{what}, the first at ({where}) m")
 
 
-def require_closed(mesh: TriangleMesh, key: str) -> None:
+def require_closed(mesh: TriangleMesh, key: str, remedy: str) -> None:
     """Refuse a mesh that has no inside.
+
+    Args:
+        mesh: The mesh.
+        key: Scene key, for messages.
+        remedy: What to write instead, for messages.
 
     Raises:
         SceneError: Some edge is not shared by exactly two triangles, or the two are wound against each other and cannot
@@ -209,7 +214,7 @@ def require_closed(mesh: TriangleMesh, key: str) -> None:
     found = "; ".join(note for note in mesh.notes if "edges" in note)
     raise SceneError(
         f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, each edge shared by exactly two "
-        f"triangles, but has {found}"
+        f"triangles, but has {found}; {remedy}"
     )
 
 

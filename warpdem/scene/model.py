@@ -330,7 +330,8 @@ class Engine(SceneModel):
     )
     max_overlap: Annotated[float, Quantity("-", gt=0, le=1)] = Field(
         0.1,
-        description="Overlap over the smaller radius at which a run stops itself [-], > 0 and <= 1, default 0.1.",
+        description="Overlap over the smaller radius, with a wall over the radius, at which a run stops itself and up to "
+        "which it may start [-], > 0 and <= 1, default 0.1.",
     )
     guards: Literal["stop", "record"] = Field(
         "stop",

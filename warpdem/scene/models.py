@@ -6,9 +6,11 @@ import hashlib
 import importlib
 import importlib.util
 import pkgutil
+import re
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -29,12 +31,15 @@ REQUIRED = {
     "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
 }
 """Roles, and what each file of a role defines."""
+CODE_PLACE = re.compile(r'Error while parsing function ".*?" at (.+?):(\d+):\n(.*?)\n;', re.DOTALL)
+"""Where Warp failed to translate a function, outermost first: file, line and the code there."""
 
 
-def model_names(role: str) -> list[str]:
+@functools.cache
+def model_names(role: str) -> tuple[str, ...]:
     """Names of the models of a role: the files of ``kernels/<role>/``."""
     package = importlib.import_module(f"{kernels.__name__}.{role}")
-    return sorted(m.name for m in pkgutil.iter_modules(package.__path__))
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(package.__path__)))
 
 
 def is_file(name: str) -> bool:
@@ -173,6 +178,39 @@ def _imported(file: str, source: bytes) -> ModuleType:
         line = f", line {places[-1]}" if places else ""
         raise SceneError(f"{file}{line}: {type(error).__name__}: {error}") from error
     return module
+
+
+@contextmanager
+def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iterator[None]:
+    """While these models are compiled or called: what fails in a file of the user is told with its place.
+
+    Args:
+        names: models as ``model`` takes them.
+        failure: what it means that they fail, for messages.
+
+    Raises:
+        SceneError: a file of the user fails.
+    """
+    files = [name for name in dict.fromkeys(names) if is_file(name)]
+    try:
+        yield
+    except SceneError:
+        raise
+    except Exception as error:
+        if not files:
+            raise
+        # a KeyError's own text is quoted, with its line ends written out
+        text = str(error.args[0] if error.args else error).strip()
+        places = [(file, line, code.strip()) for file, line, code in CODE_PLACE.findall(text) if file in files]
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename in files]
+        places = places or [(f.filename, f.lineno, f.line) for f in frames]
+        reason = re.sub(r"\w+__locals__", "", text.split("\n;")[-1].strip())
+        if not CODE_PLACE.search(text):
+            reason = f"{type(error).__name__}: {reason}"
+        if not places:
+            raise SceneError(f"{', '.join(files)}: {failure}: {reason}") from error
+        file, line, code = places[-1]
+        raise SceneError(f"{file}, line {line}: {failure}: {code}: {reason}") from error
 
 
 def _check_parameters(file: str, parameters: Any) -> None:

@@ -54,7 +54,9 @@ class Revolved(SceneModel):
         height = way @ axis
         across = way - height[:, None] * axis
         far = np.linalg.norm(across, axis=1)
-        outwards = across / np.where(far > 0.0, far, 1.0)[:, None]
+        # on the axis every direction across it is as good
+        side = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        outwards = np.where((far > 0.0)[:, None], across / np.where(far > 0.0, far, 1.0)[:, None], side / np.linalg.norm(side))
         h, r = height - self.foot[0], far - self.foot[1]
         along = np.clip(h * self.run[0] + r * self.run[1], *self.reach)
         at = np.outer(self.foot[0] + along * self.run[0], axis) + (self.foot[1] + along * self.run[1])[:, None] * outwards
