@@ -50,7 +50,7 @@ def test_energy_that_falls_swings_or_comes_in_is_no_alarm(make_scene):
 
 
 def test_what_brings_energy_in_is_known(make_scene):
-    above = (np.array(PRESSED) + [0.0, 0.0, 2e-3]).tolist()
+    above = [[x, y, z + 2e-3] for x, y, z in PRESSED]
     still, spring = {"positions": above, "step": 1e-6}, {"model": "harmonic", "parameters": {"stiffness": 1.0}}
     turning = {"axis": [0, 0, 1], "rate": 1.0}
     falling = {"z": {"min": 0.0, "max": 1.0, "kind": "periodic"}}
