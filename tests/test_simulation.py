@@ -272,7 +272,7 @@ def test_guards_record_instead_of_stopping(make_scene):
 
 
 def test_a_step_over_the_limit_is_recorded_too(make_scene):
-    keys = {"positions": [[0, 0, 0]], "step": 1e-2, "max_speed": 1.0}
+    keys = {"positions": [[0, 0, 0], [0, 0, 1]], "step": 1e-2, "max_speed": 1.0}
     with pytest.raises(SceneError, match="over the stability limit"):
         Simulation(make_scene(**keys), device="cpu", threads=1)
     sim = Simulation(make_scene(**keys, engine={"guards": "record"}), device="cpu", threads=1)
