@@ -74,6 +74,7 @@ def pairs(restitution):
     return [{"materials": ["g", "g"], "restitution": restitution}]
 
 
+SHORT = {"end": 0.01, "step": 1e-6, "max_speed": 0.1}
 WARNED = {
     "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.88 of", "auto"]),
     "few steps": ({"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}}, ["steps per contact", "28", "at most"]),
@@ -84,6 +85,10 @@ WARNED = {
     "sizes": (
         {"grains": [{"material": "g", "radii": [1e-3, 2e-2], "positions": [[0, 0, 2e-3], [0.05, 0, 0.03]]}]},
         ["20 times the smallest, 0.002 m wide"],
+    ),
+    "density": (
+        {"materials": {"g": {"density": 2.65, "young_modulus": 5e6, "poisson_ratio": 0.3}}, "time": SHORT},
+        ["materials.g.density = 2.65 kg/m3", '"2.65 g/cm3"'],
     ),
     "skin": ({"engine": {"skin": 1.9e-5}}, ["in 9.5 steps", "engine.skin"]),
 }

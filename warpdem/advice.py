@@ -20,7 +20,9 @@ OVERLAP = 0.1
 RESTITUTION = 0.05
 """The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
 SIZE_RATIO = 10.0
-"""Largest over smallest grain: the step is that of the smallest, the reach of the search that of the largest."""
+"""Largest over smallest grain: the step is that of the smallest."""
+DENSITIES = 5.0, 30000.0
+"""From aerogel to osmium [kg/m3]."""
 REBUILD_STEPS = 10.0
 """Steps in which a grain at the expected speed crosses half the skin."""
 MEMORY_SHARE = 0.8
@@ -57,7 +59,7 @@ def limit_rows(sim) -> list[dict]:
 
 def warnings(sim) -> list[str]:
     """What to look at before the run, most dangerous first."""
-    return [*_step(sim), *_impacts(sim), *_restitutions(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
+    return [*_step(sim), *_impacts(sim), *_restitutions(sim), *_densities(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
 
 
 def _step(sim) -> Iterator[str]:
@@ -130,13 +132,21 @@ def _restitutions(sim) -> Iterator[str]:
             )
 
 
+def _densities(sim) -> Iterator[str]:
+    for name, material in sim.scene.materials.items():
+        if not DENSITIES[0] <= material.density <= DENSITIES[1]:
+            yield (
+                f"materials.{name}.density = {material.density:g} kg/m3 is that of no solid ({DENSITIES[0]:g} to "
+                f'{DENSITIES[1]:g}): if it is in another unit, write it as in "2.65 g/cm3"'
+            )
+
+
 def _sizes(sim) -> Iterator[str]:
     radius = sim.expected.radius
     if len(radius) and radius.max() > SIZE_RATIO * radius.min():
         yield (
             f"the largest grain is {radius.max() / radius.min():.3g} times the smallest, {2 * radius.min():.3g} m wide: "
-            "the step is that of the smallest, and the search reaches as far as the largest; leave out the finest grains if "
-            "they do not matter"
+            "the step is that of the smallest; leave out the finest grains if they do not matter"
         )
 
 
