@@ -3,7 +3,8 @@
     python tools/bench_walls.py [--launches N]
 
 Times the three phases of a step (pairs, walls, motion) one by one: the least of many launches of one and the same instant, on
-one thread, which other work on the machine hardly disturbs. Lists are not in these times.
+one thread, which other work on the machine hardly disturbs. Lists are not in these times; whole steps, lists included, are timed
+over windows of 1000 that take turns.
 """
 
 import argparse
@@ -61,7 +62,7 @@ def hourglass(mesh: Path, wall: dict, grains: dict | None) -> Simulation:
 
 def hourglasses(launches: int, folder: Path) -> list[dict]:
     """A mesh of some 5 000 triangles at rest and turning (so slowly that the grains lie alike), and one of 90 000."""
-    rows, grains = [], None
+    rows, grains, runs = [], None, []
     for fineness, wall, name in (
         (1.25, {}, "hourglass"),
         (1.25, {"motion": [{"axis": [0, 1, 0], "rate": 1e-9}]}, "hourglass, turning"),
@@ -79,7 +80,23 @@ def hourglasses(launches: int, folder: Path) -> list[dict]:
         places = int(sim.lists.places(sim.step_number & 1, sim.lists.place_slots(
             sim.step_number & 1, sim.lists.wall_grains)[0])["wall"].size)  # fmt: skip
         rows.append({"case": name, "triangles": len(triangles), "places": places, **phases(sim, launches)})
+        runs.append(hourglass(mesh, wall, grains))
+    for row, seconds in zip(rows, windows(runs), strict=True):
+        row["step"] = seconds * 1e3
     return rows
+
+
+def windows(runs: list[Simulation], count: int = 9) -> np.ndarray:
+    """Median time of 1000 steps of each run [s], measured by turns."""
+    for sim in runs:
+        sim.step(500)
+    times = np.zeros((count, len(runs)))
+    for row in times:
+        for k, sim in enumerate(runs):
+            begin = time.perf_counter()
+            sim.step(1000)
+            row[k] = time.perf_counter() - begin
+    return np.median(times, axis=0)
 
 
 def tube(along: np.ndarray, radius: np.ndarray) -> np.ndarray:
