@@ -3,8 +3,8 @@
     python tools/bench_walls.py [--launches N]
 
 Times the three phases of a step (pairs, walls, motion) one by one: the least of many launches of one and the same instant, on
-one thread, which other work on the machine hardly disturbs. Lists are not in these times; whole steps, lists included, are timed
-over windows of 1000 that take turns.
+one thread, which other work on the machine hardly disturbs. Lists are not in these times; whole steps, lists included, are
+timed over windows of 1000 that take turns.
 """
 
 import argparse
