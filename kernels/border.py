@@ -16,7 +16,7 @@ from warpdem.kernels import Built
 
 @functools.cache
 def build(period: tuple[float, float, float], lower: tuple[float, float, float]):
-    """Return ``nearest`` and ``wrapped``.
+    """Return ``nearest``, ``wrapped`` and what else is asked of a place.
 
     Args:
         period: length of the domain along each axis [m], 0 where it is not periodic.
@@ -84,4 +84,16 @@ def build(period: tuple[float, float, float], lower: tuple[float, float, float])
             near = near and q[2] > wp.float64(wp.static(c)) - reach and q[2] < wp.float64(wp.static(c + z)) + reach
         return near
 
-    return Built(nearest=nearest, wrapped=wrapped, image=image, within=within, images=len(every))
+    @wp.func
+    def thrown(q: wp.vec3d) -> bool:
+        """Whether a place is beyond a periodic border after the one wrap that each step makes; the rest is for round-off."""
+        far = False
+        if wp.static(x > 0.0):
+            far = far or wp.abs(q[0] - wp.float64(wp.static(a + 0.5 * x))) > wp.float64(wp.static(0.501 * x))
+        if wp.static(y > 0.0):
+            far = far or wp.abs(q[1] - wp.float64(wp.static(b + 0.5 * y))) > wp.float64(wp.static(0.501 * y))
+        if wp.static(z > 0.0):
+            far = far or wp.abs(q[2] - wp.float64(wp.static(c + 0.5 * z))) > wp.float64(wp.static(0.501 * z))
+        return far
+
+    return Built(nearest=nearest, wrapped=wrapped, thrown=thrown, image=image, within=within, images=len(every))

@@ -9,7 +9,7 @@ on the order of the lists.
 import functools
 
 import warp as wp
-from warpdem.kernels import grain
+from warpdem.kernels import Built, grain
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.schedule import (
@@ -115,7 +115,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 @functools.cache
 def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float):
-    """Return ``travelled``.
+    """Return ``travelled``, and ``left_domain`` of the outlets.
 
     Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
     where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
@@ -129,6 +129,16 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         ahead: steps at the present velocity that the lists must hold beyond the present place.
     """
     g = grain.build(spins)
+
+    @wp.func
+    def left_domain(q: wp.vec3d, outlet: wp.array(dtype=Box)) -> int:
+        """1 when the place [m] is in an outlet."""
+        inside = int(0)
+        for e in range(wp.static(outlets)):
+            b = outlet[e]
+            if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
+                inside = 1
+        return inside
 
     @wp.func
     def travelled(
@@ -157,10 +167,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
                 if not (wp.dot(gone, gone) <= left * left):
                     moved = 1
         if wp.static(outlets > 0):
-            for e in range(wp.static(outlets)):
-                b = outlet[e]
-                if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
-                    moved = 1
+            moved = wp.max(moved, left_domain(q, outlet))
         return moved
 
-    return travelled
+    return Built(travelled=travelled, left_domain=left_domain)

@@ -14,7 +14,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.size_grids import SizeGrids
+from warpdem.kernels.size_grids import SizeGrids, cell_of, following, insert, wrapped
 
 
 @functools.cache
@@ -60,45 +60,67 @@ def build(
         return low
 
     @kernel
+    def insert_grains(grids: SizeGrids, grains: wp.array(dtype=g.Record)):
+        """Put the grains on the grids; on a CPU one thread does it."""
+        i = wp.tid()
+        insert(grids, i, g.position(grains[i]), grains[i][3])
+
+    @kernel
     def near_rows(
         first: int,
         grids: SizeGrids,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
         skin: wp.float64,
-        start: wp.array(dtype=wp.int32),  # of the room for each row
+        start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
     ):
         """Partners of each grain; a count above its room says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
-        at = start[i]
-        room = start[i + 1] - at
+        at = int(0)
+        room = int(0)
+        if start.shape[0] > 0:
+            at = start[i]
+            room = start[i + 1] - at
         n = int(0)
         for image in range(wp.static(border.images)):
             place = border.image(g.position(me), image)
-            for size in range(grids.grid.shape[0]):
+            for size in range(grids.largest.shape[0]):
                 reach = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
                 if border.within(place, reach):
-                    query = wp.hash_grid_query(grids.grid[size], place, reach)
-                    p = int(0)
-                    while wp.hash_grid_query_next(query, p):
-                        k = grids.first[size] + p
-                        other = grids.sphere[k]
-                        there = wp.vec3d(other[0], other[1], other[2])
-                        way = border.nearest(g.position(me) - there)
-                        far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # in this order it is the same seen from j
-                        near = wp.dot(way, way) < far * far
-                        if wp.static(border.images > 1):  # the grid wraps around and shows other images too
-                            seen = place - there
-                            near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
-                        if near:
-                            j = grids.slot[k]
-                            if j != i:
-                                if n < room:
-                                    slot_out[at + n] = j
-                                n += 1
+                    corner = wp.vec3d(reach, reach, reach)
+                    low = cell_of(grids, size, place - corner)
+                    cells = grids.cells[size]
+                    box = wp.min(cell_of(grids, size, place + corner) - low + wp.vec3i(1, 1, 1), cells)
+                    low_x = wrapped(low[0], cells[0])
+                    low_y = wrapped(low[1], cells[1])
+                    cz = wrapped(low[2], cells[2])
+                    for _z in range(box[2]):
+                        cy = low_y
+                        for _y in range(box[1]):
+                            cx = low_x
+                            line = grids.first[size] + cells[0] * (cy + cells[1] * cz)
+                            for _x in range(box[0]):
+                                j = grids.head[line + cx] - 1
+                                while j >= 0:
+                                    other = grains[j]
+                                    there = g.position(other)
+                                    way = border.nearest(g.position(me) - there)
+                                    far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # so it is the same seen from j
+                                    near = wp.dot(way, way) < far * far and j != i
+                                    if wp.static(border.images > 1):  # a cell may be seen from several images
+                                        seen = place - there
+                                        near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
+                                    if near:
+                                        if n < room:
+                                            slot_out[at + n] = j
+                                        n += 1
+                                    j = grids.next[j] - 1
+                                cx = following(cx, cells[0])
+                            cy = following(cy, cells[1])
+                        cz = following(cz, cells[2])
         count_out[i] = n
         sort_by_id(at, wp.min(n, room), id, slot_out)
 
@@ -109,7 +131,7 @@ def build(
         start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list, -1 if it is new
+        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list, -1 if it is new; of size 0: the same
         old_id: wp.array(dtype=wp.int64),
         old_start: wp.array(dtype=wp.int32),
         old_count: wp.array(dtype=wp.int32),
@@ -119,7 +141,9 @@ def build(
     ):
         """Contact number of each owned pair in the list that is being replaced, -1 if it had none."""
         i = first + wp.tid()
-        o = old_slot[i]
+        o = int(i)
+        if old_slot.shape[0] > 0:
+            o = old_slot[i]
         f = int(0)
         end = int(0)
         if o >= 0:
@@ -184,11 +208,8 @@ def build(
     @kernel
     def fill_contacts(
         first: int,
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
         kind: wp.array(dtype=wp.int32),
         materials: int,
-        coefficients: wp.array(dtype=Coefficients),
         id: wp.array(dtype=wp.int64),
         start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -202,7 +223,6 @@ def build(
         owner_out: wp.array2d(dtype=wp.int32),
         partner_out: wp.array2d(dtype=wp.int32),
         kind_out: wp.array2d(dtype=wp.int32),
-        constants_out: wp.array3d(dtype=real),
         slot_i_out: wp.array2d(dtype=wp.int32),
         slot_j_out: wp.array2d(dtype=wp.int32),
         memory_out: wp.array3d(dtype=real),
@@ -231,21 +251,8 @@ def build(
                     partner_out[p, k] = j
                     slot_i_out[p, k] = row_start[i] + listed[e] // 2
                     slot_j_out[p, k] = row_start[j] + listed[place_of(id[i], start[j], count[j], id, slot)] // 2
-                    c = coefficients[0]
                     if wp.static(table):
-                        which = kind[i] * materials + kind[j]
-                        kind_out[p, k] = which
-                        c = coefficients[which]
-                    ri = grains[i][3]
-                    rj = grains[j][3]
-                    one = wp.float64(1.0)
-                    radius = ri * rj / (ri + rj)
-                    stiffness, damping = constants(c[0], c[1], radius, one / (inverse[i][0] + inverse[j][0]))
-                    constants_out[p, 0, k] = real(stiffness)
-                    constants_out[p, 1, k] = real(damping)
-                    if wp.static(rolling):
-                        constants_out[p, 2, k] = real(radius)
-                        constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+                        kind_out[p, k] = kind[i] * materials + kind[j]
                     if wp.static(history > 0):
                         for f in range(wp.static(history)):
                             value = real(0.0)
@@ -253,10 +260,45 @@ def build(
                                 value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
                             memory_out[p, f, k] = value
 
+    @kernel
+    def contact_constants(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        coefficients: wp.array(dtype=Coefficients),
+        owner: wp.array2d(dtype=wp.int32),
+        partner: wp.array2d(dtype=wp.int32),
+        kind: wp.array2d(dtype=wp.int32),
+        slot_i: wp.array2d(dtype=wp.int32),
+        filler: int,
+        constants_out: wp.array3d(dtype=real),
+    ):
+        """What of a contact does not change; lanes whose shares go to row ``filler`` hold none and have no stiffness."""
+        t = first + wp.tid()
+        p = t // wp.static(lanes)
+        k = t % wp.static(lanes)
+        for f in range(wp.static(width)):
+            constants_out[p, f, k] = real(0.0)
+        if slot_i[p, k] != filler:
+            i = owner[p, k]
+            j = partner[p, k]
+            c = coefficients[0]
+            if wp.static(table):
+                c = coefficients[kind[p, k]]
+            radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
+            stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
+            constants_out[p, 0, k] = real(stiffness)
+            constants_out[p, 1, k] = real(damping)
+            if wp.static(rolling):
+                constants_out[p, 2, k] = real(radius)
+                constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+
     return Built(
+        insert_grains=insert_grains,
         near_rows=near_rows,
         carry_contacts=carry_contacts,
         select_contacts=select_contacts,
         fill_contacts=fill_contacts,
+        contact_constants=contact_constants,
         constants_width=width,
     )

@@ -3,11 +3,15 @@
 Within a block of grains the contacts that touch fill whole packs first, then the others do; rows of the summation and grains
 beside a wall are numbered straight through. Three launches: sums of each block, starts of the blocks (one thread), starts of
 the grains. Own kernels, because a library's scan asks for memory, which a branch of a captured graph may not.
+
+Arrays of size 0 stand for what is not asked for.
 """
 
 import warp as wp
 
+AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for memory once for all
 Sums = wp.types.vector(4, wp.int32)  # of a block: touching and near contacts, rounded up to packs; shares; grains beside a wall
+Chunk = wp.types.matrix((AT_ONCE, 4), wp.int32)
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -18,16 +22,17 @@ def sum_blocks(
     touching: wp.array[wp.int32],
     near: wp.array[wp.int32],
     shares: wp.array[wp.int32],
-    candidates: wp.array[wp.int32],  # of size 0 when there are no walls
+    candidates: wp.array[wp.int32],
     # written
     sums_out: wp.array[Sums],
 ):
     """Sums of each block."""
     b = wp.tid()
     total = Sums()
-    for i in range(b * block, wp.min((b + 1) * block, touching.shape[0])):
-        total[0] = total[0] + touching[i]
-        total[1] = total[1] + near[i]
+    for i in range(b * block, wp.min((b + 1) * block, shares.shape[0])):
+        if touching.shape[0] > 0:
+            total[0] = total[0] + touching[i]
+            total[1] = total[1] + near[i]
         total[2] = total[2] + shares[i]
         if candidates.shape[0] > 0:
             if candidates[i] > 0:
@@ -46,10 +51,15 @@ def start_blocks(
 ):
     """Where each block begins."""
     running = Sums()
-    for b in range(sums_out.shape[0]):
-        here = sums_out[b]
-        sums_out[b] = running
-        running += here
+    blocks = sums_out.shape[0]
+    here = Chunk()
+    for first in range(0, blocks, wp.static(AT_ONCE)):
+        for k in range(wp.static(AT_ONCE)):
+            here[k] = sums_out[wp.min(first + k, blocks - 1)]
+        for k in range(wp.static(AT_ONCE)):
+            if first + k < blocks:
+                sums_out[first + k] = running
+                running += here[k]
     total_out[0] = running[0] + running[1]
     total_out[1] = running[2]
     total_out[2] = running[3]
@@ -73,22 +83,24 @@ def start_grains(
 ):
     """Where each grain begins, and which grain each wall row belongs to."""
     b = wp.tid()
-    n = touching.shape[0]
+    n = shares.shape[0]
     at = starts[b]
     touch = at[0] + at[1]
     row = at[2]
     wall = at[3]
     last = wp.min((b + 1) * block, n)
     other = wp.int32(0)
-    for i in range(b * block, last):
-        other += touching[i]
+    if touching.shape[0] > 0:
+        for i in range(b * block, last):
+            other += touching[i]
     other = touch + (other + lanes - 1) // lanes * lanes
     for i in range(b * block, last):
-        touching_start_out[i] = touch
-        near_start_out[i] = other
+        if touching.shape[0] > 0:
+            touching_start_out[i] = touch
+            near_start_out[i] = other
+            touch += touching[i]
+            other += near[i]
         row_start_out[i] = row
-        touch += touching[i]
-        other += near[i]
         row += shares[i]
         if candidates.shape[0] > 0:
             if candidates[i] > 0:

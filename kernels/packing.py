@@ -12,7 +12,19 @@ A packing is geometry, not mechanics: no forces, no friction, and no float atomi
 """
 
 import warp as wp
-from warpdem.kernels.size_grids import SizeGrids
+from warpdem.kernels.size_grids import SizeGrids, cell_of, following, insert, wrapped
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def insert_grains(
+    grids: SizeGrids,
+    # grains, read [m]
+    position: wp.array[wp.vec3d],
+    radius: wp.array[wp.float64],
+):
+    """Put the grains on the grids; on a CPU one thread does it, and lists go by the grains' numbers."""
+    i = position.shape[0] - 1 - wp.tid()
+    insert(grids, i, position[i], radius[i])
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -38,25 +50,39 @@ def list_neighbours(
     count = wp.int32(0)
     worst = wp.float64(0.0)
     partner = wp.int32(-1)
-    for size in range(grids.grid.shape[0]):
-        query = wp.hash_grid_query(grids.grid[size], x, r + grids.largest[size] + skin)
-        p = wp.int32(0)
-        while wp.hash_grid_query_next(query, p):
-            other = grids.sphere[grids.first[size] + p]
-            touch = r + other[3]
-            apart = x - wp.vec3d(other[0], other[1], other[2])
-            square = wp.dot(apart, apart)
-            # most candidates are out of reach: they need no square root
-            if square < (touch + skin) * (touch + skin):
-                j = grids.slot[grids.first[size] + p]
-                if j != i:
-                    if count < start[i + 1] - start[i]:
-                        neighbour_out[start[i] + count] = j
-                    count += 1
-                    overlap = (touch - wp.sqrt(square)) / wp.min(r, other[3])
-                    if overlap > worst:
-                        worst = overlap
-                        partner = j
+    for size in range(grids.largest.shape[0]):
+        reach = r + grids.largest[size] + skin
+        corner = wp.vec3d(reach, reach, reach)
+        low = cell_of(grids, size, x - corner)
+        cells = grids.cells[size]
+        box = wp.min(cell_of(grids, size, x + corner) - low + wp.vec3i(1, 1, 1), cells)
+        low_x = wrapped(low[0], cells[0])
+        low_y = wrapped(low[1], cells[1])
+        cz = wrapped(low[2], cells[2])
+        for _z in range(box[2]):
+            cy = low_y
+            for _y in range(box[1]):
+                cx = low_x
+                line = grids.first[size] + cells[0] * (cy + cells[1] * cz)
+                for _x in range(box[0]):
+                    j = grids.head[line + cx] - 1
+                    while j >= 0:
+                        touch = r + radius[j]
+                        apart = x - position[j]
+                        square = wp.dot(apart, apart)
+                        # most candidates are out of reach: they need no square root
+                        if square < (touch + skin) * (touch + skin) and j != i:
+                            if count < start[i + 1] - start[i]:
+                                neighbour_out[start[i] + count] = j
+                            count += 1
+                            overlap = (touch - wp.sqrt(square)) / wp.min(r, radius[j])
+                            if overlap > worst:
+                                worst = overlap
+                                partner = j
+                        j = grids.next[j] - 1
+                    cx = following(cx, cells[0])
+                cy = following(cy, cells[1])
+            cz = following(cz, cells[2])
     count_out[i] = count
     overlap_out[i] = worst
     partner_out[i] = partner

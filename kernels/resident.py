@@ -2,14 +2,20 @@
 
 The graph is a loop that runs while clock[GO] is set. Its body is a few steps without a look back, then ``tick``; when a grain
 has moved too far the launches that follow in the body do nothing, and a branch of the graph makes the contact list anew (the
-kernels of ``neighbours`` and ``numbering``) and evaluates the forces. What changes with time is in device memory: the
-schedule's rows, and the clock that says which of them is now. The host is asked when the steps are done, when the near list is
-out of date or the room for contacts too small, when a grain left the domain, and when its speed beside a mesh is too high.
+kernels of ``neighbours`` and ``numbering``) and evaluates the forces; where the near list is out of date too, another branch
+makes that first (``renewal``). What changes with time is in device memory: the schedule's rows, and the clock that says which
+of them is now. The host is asked when the steps are done, when there is too little room for a list or the grains want to be
+sorted in memory, when a grain left the domain or is no number, and when its speed beside a mesh is too high.
 
-    clock     0       1        2       3    4     5     6       7     8      9      10     11      12    13         14
-              GO      REFRESH  FRESH   ROW  LEFT  DONE  PARITY  HOLD  MOVED  STALE  LANES  SHARES  ROWS  REFRESHES  LATEST
-    meaning   conditions of loop       now  steps       of the  as in steps, host   lanes of       wall  lists made; steps
-              and branches                  to do, done step    run   then   next   packs, shares  rows  done at the last
+    GO, NEAR, REFRESH, FRESH   conditions of the loop and of its branches
+    ROW                        of the schedule: the present step
+    LEFT, DONE                 steps to do and done
+    PARITY, HOLD               of the present step; as in ``run``
+    MOVED                      steps of the body after which a grain had moved too far, 0 when none has
+    STALE                      the host is next
+    LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
+    REFRESHES, LATEST          contact lists made, and the steps done at the last
+    RENEWALS                   near lists that may still be made before the host sorts the grains
 
 The largest overlap and speed are kept by atomic maxima, which are the same in any order; nothing else is atomic, so two runs
 have equal bits. A value is compared before it is raised: nearly all threads only read.
@@ -22,8 +28,10 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.schedule import Placement, local, past_turn, slip_time, wall_velocity
 from warpdem.kernels.wall.surface import Surface
 
-GO, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST = range(15)
-CLOCK = 15
+CLOCK = 17
+GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST, RENEWALS = range(
+    CLOCK
+)
 
 
 @wp.struct
@@ -55,8 +63,8 @@ def forces_due(clock: wp.array(dtype=wp.int32), ahead: int, stage: int) -> bool:
 
 @functools.cache
 def build(
-    step, pairs, evaluate, Rows, travelled, real, *, spins: bool, history: int, stages: int, lanes: int, moving: int,
-    constants: int, table: bool,
+    step, pairs, evaluate, Rows, travel, border, real, *, spins: bool, history: int, stages: int, lanes: int, moving: int,
+    table: bool,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -65,14 +73,14 @@ def build(
         pairs: namespace of ``pairs.build``.
         evaluate: of ``thread_contact.build``.
         Rows: struct of the wall rows.
-        travelled: of ``motion.build_travel``.
+        travel: namespace of ``motion.build_travel``.
+        border: periodic images, of ``border.build``.
         real: precision of the contact law.
         spins: grains spin.
         history: numbers remembered per contact.
         stages: force calls per step.
         lanes: contacts per pack.
         moving: wall motions relative to the frame.
-        constants: numbers per contact that do not change.
         table: coefficients differ between contacts.
     """
     g = grain.build(spins)
@@ -87,7 +95,6 @@ def build(
         kind: wp.array2d(dtype=wp.int32)
         slot_i: wp.array2d(dtype=wp.int32)
         slot_j: wp.array2d(dtype=wp.int32)
-        constants: wp.array3d(dtype=real)
         memory: wp.array3d(dtype=real)
         trial: wp.array3d(dtype=real)
         next: wp.array3d(dtype=real)  # memory in the list that is being made
@@ -105,7 +112,7 @@ def build(
         if stage > 0:
             memory = contacts.trial
         share, approach = evaluate(
-            t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, contacts.constants,
+            t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, grains.inverse,
             contacts.kind, coefficients, pairs.narrow_turn(past_turn(row)), slip_time(row), dt, contacts.memory,
             contacts.slot_i, contacts.slot_j, memory, grains.row, grains.entry,
         )  # fmt: skip
@@ -147,6 +154,7 @@ def build(
         """One thread: the ``count`` steps of a body, or those before the lists ran out, are done."""
         done = wp.min(count, clock_out[LEFT])
         clock_out[REFRESH] = 0
+        clock_out[NEAR] = 0
         if clock_out[MOVED] > 0:
             done = clock_out[MOVED]
             clock_out[REFRESH] = 1
@@ -165,18 +173,25 @@ def build(
         grains: step.Grains, reference: wp.array2d(dtype=wp.vec3d), control: step.Control, watched: Watched,
         placements: wp.array(dtype=Placement), dt: wp.float64, reach: wp.float64, clock_out: wp.array(dtype=wp.int32),
     ):  # fmt: skip
-        """Whether the host must look: a grain is further than ``reach`` [m] from where the near list was made, or fast."""
+        """Whether the near list is out of date: a grain is further than ``reach`` [m] from where it was made.
+
+        The host must look when a grain is no longer in the domain, is no number, or is fast beside a mesh.
+        """
         i = wp.tid()
         state = grains.record[i]
+        q = g.position(state)
         at = (clock_out[ROW] + 1) * wp.static(stages)
-        stale = travelled(i, state, reference, control.placement, control.outlet, at, dt, reach)
+        if travel.travelled(i, state, reference, control.placement, control.outlet, at, dt, reach) > 0:
+            clock_out[NEAR] = 1
+        stale = travel.left_domain(q, control.outlet)
+        if border.thrown(q) or not wp.isfinite(wp.length_sq(q)):
+            stale = 1
         for w in range(watched.motion.shape[0]):
             p = placements[watched.motion[w]]
-            q = g.position(state)
-            travel = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
-            if not (travel <= watched.share[w] * state[3]):
+            way = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
+            if not (way <= watched.share[w] * state[3]):
                 body = local(p, q)
-                room = state[3] + travel
+                room = state[3] + way
                 low = body - watched.low[w] + wp.vec3d(room, room, room)
                 high = watched.high[w] - body + wp.vec3d(room, room, room)
                 if wp.min(low) > wp.float64(0.0) and wp.min(high) > wp.float64(0.0):
@@ -198,7 +213,7 @@ def build(
 
     @kernel
     def clear(partner: int, filler: int, contacts: Contacts):
-        """Lanes that no contact fills: two grains with no stiffness, whose shares go to a row that nobody reads."""
+        """Lanes that no contact fills: their shares would go to a row that nobody reads."""
         t = wp.tid()
         p = t // wp.static(lanes)
         k = t % wp.static(lanes)
@@ -206,8 +221,6 @@ def build(
         contacts.partner[p, k] = partner
         contacts.slot_i[p, k] = filler
         contacts.slot_j[p, k] = filler
-        for f in range(wp.static(constants)):
-            contacts.constants[p, f, k] = real(0.0)
         if wp.static(table):
             contacts.kind[p, k] = 0
 
@@ -222,13 +235,15 @@ def build(
                 ]
 
     @kernel
-    def mark(grains: step.Grains, placements: wp.array(dtype=Placement)):
+    def mark(
+        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), reference_out: wp.array2d(dtype=wp.vec3d)
+    ):
         """Where grains are now: the place from which their way is counted."""
         i = wp.tid()
-        q = g.position(grains.record[i])
-        grains.reference[i, 0] = q
+        q = g.position(record[i])
+        reference_out[i, 0] = q
         for m in range(wp.static(moving)):
-            grains.reference[i, m + 1] = local(placements[m], q)
+            reference_out[i, m + 1] = local(placements[m], q)
 
     return Built(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, tick=tick, look=look, judge=judge, clear=clear,

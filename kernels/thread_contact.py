@@ -2,7 +2,8 @@
 
 A GPU hides latencies by its many threads and needs no scratch: the results stay in registers until they are written. With
 packs as wide as a warp the threads of a warp read and write neighbouring memory, and since a pack holds one class (touching or
-near), a warp either computes or passes over. Bits are those of ``pairs.pack``: what is out of reach would come out as zero.
+near), a warp either computes or passes over. What is constant of a contact is made again from the radii and masses of its
+grains: a GPU computes faster than it reads. Bits are those of ``pairs.pack``: what is out of reach would come out as zero.
 """
 
 import functools
@@ -13,12 +14,14 @@ from warpdem.kernels import grain
 
 @functools.cache
 def build(
-    real, pairs, border, parts: bool, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool, gap: float
-):
-    """Return ``evaluate``; arguments as in ``pairs.build``, with its namespace as ``pairs`` and whether it has ``parts``."""
+    real, constants, pairs, border, parts: bool, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
+    table: bool, gap: float, lag: float,
+):  # fmt: skip
+    """Return ``evaluate``; arguments as in ``pairs.build``, its namespace as ``pairs``, and whether it has ``parts``."""
     g = grain.build(spins)
     vec3 = wp.types.vector(3, real)
     Share, Entry = pairs.Share, pairs.Entry
+    Inverse = wp.types.vector(2, wp.float64)
 
     @wp.func
     def evaluate(
@@ -28,7 +31,7 @@ def build(
         grains: wp.array(dtype=g.Record),
         owner: wp.array2d(dtype=wp.int32),
         partner: wp.array2d(dtype=wp.int32),
-        constants: wp.array3d(dtype=real),
+        inverse: wp.array(dtype=Inverse),
         # coefficients
         kind: wp.array2d(dtype=wp.int32),
         coefficients: wp.array(dtype=pairs.Coefficients),
@@ -44,10 +47,14 @@ def build(
         entry_out: wp.array(dtype=Entry),
     ):
         """Evaluate lane ``k`` of pack ``p``; returns its overlap share [-] and approach speed [m/s]."""
-        gi = grains[owner[p, k]]
-        gj = grains[partner[p, k]]
         at_i = slot_i[p, k]
         at_j = slot_j[p, k]
+        if at_i + 1 == row_out.shape[0]:  # it only fills its pack
+            return wp.float64(0.0), wp.float64(0.0)
+        i = owner[p, k]
+        j = partner[p, k]
+        gi = grains[i]
+        gj = grains[j]
         if wp.static(not parts):  # the energy of a contact that just opened is still to be told
             across = border.nearest(g.position(gi) - g.position(gj))
             reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
@@ -57,14 +64,16 @@ def build(
                 for f in range(wp.static(history)):
                     memory_out[p, f, k] = real(0.0)
                 return wp.float64(0.0), wp.float64(0.0)
-        radius = real(0.0)
-        inertia = real(0.0)
-        if wp.static(rolling):
-            radius = constants[p, 2, k]
-            inertia = constants[p, 3, k]
         wide = coefficients[0]
         if wp.static(table):
             wide = coefficients[kind[p, k]]
+        inv_i = inverse[i]
+        inv_j = inverse[j]
+        radius = gi[3] * gj[3] / (gi[3] + gj[3])
+        stiffness, damping = constants(wide[0], wide[1], radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
+        inertia = wp.float64(0.0)
+        if wp.static(rolling):
+            inertia = wp.float64(wp.static(lag)) / (inv_i[1] + inv_j[1])
         c = pairs.Numbers()
         for f in range(7):
             c[f] = real(wide[f])
@@ -79,7 +88,7 @@ def build(
             if wp.static(turning_frame):
                 angle = angle + turn_rate * angle
         o, for_i, for_j = pairs.contact(
-            gi, gj, constants[p, 0, k], constants[p, 1, k], radius, inertia, c, spring, angle, slip_time, dt
+            gi, gj, real(stiffness), real(damping), real(radius), real(inertia), c, spring, angle, slip_time, dt
         )
         if wp.static(spins):
             row_out[at_i] = Share(o[0], o[1], o[2], o[3], o[4], o[5])

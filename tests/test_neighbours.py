@@ -113,7 +113,7 @@ def test_near_rows_are_complete_and_in_order_of_id():
     n, skin = len(radii), 0.3e-3
     sim = simulate(positions, radii, ids=rng.permutation(n), skin=skin)
     sim.contacts()
-    start, count, slot, _ = (a.numpy() for a in sim.lists._near)
+    start, count, slot, _ = (a.numpy() for a in sim.lists.near)
     record, ids = sim.state.record.numpy(), sim.state.id.numpy()
     way = record[:, None, :3] - record[None, :, :3]
     gap = np.sqrt(np.einsum("ijk,ijk->ij", way, way)) - record[:, None, 3] - record[None, :, 3]

@@ -1,4 +1,8 @@
-"""Where the time of a step goes on a device: each launch of the captured graph by itself, against the bandwidth of a copy."""
+"""Where the time of a step goes on a device: each launch of the captured graph by itself, against the bandwidth of a copy.
+
+Within a graph no launch can be timed, so those of a step are repeated alone at one instant; all that is launched outside (the
+graph as a whole, the making of near lists, copies) Warp times in the run itself.
+"""
 
 import time
 
@@ -41,18 +45,33 @@ def least_bytes(sim: warpdem.Simulation) -> dict[str, float]:
     number = 4 if plan.precision == "mixed" else 8
     record = 8 * (16 if plan.spins else 10)
     shares = 2 * share_width(plan.spins) * number * contacts
-    per_contact = 16 + number * (sim.lists.constants.shape[1] + 2 * plan.memory) + 4 * plan.table
+    per_contact = 16 + number * 2 * plan.memory + 4 * plan.table
     return {
-        "pair_forces": n * record + contacts * per_contact + shares,
+        "pair_forces": n * (record + 16) + contacts * per_contact + shares,
         "move": shares + n * (2 * record + 16 + 24 * (1 + plan.moving) + 4),
     }
 
 
-def measured(sim: warpdem.Simulation, repeats: int = 5) -> dict:
-    """Time of each launch [us], its share of their sum, and the bytes per second it moves over those of a copy.
+def activities(sim: warpdem.Simulation, steps: int) -> dict[str, dict[str, float]]:
+    """Time [ms] and number of all that ``steps`` steps do on a GPU, by name; empty on a CPU, which Warp does not time."""
+    if not sim.device.is_cuda:
+        return {}
+    wp.timing_begin(cuda_filter=wp.TIMING_ALL)
+    sim.step(steps)
+    found: dict[str, dict[str, float]] = {}
+    for result in wp.timing_end():
+        entry = found.setdefault(result.name, {"ms": 0.0, "count": 0})
+        entry["ms"] += result.elapsed
+        entry["count"] += 1
+    return dict(sorted(found.items(), key=lambda item: -item[1]["ms"]))
+
+
+def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
+    """Time of each launch [us], its share of their sum, the bytes per second it moves over those of a copy, and ``activities``.
 
     The launches repeat one instant and spoil the run: measure at its end.
     """
+    run = activities(sim, steps)
     sim._prepare()
     resident, stepper, device = sim.stepper.resident, sim.stepper, sim.device
     grains, _, rows = stepper.arguments()
@@ -74,6 +93,7 @@ def measured(sim: warpdem.Simulation, repeats: int = 5) -> dict:
         "copy_bytes_per_s": copy,
         "of_copy": {name: b / seconds[name] / copy for name, b in moved.items()},
         "least_bytes_per_grain": {name: b / len(sim.state) for name, b in moved.items()},
+        "run": run,
         "captures": resident.captures,
         "refreshes_on_device": resident.refreshes,
     }

@@ -17,6 +17,7 @@ from warpdem.kernels import (
     neighbours,
     orientation,
     pairs,
+    renewal,
     resident,
     thread_contact,
 )
@@ -31,8 +32,8 @@ def compile_plan(plan: Plan, device=None) -> Built:
     before the run.
 
     Returns:
-        Namespace with ``loop`` (the step), ``resident`` (the GPU's, or None), ``lists`` (neighbours), ``walls``
-        (candidate kernels or None), ``Rows``.
+        Namespace with ``loop`` (the step), ``resident`` and ``renewal`` (the GPU's, or None), ``lists`` (neighbours),
+        ``walls`` (candidate kernels or None), ``Rows``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -56,7 +57,7 @@ def _built(plan: Plan) -> Built:
         model("tangential", plan.tangential) if plan.tangential else None,
         model("rolling", plan.rolling) if plan.rolling else None,
     )
-    constants, wall_law = law.build(wp.float64, *models, plan.torsion)
+    constants, wall_law = law.build(wp.float64, *models, plan.torsion, wall=True)
     _, pair_law = law.build(plan.real, *models, plan.torsion)
     pair_parts = dissipation.build(plan.real, *models, plan.torsion)[0] if plan.energy else None
     wall_parts = dissipation.build(wp.float64, *models, plan.torsion) if plan.energy else None
@@ -87,7 +88,7 @@ def _built(plan: Plan) -> Built:
             moving_frame=plan.moving_frame, periodic=any(plan.period),
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
-    travelled = motion.build_travel(
+    travel = motion.build_travel(
         images, **spins, moving=plan.moving, in_frame=plan.in_frame, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0
     )
     step = loop.build(
@@ -96,7 +97,7 @@ def _built(plan: Plan) -> Built:
         Rows,
         motion.build_load(plan.real, **spins, walls=plan.walls),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
-        travelled,
+        travel.travelled,
         scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
         images,
         orientation.build(turning_axes=turning) if plan.orientation else None,
@@ -117,13 +118,14 @@ def _built(plan: Plan) -> Built:
             shapes=any(shapes),
             gap=plan.gap,
         )
-    graph = None
+    graph = again = None
     if plan.resident:
         evaluate = thread_contact.build(
-            plan.real, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning
+            plan.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning, lag=plan.lag
         )
         graph = resident.build(
-            step, pair_pack, evaluate, Rows, travelled, plan.real, **spins, history=plan.memory, stages=stages,
-            lanes=plan.lanes, moving=plan.moving, constants=lists.constants_width, table=plan.table,
+            step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
+            lanes=plan.lanes, moving=plan.moving, table=plan.table,
         )  # fmt: skip
-    return Built(loop=step, resident=graph, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)
+        again = renewal.build(Rows)
+    return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

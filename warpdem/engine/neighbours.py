@@ -1,9 +1,11 @@
 """Host side of the lists: which grains and features may touch, when to look again, and what is carried over."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 
-from warpdem.filling.size_grids import RowRoom, SizeGrids, finest_cell, size_classes, starts
+from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
 from warpdem.kernels.pairs import share_width
@@ -14,6 +16,8 @@ CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 LEAST_ROOM = 12  # room per row of the near list to begin with
+SPARE = 0.125  # of the room of lists that a device makes anew, for when they get longer
+RENEWALS = 64  # near lists that a device makes at most before the grains are sorted in memory again
 
 
 def morton_order(position: np.ndarray, cell: float, device="cpu") -> np.ndarray:
@@ -52,6 +56,18 @@ def class_starts(touching: np.ndarray, near: np.ndarray, lanes: int) -> tuple[np
     return out[0].astype(np.int32), out[1].astype(np.int32), int(begin[-1]) // lanes
 
 
+@dataclass
+class Spare:
+    """Where a device that makes lists keeps what it carries over from the old ones, and what lasts no longer."""
+
+    memory: wp.array
+    """Of the contacts, as ``Lists.memory``."""
+    contact: wp.array
+    """Contact of each pair of the near list; in the same place, for it is known before the memory is copied."""
+    listed: wp.array
+    """Of the kernel ``select_contacts``."""
+
+
 class Lists:
     """Near list, contact list and wall rows of a simulation.
 
@@ -60,6 +76,7 @@ class Lists:
         rebuilds: how often the near list was made.
         refreshes: how often the contact list was made.
         version: how often it was made by the host, in other arrays.
+        renewals_left: near lists that the device may still make before the host's next.
         margin: gap below which a near pair is in the contact list [m].
     """
 
@@ -78,17 +95,18 @@ class Lists:
         self.rebuilds = 0
         self.refreshes = self.version = 0
         self._last_refresh = self._last_rebuild = 0
+        self.renewals_left = self._renewals = self._rebuilds_then = 0
         n = len(sim.state)
-        self._near = None  # start, count, slot, contact
+        self.near = None  # start, count, slot, contact
         self._known = n  # grains that the lists were made for
         self._near_room = RowRoom(LEAST_ROOM)
-        self._near_reference = None
-        self._grids = SizeGrids(sim.device)
+        self.near_reference = None
         self.contact_count = self.row_count = 0
         self._force_parity = 1  # parity of the step of the last force call
-        self._near_feature = None
+        self.near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self._kept: dict[str, wp.array] = {}
+        self._capacities: dict[str, int] = {}
         self.memory = self._array((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
@@ -108,12 +126,24 @@ class Lists:
         return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self.sim.device)
 
     def _room(self, name: str, shape: tuple[int, ...], dtype) -> wp.array:
-        """An array whose memory is kept from one refresh to the next and grows by half; its content is not set."""
+        """An array whose memory is kept from one refresh to the next and grows by half; its content is not set.
+
+        Nothing is added for a device that makes lists itself: their room is stated (``_capacity``).
+        """
         size = int(np.prod(shape))
         kept = self._kept.get(name)
         if kept is None or kept.shape[0] < size:
-            kept = self._kept[name] = wp.empty(size + size // 2 + 64, dtype=dtype, device=self.sim.device)
+            more = 0 if self.sim.plan.resident else size // 2 + 64
+            kept = self._kept[name] = wp.empty(size + more, dtype=dtype, device=self.sim.device)
         return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self.sim.device)
+
+    def _capacity(self, name: str, need: int) -> int:
+        """Room of a list of ``need`` entries: a device that makes the next ones in the same arrays has some to spare."""
+        if not self.sim.plan.resident:
+            return need
+        if need > self._capacities.get(name, -1):
+            self._capacities[name] = int(need * (1.0 + SPARE)) + 64
+        return self._capacities[name]
 
     def _keep(self, name: str, data: np.ndarray) -> wp.array:
         """``data`` as int32 in an array whose memory is kept."""
@@ -140,10 +170,8 @@ class Lists:
         placement = sim.stepper.placements()
         sim.guards.travel.watch(record, placement)
         self._force_parity = (sim.step_number - 1) & 1
-        if force_rebuild or self._near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
-            if self.rebuilds and sim.step_number - self._last_rebuild < REBUILD_STEPS:
-                self.skin = min(1.25 * self.skin, self._skin_bounds[1])
-            self._last_rebuild = sim.step_number
+        if force_rebuild or self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+            self._adapt_skin()
             with sim.clock("lists"):
                 self._rebuild(placement, kept)
             if not len(kept):
@@ -151,9 +179,19 @@ class Lists:
         with sim.clock("refresh"):
             self._refresh(placement)
 
+    def _adapt_skin(self) -> None:
+        """A wider skin where near lists were made often; once it is right the device makes the next ones alone."""
+        made, steps = self.rebuilds - self._rebuilds_then, self.sim.step_number - self._last_rebuild
+        wider = self.skin
+        if made and steps < REBUILD_STEPS * made:
+            wider = min(1.25 * self.skin, self._skin_bounds[1])
+        self._renewals = min(2 * self._renewals, RENEWALS) if wider == self.skin and self._renewals else 1
+        self.renewals_left = self._renewals
+        self.skin, self._last_rebuild, self._rebuilds_then = wider, self.sim.step_number, self.rebuilds
+
     def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
         """Largest way of a grain since the near lists were made, in the axes that count [m]."""
-        frame, *bodies = self._near_reference
+        frame, *bodies = np.moveaxis(self.near_reference.numpy(), 1, 0)
         ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
         ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
         return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0))) for way in ways)
@@ -173,12 +211,13 @@ class Lists:
         record = state.record.numpy()
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
+        sim.stepper.forget()
         known = self._known
         n = self._known = len(kept)
         if n == 0:
             state.reorder(kept)
             self.contact_count = self.row_count = 0
-            self._near = None
+            self.near = None
             return
         beyond = sim.plan.gap + self.skin
         classes = size_classes(radius)
@@ -186,31 +225,38 @@ class Lists:
         position, radius, classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
         old_place = self._upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
-        self._near_reference = [position, *self._bodies(position, placement)]
-        grids = self._grids.build(position, radius, classes, beyond)
-        start, count, slot = self._near_rows(grids, classes)
+        self.near_reference = self._room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
+        self.near_reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
+        self.grids = grids_for(position, radius, classes, beyond, sim.device)
+        wp.launch(lists.insert_grains, n, [self.grids, state.record], device=sim.device)
+        start, count, slot = self._near_rows(self.grids, classes)
         contact = self._array(slot.shape, wp.int32)
-        if self._near is None:
+        if self.near is None:
             contact.fill_(-1)
         else:
-            inputs = [state.id, start, count, slot, old_place, old_id, *self._near, contact]
+            inputs = [state.id, start, count, slot, old_place, old_id, *self.near, contact]
             sim.threads.split(lists.carry_contacts, n, inputs, sim.device)
-        self._near = (start, count, slot, contact)
+        self.near = (start, count, slot, contact)
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
-        if sim.plan.resident:
-            self.near_reference = self._room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
-            self.near_reference.assign(np.stack(self._near_reference, axis=1))
         self.rebuilds += 1
 
     def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
         """Start and count of the row of each grain, and the rows."""
-        sim, count = self.sim, self._array(len(classes), wp.int32)
+        sim, n, count = self.sim, len(classes), self._array(len(classes), wp.int32)
+        near, shared = sim.kernels.lists.near_rows, [grids, sim.state.record, sim.state.id, self.skin]
+        if sim.plan.resident:  # counted first: a second search is cheaper there than room that is not used
+            nothing = self._array(0, wp.int32)
+            sim.threads.split(near, n, [*shared, nothing, count, nothing], sim.device)
+            sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
+            start_host = starts(count.numpy())
+            start, slot = self._upload(start_host, wp.int32), self._array(self._capacity("near", int(start_host[-1])), wp.int32)
+            sim.threads.split(near, n, [*shared, start, count, slot], sim.device)
+            return start, count, slot
         while True:
             start_host = self._near_room.starts(classes)
             start, slot = self._upload(start_host, wp.int32), self._array(int(start_host[-1]), wp.int32)
-            inputs = [grids, sim.state.record, sim.state.id, self.skin, start, count, slot]
-            sim.threads.split(sim.kernels.lists.near_rows, len(classes), inputs, sim.device)
+            sim.threads.split(near, n, [*shared, start, count, slot], sim.device)
             if self._near_room.holds(classes, count.numpy()):
                 return start, count, slot
             sim.guards.lists_fit(self._near_room.entries(classes), count)
@@ -226,10 +272,11 @@ class Lists:
         sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
         start_host = starts(count.numpy())
         start = self._upload(start_host, wp.int32)
-        feature = self._array(int(start_host[-1]), wp.int32)
+        slots = self._capacity("slots", int(start_host[-1]))
+        feature = self._array(slots, wp.int32)
         sim.threads.split(near, n, [1, *shared, start, count, feature], sim.device)
-        self._near_feature = feature
-        rows = sim.new_rows(n, int(start_host[-1]))
+        self.near_feature = feature
+        rows = sim.new_rows(n, slots)
         rows.first = start
         inputs = [self._force_parity, old_place, self.rows, rows]
         sim.threads.split(sim.kernels.walls.carry_places, n, inputs, sim.device)
@@ -240,12 +287,15 @@ class Lists:
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
-        start, count, slot, contact = self._near
-        listed = self._room("listed", slot.shape, wp.int32)
+        start, count, slot, contact = self.near
+        listed = self._array(slot.shape, wp.int32) if plan.resident else self._room("listed", slot.shape, wp.int32)
         touching, close, width = (self._room(name, (n,), wp.int32) for name in ("touching", "close", "width"))
         split = sim.threads.split
-        inputs = [state.record, state.id, start, count, slot, self.margin, listed, touching, close, width]
-        split(lists.select_contacts, n, inputs, sim.device)
+        self.select_inputs = {
+            "record": state.record, "id": state.id, "start": start, "count": count, "slot": slot, "margin": self.margin,
+            "listed": listed, "touching": touching, "close": close, "width": width,
+        }  # fmt: skip
+        split(lists.select_contacts, n, [*self.select_inputs.values()], sim.device)
         touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
         row_start_host = starts(width.numpy())
         self.contact_count = int(row_start_host[-1]) // 2
@@ -253,35 +303,38 @@ class Lists:
         row_start = self._keep("row_start", row_start_host)
         shares = int(row_start_host[-1])
         self.totals = [packs * plan.lanes, shares, 0]
-        if plan.resident:  # the device makes the next ones in the same arrays
-            packs, shares = packs + packs // 4 + 64, shares + shares // 4 + 64
+        packs, shares = self._capacity("packs", packs), self._capacity("shares", shares)
         lane_shape, room = (packs, plan.lanes), self._room
-        row = room("row", (shares + 1, share_width(plan.spins)), self.real)
+        memory_shape, row_shape = (packs, max(plan.memory, 1), plan.lanes), (shares + 1, share_width(plan.spins))
+        row = self._rows_of_shares(row_shape, memory_shape, slot.shape[0])
         self.entry = room("entry", (shares + 1 if plan.energy else 0, ENTRY), self.real)
         owner, partner = room("owner", lane_shape, wp.int32), room("partner", lane_shape, wp.int32)
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
         kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
-        constants = room("constants", (packs, lists.constants_width, plan.lanes), self.real)
-        memory_shape = packs, max(plan.memory, 1), plan.lanes
-        memory = room(f"memory{self.version & 1}", memory_shape, self.real)  # the other one holds what is carried over
-        self.trial = room("trial", memory.shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
+        self.trial = room("trial", memory_shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
         # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
         partner.fill_(min(1, n - 1))
-        constants.zero_()
         kind.zero_()
         slot_i.fill_(shares)
         slot_j.fill_(shares)
-        self.select_inputs = inputs
-        self.fill_inputs = [
-            state.record, state.inverse, state.kind, plan.materials, sim.coefficients, state.id, start, count, slot,
-            listed, touching_start, close_start, row_start, self.memory, contact, owner, partner, kind, constants,
-            slot_i, slot_j, memory,
-        ]  # fmt: skip
-        split(lists.fill_contacts, n, self.fill_inputs, sim.device)
-        self.memory = memory
-        self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
+        memory = self.spare.memory if plan.resident else room(f"memory{self.version & 1}", memory_shape, self.real)
+        self.fill_inputs = {
+            "kinds": state.kind, "materials": plan.materials, "id": state.id, "start": start, "count": count, "slot": slot,
+            "listed": listed, "touching_start": touching_start, "close_start": close_start, "row_start": row_start,
+            "memory": self.memory, "contact": contact, "owner": owner, "partner": partner, "kind": kind, "slot_i": slot_i,
+            "slot_j": slot_j, "next": memory,
+        }  # fmt: skip
+        split(lists.fill_contacts, n, [*self.fill_inputs.values()], sim.device)
+        if plan.resident:
+            self.memory = room("memory", memory_shape, self.real)
+            wp.copy(self.memory, memory)
+            self.select_inputs["listed"] = self.fill_inputs["listed"] = self.spare.listed
+        else:
+            self.memory = memory  # the other one holds what is carried over next time
+        self.owner, self.partner, self.kind = owner, partner, kind
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
+        self.constants = self._constants(0 if plan.resident else packs)
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
         self.reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
@@ -289,6 +342,37 @@ class Lists:
             self._refresh_walls(placement)
         self.refreshes += 1
         self.version += 1
+
+    def _rows_of_shares(self, shape: tuple[int, int], memory: tuple[int, int, int], near: int) -> wp.array:
+        """Rows that the forces are summed in, of ``shape``.
+
+        A device that makes lists itself has its scratch there, ``spare``: no force is known while lists are made.
+        """
+        if not self.sim.plan.resident:
+            return self._room("row", shape, self.real)
+        width, device = wp.types.type_size_in_bytes(self.real), self.sim.device
+        carried = -(-max(width * int(np.prod(memory)), 4 * near) // 8) * 8
+        room = self._room("row", (max(int(np.prod(shape)), -(-(carried + 4 * near) // width)),), self.real)
+        self.spare = Spare(
+            memory=wp.array(ptr=room.ptr, shape=memory, dtype=self.real, device=device),
+            contact=wp.array(ptr=room.ptr, shape=near, dtype=wp.int32, device=device),
+            listed=wp.array(ptr=room.ptr + carried, shape=near, dtype=wp.int32, device=device),
+        )
+        return wp.array(ptr=room.ptr, shape=shape, dtype=self.real, device=device)
+
+    def contact_constants(self) -> wp.array:
+        """What does not change of each listed contact, shape (packs, numbers, lanes): a GPU does not keep it."""
+        return self._constants(self.owner.shape[0]) if self.sim.plan.resident else self.constants
+
+    def _constants(self, packs: int) -> wp.array:
+        """What does not change of the contacts in the first ``packs`` packs."""
+        sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
+        shape = packs, lists.constants_width, plan.lanes
+        out = self._array(shape, self.real) if plan.resident else self._room("constants", shape, self.real)
+        inputs = [sim.state.record, sim.state.inverse, sim.coefficients, self.owner, self.partner, self.kind, self.slot_i,
+                  self.row.shape[0] - 1, out]  # fmt: skip
+        sim.threads.split(lists.contact_constants, packs * plan.lanes, inputs, sim.device)
+        return out
 
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
@@ -302,19 +386,20 @@ class Lists:
 
     def close_inputs(self, placements: wp.array) -> list:
         """Arguments of ``close_features`` for the walls at ``placements``."""
-        return [0, self.sim.state.record, 0.5 * self.margin, self.sim.walls.surface, placements, self._near_feature, self.rows]
+        return [0, self.sim.state.record, 0.5 * self.margin, self.sim.walls.surface, placements, self.near_feature, self.rows]
 
     # -- made on the device -----------------------------------------------------------------------
-
-    def spare_memory(self) -> wp.array:
-        """As large as the memory of the contacts, for what is carried over on the device; the next refresh writes there."""
-        return self._room(f"memory{self.version & 1}", self.memory.shape, self.real)
 
     def refreshed_on_device(self, times: int, step: int, totals: np.ndarray) -> None:
         """Contact list and wall rows were made anew, at last at ``step``: their number is all that the host keeps of them."""
         self.refreshes += times
         self._last_refresh = step
         self.contact_count, self.row_count = int(totals[1]) // 2, int(totals[2])
+
+    def renewed_on_device(self, times: int) -> None:
+        """The near list was made anew."""
+        self.rebuilds += times
+        self.renewals_left -= times
 
     # -- checkpoint -----------------------------------------------------------------------------
 
@@ -389,7 +474,7 @@ class Lists:
         order = np.lexsort((partner, owner))
         count = np.bincount(owner, minlength=n)
         rows = (starts(count), count, partner[order], order)
-        self._near = tuple(self._upload(a.astype(np.int32), wp.int32) for a in rows)
+        self.near = tuple(self._upload(a.astype(np.int32), wp.int32) for a in rows)
         padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
         packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
         self.memory = self._upload(packs, self.real)

@@ -1,11 +1,14 @@
 """Many steps as one captured graph, lists refreshed inside it: how a GPU runs, and a CPU when asked to."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from warpdem.engine.neighbours import CLASS_BLOCK
+from warpdem.engine.renewal import Renewal
 from warpdem.engine.travel import share
 from warpdem.kernels import numbering
 from warpdem.kernels.resident import (
@@ -20,6 +23,7 @@ from warpdem.kernels.resident import (
     PARITY,
     REFRESH,
     REFRESHES,
+    RENEWALS,
     ROW,
     ROWS,
     SHARES,
@@ -29,7 +33,7 @@ from warpdem.kernels.resident import (
 from warpdem.kernels.schedule import Placement
 
 BODY = 4  # steps between two looks at the clock: a look costs about a launch, a step in vain three
-GRAPHS = 4  # kept: the arrays of the lists alternate between a few places
+GRAPHS = 2  # kept: the room of a list may grow
 
 
 class Resident:
@@ -37,6 +41,7 @@ class Resident:
 
     Attributes:
         refreshes: how often the contact list was made on the device.
+        renewals: how often the near list was made there.
         captures: how often a graph was captured.
     """
 
@@ -45,9 +50,8 @@ class Resident:
         device = sim.device
         self.clock = wp.zeros(CLOCK, dtype=wp.int32, device=device)
         self.placements = wp.zeros(max(len(sim.schedule.motions), 1), dtype=Placement, device=device)
-        self.refreshes = self.captures = 0
-        self.nothing = wp.zeros(0, dtype=wp.int32, device=device)
-        self._sums = wp.zeros(0, dtype=numbering.Sums, device=device)
+        self.refreshes = self.renewals = self.captures = 0
+        self._scratch: Scratch | None = None
         self._totals = np.zeros(3, dtype=np.int32)  # lanes of packs, shares, wall rows
         self._totals_of = -1  # version of the lists that they belong to
         self._graphs: dict[tuple, tuple] = {}
@@ -63,11 +67,15 @@ class Resident:
         watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
         return watched
 
-    def sums(self, blocks: int) -> wp.array:
-        """Room for the sums of each block of grains."""
-        if self._sums.shape[0] != blocks:
-            self._sums = wp.zeros(blocks, dtype=numbering.Sums, device=self.sim.device)
-        return self._sums
+    def forget(self) -> None:
+        """Let go of the graphs and their arrays: the host makes others."""
+        self._graphs.clear()
+
+    def scratch(self, n: int) -> "Scratch":
+        """Scratch for lists of ``n`` grains."""
+        if self._scratch is None or self._scratch.next_start.shape[0] != n + 1:
+            self._scratch = Scratch.of(n, self.sim.device)
+        return self._scratch
 
     def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
@@ -78,6 +86,7 @@ class Resident:
         clock = np.zeros(CLOCK, dtype=np.int32)
         clock[[ROW, LEFT, PARITY, HOLD, GO]] = base, count, parity, hold, count > 0
         clock[[LANES, SHARES, ROWS]] = self._totals
+        clock[RENEWALS] = lists.renewals_left
         self.clock.assign(clock)
         launches = Launches(self, grains, rows, surface)
         if forces_first:
@@ -86,6 +95,9 @@ class Resident:
             self._run(launches)
         clock = self.clock.numpy()
         self._totals[:] = clock[[LANES, SHARES, ROWS]]
+        renewals = lists.renewals_left - int(clock[RENEWALS])
+        self.renewals += renewals
+        lists.renewed_on_device(renewals)
         if clock[REFRESHES]:
             self.refreshes += int(clock[REFRESHES])
             lists.refreshed_on_device(int(clock[REFRESHES]), self.sim.step_number + int(clock[LATEST]), self._totals)
@@ -104,9 +116,30 @@ class Resident:
                 launches.loop()
             while len(self._graphs) >= GRAPHS:
                 self._graphs.pop(next(iter(self._graphs)))
-            self._graphs[key] = capture.graph, launches, self._sums  # kept: the arrays that it reads and writes
+            self._graphs[key] = capture.graph, launches  # kept: the arrays that it reads and writes
             self.captures += 1
         wp.capture_launch(self._graphs[key][0])
+
+
+@dataclass(frozen=True)
+class Scratch:
+    """What lists are made with on the device, made before a graph is captured: its branches may not ask for memory."""
+
+    nothing: wp.array
+    sums: wp.array
+    """Of each block of grains."""
+    next_start: wp.array
+    """Of the rows of a new near list."""
+    entries: wp.array
+    """[1]: neighbours in it."""
+    slots: wp.array
+    """[1]: slots beside walls."""
+
+    @classmethod
+    def of(cls, n: int, device) -> "Scratch":
+        """Scratch for ``n`` grains."""
+        nothing, next_start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
+        return cls(nothing, wp.zeros(-(-n // CLASS_BLOCK), dtype=numbering.Sums, device=device), next_start, entries, slots)
 
 
 def addresses(*structs) -> tuple[int, ...]:
@@ -124,50 +157,52 @@ class Launches:
         sim, lists = self.sim, self.sim.lists
         self.kernels = sim.kernels.resident
         self.n, self.reach = len(sim.state), lists.reach
+        self.scratch, self.watched = resident.scratch(self.n), resident.watched
         contacts = self.contacts = self.kernels.Contacts()
-        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "constants", "memory"):
+        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):
             setattr(contacts, name, getattr(lists, name))
         contacts.trial = lists.trial if len(sim.plan.scheme.STAGES) > 1 else lists.memory
-        contacts.next = lists.spare_memory()
-        self.select, self.fill = lists.select_inputs, [*lists.fill_inputs]
-        self.fill[-9], self.fill[-1] = contacts.memory, contacts.next
+        contacts.next = lists.spare.memory
+        self.select, self.fill = lists.select_inputs, {**lists.fill_inputs, "memory": contacts.memory}
 
     def key(self) -> tuple:
         """What the graph holds by value."""
-        control, arrays = self.resident.control, [*self.select, *self.fill]
-        lists = [x.ptr if isinstance(x, wp.array) else x for x in arrays]
+        control, lists = self.resident.control, self.sim.lists
+        arrays = [*self.select.values(), *self.fill.values(), lists.near_reference]
+        given = [x.ptr if isinstance(x, wp.array) else x for x in arrays]
         more = [x.shape for x in (self.contacts.owner, self.grains.row)]
-        near = self.sim.lists.near_reference.ptr
-        return self.n, self.reach, near, *lists, *more, *addresses(control, self.grains, self.rows, self.contacts)
+        structs = addresses(control, self.grains, self.rows, self.contacts, lists.grids)
+        return self.n, self.reach, lists.skin, *given, *more, *structs
 
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         sim = self.sim
-        for group in (self.kernels, sim.kernels.lists, sim.kernels.walls, numbering):
+        for group in (self.kernels, sim.kernels.renewal, sim.kernels.lists, sim.kernels.walls, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=sim.device)
 
-    def _launch(self, kernel, dim: int, *inputs) -> None:
+    def launch(self, kernel, dim: int, *inputs) -> None:
+        """Launch over ``dim`` threads, if any."""
         if dim:
             wp.launch(kernel, dim=dim, inputs=inputs, device=self.sim.device)
 
     def pair_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts between grains ``ahead`` steps from now."""
         inputs = ahead, stage, self.grains, self.contacts, self.resident.control, self.sim.coefficients, self.resident.clock
-        self._launch(self.kernels.pair_forces, self.contacts.owner.size, *inputs, self.sim.dt)
+        self.launch(self.kernels.pair_forces, self.contacts.owner.size, *inputs, self.sim.dt)
 
     def wall_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts with walls ``ahead`` steps from now."""
         if self.sim.plan.walls:
             inputs = ahead, stage, self.grains, self.rows, self.surface, self.resident.control, self.sim.coefficients
             more = self.sim.plan.materials, self.resident.clock, self.sim.dt
-            self._launch(self.kernels.wall_forces, self.n, *inputs, *more)
+            self.launch(self.kernels.wall_forces, self.n, *inputs, *more)
 
     def move(self, ahead: int, stage: int = 0) -> None:
         """The step that begins ``ahead`` steps from now."""
         inputs = ahead, stage, self.grains, self.rows, self.resident.control, self.resident.clock, self.sim.dt, self.reach
-        self._launch(self.kernels.move, self.n, *inputs)
+        self.launch(self.kernels.move, self.n, *inputs)
 
     def forces(self, ahead: int, stage: int = 0) -> None:
         """All forces ``ahead`` steps from now."""
@@ -187,35 +222,41 @@ class Launches:
                 self.move(ahead, stage)
             self.forces(ahead + 1)
         placements = self.resident.placements
-        self._launch(self.kernels.tick, 1, BODY, len(sim.schedule.motions), control, clock, placements)
+        self.launch(self.kernels.tick, 1, BODY, len(sim.schedule.motions), control, clock, placements)
         wp.capture_if(clock[REFRESH : REFRESH + 1], self._select)
 
     def _select(self) -> None:
         """Which contacts and wall rows there will be, and whether this can be told here."""
         sim, lists, control, clock = self.sim, self.sim.lists, self.resident.control, self.resident.clock
-        placements, lanes = self.resident.placements, sim.plan.lanes
+        placements = self.resident.placements
         room = 0.5 * lists.skin - self.reach
-        self._launch(self.kernels.look, self.n, self.grains, lists.near_reference, control, self.resident.watched, placements,
+        self.launch(self.kernels.look, self.n, self.grains, lists.near_reference, control, self.watched, placements,
                      sim.dt, room, clock)  # fmt: skip
-        self._launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select)
-        walls = wall_grain = self.resident.nothing
+        Renewal(self)()
+        self.launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select.values())
+        walls = wall_grain = self.scratch.nothing
         if sim.plan.walls:
-            self._launch(sim.kernels.walls.close_features, self.n, *lists.close_inputs(placements))
+            self.launch(sim.kernels.walls.close_features, self.n, *lists.close_inputs(placements))
             walls, wall_grain = self.rows.candidates, self.rows.grain
-        counts, blocks = self.select[-3:], -(-self.n // CLASS_BLOCK)
-        sums = self.resident.sums(blocks)
-        self._launch(numbering.sum_blocks, blocks, CLASS_BLOCK, lanes, *counts, walls, sums)
-        self._launch(numbering.start_blocks, 1, sums, clock[LANES : ROWS + 1])
-        self._launch(numbering.start_grains, blocks, CLASS_BLOCK, lanes, *counts, walls, sums, *self.fill[-12:-9], wall_grain)
-        self._launch(self.kernels.judge, 1, self.contacts.owner.size, self.grains.row.shape[0] - 1, clock)
+        counts = [self.select[name] for name in ("touching", "close", "width")]
+        starts = [self.fill[name] for name in ("touching_start", "close_start", "row_start")]
+        self.number([*counts, walls], clock[LANES : ROWS + 1], [*starts, wall_grain])
+        self.launch(self.kernels.judge, 1, self.contacts.owner.size, self.grains.row.shape[0] - 1, clock)
         wp.capture_if(clock[FRESH : FRESH + 1], self._fill)
+
+    def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
+        """Number what ``counts`` say that each grain has: how many in all, and where each begins (``kernels.numbering``)."""
+        sums, sizes = self.scratch.sums, (CLASS_BLOCK, self.sim.plan.lanes)
+        self.launch(numbering.sum_blocks, sums.shape[0], *sizes, *counts, sums)
+        self.launch(numbering.start_blocks, 1, sums, total)
+        self.launch(numbering.start_grains, sums.shape[0], *sizes, *counts, sums, *starts)
 
     def _fill(self) -> None:
         """The contact list and the forces of this instant."""
         sim, n, size = self.sim, self.n, self.contacts.owner.size
-        self._launch(self.kernels.clear, size, min(1, n - 1), self.grains.row.shape[0] - 1, self.contacts)
-        self._launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill)
+        self.launch(self.kernels.clear, size, min(1, n - 1), self.grains.row.shape[0] - 1, self.contacts)
+        self.launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill.values())
         if sim.plan.memory:
-            self._launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
-        self._launch(self.kernels.mark, n, self.grains, self.resident.placements)
+            self.launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
+        self.launch(self.kernels.mark, n, self.grains.record, self.resident.placements, self.grains.reference)
         self.forces(0)

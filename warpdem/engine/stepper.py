@@ -62,6 +62,12 @@ class Stepper:
         self.control.extreme.assign(values)
         self._block, self._arguments_of = None, -1
 
+    def forget(self) -> None:
+        """Let go of the arrays of the lists, before others are made."""
+        self._arguments, self._arguments_of = None, -1
+        if self.resident:
+            self.resident.forget()
+
     def row(self) -> tuple[int, int]:
         """Row of the present step in the schedule on the device, and how many steps may follow."""
         sim, first = self.sim, self.sim.step_number

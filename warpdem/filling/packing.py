@@ -23,7 +23,7 @@ import warp as wp
 
 from warpdem.errors import SceneError
 from warpdem.filling.region import Region, region
-from warpdem.filling.size_grids import RowRoom, SizeGrids, finest_cell, size_classes
+from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import packing as kernels
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.scene.sizes import DiameterDistribution, SizeLaw, size_law
@@ -426,7 +426,6 @@ class _Neighbours:
         self._position, self._loose, self._skin, self._threads = position, loose, skin, threads
         self._radii, self._classes = radius, size_classes(radius)
         self._room = RowRoom(room) if room else None
-        self._grids = SizeGrids(wp.get_device("cpu"))
         self._points = wp.zeros(len(position), dtype=wp.vec3d, device="cpu")
         self._radius = wp.array(radius, dtype=wp.float64, device="cpu")
         self._count = wp.zeros(loose, dtype=wp.int32, device="cpu")
@@ -439,7 +438,8 @@ class _Neighbours:
     def build(self) -> None:
         """List the neighbours."""
         self._points.numpy()[:] = self._position
-        grids = self._grids.build(self._position, self._radii, self._classes, self._skin)
+        grids = grids_for(self._position, self._radii, self._classes, self._skin, wp.get_device("cpu"))
+        wp.launch(kernels.insert_grains, len(self._radii), [grids, self._points, self._radius], device="cpu")
         loose = self._classes[: self._loose]
         while True:
             start = self._room.starts(loose) if self._room else np.zeros(self._loose + 1, dtype=np.int32)

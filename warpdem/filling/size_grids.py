@@ -1,4 +1,4 @@
-"""Host side of the hash grids that find grains near each other, one for each class of sizes (``kernels.size_grids``)."""
+"""Host side of the grids that find grains near each other, one for each class of sizes (``kernels.size_grids``)."""
 
 import numpy as np
 import warp as wp
@@ -32,13 +32,13 @@ def starts(count: np.ndarray) -> np.ndarray:
 
 
 def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
-    """Cells of a hash grid in each direction: as many as the grains span, but not many more than there are grains.
+    """Cells of a grid in each direction: as many as the grains span, but not many more than there are grains.
 
     The grid wraps around, so fewer cells only cost time.
     """
     span = np.ptp(position, axis=0) / cell
     cells = (np.minimum(span, 1000.0) + 1.0).astype(int)
-    while cells.prod() > max(4096, 8 * len(position)) and cells.max() > 1:
+    while cells.prod() > max(4096, 4 * len(position)) and cells.max() > 1:
         cells[cells.argmax()] //= 2
     return tuple(int(c) for c in cells)
 
@@ -72,42 +72,28 @@ class RowRoom:
         return not short.any()
 
 
-class SizeGrids:
-    """Finds the grains near a place."""
+def grids_for(
+    position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float, device
+) -> kernels.SizeGrids:
+    """Empty grids, wide enough for the grains.
 
-    def __init__(self, device) -> None:
-        self._device = device
-        self._grids: dict[int, tuple[tuple[int, int, int], wp.HashGrid]] = {}
-
-    def build(self, position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float) -> kernels.SizeGrids:
-        """Put the grains on the grids of their classes.
-
-        Args:
-            position: positions [m], shape (n, 3), n > 0.
-            radius: radii [m], shape (n,).
-            classes: class of each grain, of ``size_classes``, shape (n,).
-            beyond: how far beyond touching neighbours are looked for [m].
-        """
-        order = np.argsort(classes, kind="stable")
-        sphere = np.column_stack([position, radius])[order]
-        numbers, first = np.unique(classes[order], return_index=True)
-        largest = np.maximum.reduceat(sphere[:, 3], first)
-        grids = []
-        for number, radius_there, mine in zip(numbers, largest, np.split(sphere[:, :3], first[1:]), strict=True):
-            cell = 2.0 * radius_there + beyond
-            grid = self._grid(int(number), grid_cells(mine, cell))
-            grid.build(wp.array(np.ascontiguousarray(mine), dtype=wp.vec3d, device=self._device), cell)
-            grids.append(grid.id)
-        out = kernels.SizeGrids()
-        out.grid = wp.array(grids, dtype=wp.uint64, device=self._device)
-        out.first = wp.array(first.astype(np.int32), dtype=wp.int32, device=self._device)
-        out.largest = wp.array(largest, dtype=wp.float64, device=self._device)
-        out.sphere = wp.array(sphere, dtype=wp.vec4d, device=self._device)
-        out.slot = wp.array(order.astype(np.int32), dtype=wp.int32, device=self._device)
-        return out
-
-    def _grid(self, number: int, cells: tuple[int, int, int]) -> wp.HashGrid:
-        """Grid of a class, the one from before if it has these cells."""
-        if self._grids.get(number, (None,))[0] != cells:
-            self._grids[number] = cells, wp.HashGrid(*cells, device=self._device, dtype=wp.float64)
-        return self._grids[number][1]
+    Args:
+        position: positions [m], shape (n, 3), n > 0.
+        radius: radii [m], shape (n,).
+        classes: class of each grain, of ``size_classes``, shape (n,).
+        beyond: how far beyond touching neighbours are looked for [m].
+        device: where.
+    """
+    kinds = [classes == number for number in np.unique(classes)]
+    largest = np.array([radius[mine].max() for mine in kinds])
+    width = 2.0 * largest + beyond
+    cells = np.array([grid_cells(position[mine], cell) for mine, cell in zip(kinds, width, strict=True)])
+    first = starts(cells.prod(axis=1))
+    out = kernels.SizeGrids()
+    out.largest = wp.array(largest, dtype=wp.float64, device=device)
+    out.per_length = wp.array(1.0 / width, dtype=wp.float64, device=device)
+    out.cells = wp.array(cells, dtype=wp.vec3i, device=device)
+    out.first = wp.array(first[:-1], dtype=wp.int32, device=device)
+    out.head = wp.zeros(int(first[-1]), dtype=wp.int32, device=device)
+    out.next = wp.empty(len(radius), dtype=wp.int32, device=device)
+    return out

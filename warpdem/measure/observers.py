@@ -11,7 +11,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.scene.models import model
 
-LEAST_OVERLAP = 1.0e-300  # [m]: a law that acts beyond contact has contacts of none, whose springs are zero
+LEAST_OVERLAP = 1.0e-100  # [m]: a law that acts beyond contact has contacts of none; its square is not yet zero
 
 
 class Particles:
@@ -196,7 +196,7 @@ def read_contacts(sim, since: int = 0) -> Contacts:
             (
                 ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3], spring,
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
-                flat(lists.constants)[on][:, 0], angle, radius[a] * radius[b] / (radius[a] + radius[b]),
+                flat(lists.contact_constants())[on][:, 0], angle, radius[a] * radius[b] / (radius[a] + radius[b]),
             )
         )  # fmt: skip
     if len(state) and plan.walls and lists.row_count:
