@@ -3,6 +3,8 @@
 import io
 import json
 import math
+from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import trimesh
@@ -14,6 +16,8 @@ from warpdem.engine.timestep import damped_contact_factor
 from warpdem.runner import run_scene
 
 STEP = 1e-5
+CUP = str(Path(__file__).resolve().parent.parent / "scenes" / "meshes" / "hopper.stl")
+PLACED = {"scale": 1e-3, "translate": [1, 0, 0], "open": True}
 FIELDS = [
     {"model": "harmonic", "parameters": {"stiffness": 2.0}},
     {"model": "drag", "parameters": {"coefficient": 1e-4}},
@@ -90,6 +94,18 @@ WARNED = {
         {"materials": {"g": {"density": 2.65, "young_modulus": 5e6, "poisson_ratio": 0.3}}, "time": SHORT},
         ["materials.g.density = 2.65 kg/m3", '"2.65 g/cm3"'],
     ),
+    "angle": (
+        {"walls": [{"name": "cup", "material": "g", "mesh": CUP, "rotate": {"axis": [1, 0, 0], "angle": 90}} | PLACED]},
+        ["walls[0].rotate.angle = 90 rad is more than a full turn (5157 degrees)", '"90 deg"'],
+    ),
+    "phase": (
+        {"frame": [{"axis": [0, 0, 1], "rate": 1}, {"amplitude": [0, 0, 1e-3], "frequency": 1, "phase": -45}]},
+        ["frame[1].phase = -45 rad", '"-45 deg"'],
+    ),
+    "phase of a rate": (
+        {"frame": {"axis": [0, 0, 1], "sinusoid": {"amplitude": 1, "frequency": 1, "phase": 10}}},
+        ["frame.sinusoid.phase = 10 rad", '"10 deg"'],
+    ),
     "skin": ({"engine": {"skin": 1.9e-5}}, ["in 9.5 steps", "engine.skin"]),
 }
 
@@ -100,6 +116,31 @@ def test_warning_names_number_and_remedy(kind):
     text = said(**changes)
     for word in words:
         assert word in text, text
+
+
+def test_rates_are_told_in_both_units_before_a_run(tmp_path, monkeypatch):
+    """A number meant in the other unit is seen: by check, by programs, and in the first lines of a run."""
+    mill = [{"axis": [0, 0, 1], "rate": 30.0}, {"axis": [0, 0, 1], "rate": "-30 rpm"}]
+    floor = {"material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    walls = [{"name": name, "motion": {"axis": [0, 0, 1], "rate": 2.0}, **floor} for name in "abcd"]
+    turning = scene(frame=mill, walls=walls, time={"end": 2 * STEP, "step": STEP, "max_speed": 0.1})
+    data = check.describe(Simulation(turning, device="cpu", threads=1), probe=False)
+    assert data["largest_rates"] == {
+        "frame[0]": 30.0, "frame[1]": math.pi, **{f"walls[{k}].motion": 2.0 for k in range(4)}
+    }  # fmt: skip
+    line = (
+        "turns: frame[0] at up to 30 rad/s = 286.5 rpm; frame[1] at up to 3.142 rad/s = 30 rpm; "
+        "walls[0].motion, walls[1].motion and 2 others at up to 2 rad/s = 19.1 rpm\n"
+    )
+    checked, begun, still = io.StringIO(), io.StringIO(), io.StringIO()
+    check.print_description(data, Console(file=checked, width=200))
+    assert line in checked.getvalue()
+    monkeypatch.setattr(Simulation, "load_kernels", Mock(side_effect=RuntimeError("far enough")))
+    with pytest.raises(RuntimeError, match="far enough"):
+        run_scene(turning, tmp_path, device="cpu", threads=1, console=Console(file=begun, width=200))
+    assert line in begun.getvalue()
+    check.print_description(check.describe(simulation(), probe=False), Console(file=still, width=200))
+    assert "turns:" not in still.getvalue()
 
 
 def test_overlaps_are_warned_of_from_a_tenth_of_the_radius_or_where_the_run_stops():

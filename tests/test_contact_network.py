@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from pydantic import ValidationError
 
-from warpdem import Scene, Simulation
+from warpdem import Scene, SceneError, Simulation
 from warpdem.measure.contact_network import read_network
 from warpdem.output.write_vtk import VtkWriter
 
@@ -137,5 +136,5 @@ def test_nothing_is_made_when_nobody_asks(settled, tmp_path):
 
 
 def test_contacts_without_a_format_that_holds_them_are_refused():
-    with pytest.raises(ValidationError, match='only the formats "vtk" and "vtkhdf" hold contacts'):
+    with pytest.raises(SceneError, match='only the formats "vtk" and "vtkhdf" hold contacts'):
         simulated([[0, 0, R]], output={"contacts": True, "formats": ["usd"]})

@@ -3,21 +3,37 @@
 import io
 import json
 import re
-import subprocess
+import shlex
 import sys
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from warpdem import Simulation, advice, demo, load_scene
+from warpdem import Simulation, advice, cli, demo, load_scene
 from warpdem.errors import OutputError, SceneError
+
+pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 
 
-def warpdem(*arguments, cwd):
-    return subprocess.run([sys.executable, "-m", "warpdem", *map(str, arguments)], cwd=cwd, capture_output=True, text=True)
+@pytest.fixture
+def warpdem(tmp_path, monkeypatch, capfd):
+    """Run the command in a new folder, in this process; returns exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["warpdem", *arguments])
+        capfd.readouterr()
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        return code, *capfd.readouterr()
+
+    return call
 
 
 def test_gallery_holds_every_scene_with_all_it_must_say():
@@ -81,7 +97,11 @@ def test_copy_overwrites_nothing_and_knows_its_scenes(tmp_path):
     with pytest.raises(SceneError, match=r"--out .*mine: is there already; take another folder$"):
         demo.copy("disk", folder)
     (folder / "disk.toml").write_text("mine")
-    with pytest.raises(SceneError, match=r"or run what is there: warpdem run .*mine/disk\.toml"):
+    with pytest.raises(SceneError, match=r"or run what is there: warpdem run \S*mine/disk\.toml --out \S*mine/results$"):
+        demo.copy("disk", folder)
+    (folder / "results").mkdir()
+    (folder / "results" / "checkpoint.h5").touch()
+    with pytest.raises(SceneError, match=r"or go on with what is there: warpdem run \S* --out \S*mine/results --resume$"):
         demo.copy("disk", folder)
     assert (folder / "disk.toml").read_text() == "mine"
     with pytest.raises(SceneError, match=r'demo "hoper": there is no such scene; did you mean "hopper"\?'):
@@ -93,11 +113,26 @@ def test_copy_overwrites_nothing_and_knows_its_scenes(tmp_path):
         demo.copy("disk", folder / "disk.toml" / "below")
 
 
-def test_command_copies_and_runs(tmp_path):
-    done = warpdem("demo", "two_spheres", "--until", "1e-4", "--set", "output.picture=false", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "must come out: momentum and angular momentum kept" in done.stdout
+def test_command_copies_and_runs(warpdem, tmp_path):
+    code, out, error = warpdem("demo", "two_spheres", "--until", "1e-4", "--no-picture")
+    assert code == 0, error
+    as_it_is = "of the scene as it is (this run was another: --set, --until or --precision)"
+    assert f"must come out {as_it_is}: momentum and angular momentum kept" in " ".join(out.split())
     results = tmp_path / "two_spheres" / "results"
     assert json.loads((results / "run.json").read_text())["status"] == "done"
-    again = warpdem("demo", "two_spheres", cwd=tmp_path)
-    assert again.returncode == 2 and "is there already" in again.stderr and "Traceback" not in again.stderr
+    assert not (results / "picture.png").exists()
+    code, _, error = warpdem("demo", "two_spheres")
+    assert code == 2
+    command = error.split("go on with what is there: warpdem ")[1]
+    assert warpdem(*shlex.split(command), "--until", "2e-4", "--no-picture")[0] == 0
+    assert json.loads((results / "run.json").read_text())["time"] == pytest.approx(2e-4, rel=1e-2)
+
+
+def test_what_must_come_out_is_said_of_the_scene_as_it_is():
+    told = {}
+    for changed in (False, True):
+        console = Console(width=500, file=io.StringIO())
+        demo.print_outcome(SCENES / "two_spheres.toml", changed, console)
+        told[changed] = console.file.getvalue()
+    assert told[False].startswith("must come out: momentum")
+    assert told[True].startswith("must come out of the scene as it is (this run was another: ")

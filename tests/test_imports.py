@@ -12,9 +12,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
-    "errors", "threads", "snapshot", "rigid", "progress", "paths", "write_tables",
-    "usd", "scene", "demo", "mesh", "filling", "engine", "measure", "output",
-    "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "cli",
+    "errors", "threads", "start_warp", "snapshot", "rigid", "progress", "paths", "write_tables",
+    "usd", "scene", "mesh", "filling", "engine", "measure", "output",
+    "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
     "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""

@@ -113,9 +113,9 @@ def test_unknown_observer_names_those_there_are():
 )
 def test_wrong_file_is_answered_by_file_and_what_is_allowed(tmp_path, text, words):
     (tmp_path / "own.py").write_text(text)
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(SceneError) as error:
         scene(tmp_path, [{"name": "a", "model": "own.py"}])
-    for word in [str(tmp_path / "own.py"), "observers.0.model", *words]:
+    for word in [str(tmp_path / "own.py"), "observers[0].model", *words]:
         assert word in str(error.value)
 
 

@@ -162,13 +162,21 @@ def test_film_of_the_turn_keeps_everything_in_the_picture(tmp_path):
     assert told == [(k, 5) for k in range(1, 6)]
     with imageio.get_reader(out) as movie:
         assert movie.get_meta_data()["size"] == (400, 300)
-        assert movie.get_meta_data()["fps"] == 25.0
+        assert movie.get_meta_data()["fps"] == 2.5  # so that it lasts 2 s
         pictures = list(movie.iter_data())
     assert len(pictures) == 5
     masks = [coloured(picture) for picture in pictures]
     np.testing.assert_allclose([mask.sum() for mask in masks], masks[0].sum(), rtol=0.2)
     rows = [np.nonzero(mask)[0].mean() for mask in masks]
     assert all(np.diff(rows) > 10)  # from the top down to the bottom
+
+
+@pytest.mark.parametrize(("choice", "wanted"), [({"fps": 25.0}, 25.0), ({"speed": 1.0}, 25.0), ({}, 25.0)])
+def test_film_has_25_pictures_a_second_where_that_is_asked_or_lasts(tmp_path, choice, wanted):
+    count = 5 if choice else 51
+    folder = write(tmp_path, *[snapshot([0, 0, 0], 0.1, time=0.1 * k) for k in range(count)])
+    with imageio.get_reader(render(folder, tmp_path / "m.mp4", size=(64, 64), **choice)) as movie:
+        assert movie.get_meta_data()["fps"] == wanted
 
 
 def test_film_shows_the_stretch_and_the_speed_asked_for(tmp_path):
@@ -180,8 +188,9 @@ def test_film_shows_the_stretch_and_the_speed_asked_for(tmp_path):
         assert len(list(movie.iter_data())) == 6
     with pytest.raises(WarpdemError, match=r"start 0\.3 s to end 0\.4 s: holds no frame.*from 0 to 1 s"):
         render(folder, tmp_path / "n.mp4", start=0.3, end=0.4)
-    with pytest.raises(WarpdemError, match="fps -1"):
-        render(folder, tmp_path / "n.mp4", fps=-1.0)
+    for fps in (-1.0, 0.0):
+        with pytest.raises(WarpdemError, match=f"fps {fps}"):
+            render(folder, tmp_path / "n.mp4", fps=fps)
 
 
 @pytest.mark.parametrize("count", [0, 1])

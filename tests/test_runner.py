@@ -23,7 +23,7 @@ from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
 from warpdem.output.write_vtk import read_results
 from warpdem.progress import told_if_long
-from warpdem.runner import check_request, default_folder, make_folder, named_folder, run_scene
+from warpdem.runner import check_request, default_folder, history_columns, make_folder, named_folder, run_scene
 from warpdem.summary import print_summary, scene_hash, steps_per_contact
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -375,3 +375,14 @@ def test_the_lines_of_the_readme_read_the_history(done, monkeypatch):
     np.testing.assert_array_equal(left["table"]["time [s]"], rows[:, 0])
     np.testing.assert_array_equal(left["force"], rows[:, header.index("floor force z [N]")])
     assert np.any(left["force"] != 0.0)
+
+
+def test_the_page_on_scenes_lists_the_columns_of_the_history():
+    """Every column that is there whatever the scene asks for, and those of walls, planes and samples."""
+    page = (Path(__file__).resolve().parent.parent / "scenes" / "README.md").read_text(encoding="utf-8")
+    section = page.split("## history.csv")[1].split("\n## ")[0]
+    plane = {"point": [0, 0, 0], "normal": [0, 0, 1]}
+    asked = {"flow": [{"name": "NAME", **plane}], "mixing": [{"name": "NAME", "by": "x", "cell": 1.0}]}
+    floor = {"name": "NAME", "material": "glass", "plane": plane}
+    for column in history_columns(scene(walls=[floor], measures=asked)):
+        assert f"`{re.sub(' [yz] ', ' x ', column)}`" in section, column

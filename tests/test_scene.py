@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from warpdem.errors import SceneError
 from warpdem.scene.model import Scene
 
 
@@ -30,6 +31,22 @@ def test_defaults():
     assert (scene.time.step, scene.engine.skin, scene.engine.max_overlap) == ("auto", "auto", 0.1)
     assert (scene.frame, scene.walls) == (None, [])
     assert (scene.base, scene.source) == (Path.cwd(), "<scene>")
+
+
+def test_wrong_scene_from_python_is_told_as_that_of_a_file_is():
+    data = minimal() | {"frame": {"axis": "y", "rate": 3}, "source": "mine"}
+    data["time"] |= {"ned": 1}
+    with pytest.raises(SceneError) as error:
+        Scene.model_validate(data)
+    head, *lines = str(error.value).splitlines()
+    assert head == "mine: 2 problems"
+    told = dict(zip(lines[::2], lines[1::2], strict=True))
+    assert told == {
+        '  frame.axis = "y"': "      must be a list of 3 pure numbers, such as [0, 0, 1]",
+        "  time.ned = 1": '      unknown key; did you mean "end"?',
+    }
+    with pytest.raises(SceneError, match=r"^<scene>: one problem\n  the scene = \[3\]\n      must be a table$"):
+        Scene.model_validate([3])
 
 
 def test_values_are_si_and_immutable():
@@ -93,7 +110,7 @@ def test_ids_are_whole_and_unique():
     assert ids.dtype == np.int64
     for wrong in ([7, 7], [1, -1], [1.5, 2], [True, 2], [[1], [2, 3]], [2**63, 1], 5, []):
         data["grains"][0]["ids"] = wrong
-        with pytest.raises(ValidationError):
+        with pytest.raises(SceneError, match=r"grains\[0\]\.ids"):
             Scene.model_validate(data)
 
 
@@ -176,5 +193,5 @@ def test_a_fill_takes_one_amount_and_a_height_stands_for_one():
     assert fill(height="20 cm").height == 0.2
     assert fill(height=0.2, count=3).count == 3
     for keys in ({}, {"count": 3, "mass": 2.0}, {"height": 0.2, "solid_fraction": 0.5, "count": 3}):
-        with pytest.raises(ValidationError, match="exactly one of count, mass, solid_fraction"):
+        with pytest.raises(SceneError, match="exactly one of count, mass, solid_fraction"):
             fill(**keys)

@@ -105,7 +105,7 @@ def test_two_grains_that_never_touch():
 
 def test_scene_without_grains_is_refused_or_runs():
     """The scene asks for at least one group with at least one position."""
-    with pytest.raises(ValueError, match="positions"):
+    with pytest.raises(SceneError, match="positions"):
         simulate(np.zeros((0, 3)))
 
 
@@ -249,6 +249,17 @@ def test_extremes_are_the_largest_met():
     assert 0.01 < met["pair_overlap_share"] < 0.05
     assert met["wall_overlap_share"] == met["wall_approach_speed"] == 0.0
     assert len(sim.contacts().i) == 0, "they have parted"
+
+
+def test_overlaps_are_shares_of_the_smaller_radius():
+    grains = {"positions": [[0, 0, 0], [3.01e-3, 0, 0]], "radii": [1e-3, 2e-3], "velocities": [[0.2, 0, 0], [0, 0, 0]]}
+    sim = simulate([], grains=[{"material": "glass", **grains}])
+    overlaps = [0.0]
+    for _ in range(60):
+        sim.step(5)
+        overlaps += sim.contacts().overlap.tolist()
+    assert sim.extremes["pair_overlap_share"] == pytest.approx(max(overlaps) / 1e-3, rel=1e-2)
+    assert max(overlaps) > 1e-5, "they did not meet"
 
 
 def test_wrong_device_and_thread_count_are_refused():

@@ -40,8 +40,8 @@ def scene(frame=None, walls=(), **changes) -> Scene:
 
 
 def numbers(of: Scene):
-    gathered = TurningNumbers(Simulation(of, device="cpu", threads=1))
-    gathered.add()
+    gathered = TurningNumbers(of)
+    gathered.add(Simulation(of, device="cpu", threads=1))
     return gathered.result()
 
 

@@ -1,4 +1,6 @@
+import json
 import math
+import re
 import subprocess
 import sys
 from typing import Annotated
@@ -132,6 +134,17 @@ def test_vector_takes_lists_arrays_and_units():
     for wrong in ([1, 2], [1, 2, 3, 4], "123", 1.0, [1, 2, True], [1, 2, "3 s"]):
         with pytest.raises(ValueError):
             model(x=wrong)
+
+
+@pytest.mark.parametrize(
+    ("item", "length", "example"),
+    [(Quantity("-"), 3, "[0, 0, 1]"), (Quantity("m"), 3, '[0, 0, "0.45 mm"]'), (Quantity("rad/s"), 2, '[0, "30 rpm"]')],
+)
+def test_wrong_vector_is_told_one_that_would_do(item, length, example):
+    model = make_model(Annotated[tuple, Vector(item, length=length)])
+    with pytest.raises(ValueError, match=f"must be a list of {length} .*, such as {re.escape(example)}"):
+        model(x="y")
+    assert len(model(x=json.loads(example)).x) == length
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import psutil
 from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.scene.models import model
+from warpdem.scene.motion import Rotation, Translation
 
 STABLE_SHARE = PACKED_SHARE
 """Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""
@@ -21,6 +22,8 @@ RESTITUTION = 0.05
 """The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
 SIZE_RATIO = 10.0
 """Largest over smallest grain: the step is that of the smallest."""
+TURN = 2.0 * math.pi
+"""Of an angle that places something, or begins a swing [rad]: one beyond it is in another unit."""
 DENSITIES = 5.0, 30000.0
 """From aerogel to osmium [kg/m3]."""
 REBUILD_STEPS = 10.0
@@ -59,7 +62,8 @@ def limit_rows(sim) -> list[dict]:
 
 def warnings(sim) -> list[str]:
     """What to look at before the run, most dangerous first."""
-    return [*_step(sim), *_impacts(sim), *_restitutions(sim), *_densities(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
+    found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_densities(sim), *_angles(sim.scene)]
+    return [*found, *_sizes(sim), *_walls(sim), *_machine(sim)]
 
 
 def _step(sim) -> Iterator[str]:
@@ -138,6 +142,24 @@ def _densities(sim) -> Iterator[str]:
             yield (
                 f"materials.{name}.density = {material.density:g} kg/m3 is that of no solid ({DENSITIES[0]:g} to "
                 f'{DENSITIES[1]:g}): if it is in another unit, write it as in "2.65 g/cm3"'
+            )
+
+
+def _angles(scene) -> Iterator[str]:
+    moved = {"frame": scene.frame, **{f"walls[{k}].motion": wall.motion for k, wall in enumerate(scene.walls)}}
+    found = [(f"walls[{k}].rotate.angle", wall.rotate.angle) for k, wall in enumerate(scene.walls) if wall.rotate]
+    for key, motions in moved.items():
+        for k, motion in enumerate(motions or ()):
+            place = f"{key}[{k}]" if len(motions) > 1 else key
+            if isinstance(motion, Translation):
+                found.append((f"{place}.phase", motion.phase))
+            elif isinstance(motion, Rotation) and motion.sinusoid:
+                found.append((f"{place}.sinusoid.phase", motion.sinusoid.phase))
+    for key, angle in found:
+        if abs(angle) > TURN:
+            yield (
+                f"{key} = {angle:g} rad is more than a full turn ({math.degrees(angle):.4g} degrees): if it is in degrees, "
+                f'write "{angle:g} deg"'
             )
 
 

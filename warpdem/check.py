@@ -8,8 +8,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from warpdem import advice
+from warpdem import advice, summary
 from warpdem.runner import SECONDS_PER_CHUNK, Outputs, cadence
+from warpdem.scene.motion import largest_rates
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
 SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
@@ -24,7 +25,7 @@ def describe(sim, probe: bool = True, later: Sequence[str] = ()) -> dict:
         probe: whether to run it for `PROBE_SECONDS`, and to write a frame, for the estimates.
         later: names of the phases that follow it, of which nothing is known before it has run.
     """
-    scene, found = sim.scene, sim.limits
+    scene, found, rates = sim.scene, sim.limits, largest_rates(sim.scene)
     steps = sim.steps_until(scene.time.end)
     out = {
         "scene": scene.source,
@@ -35,6 +36,7 @@ def describe(sim, probe: bool = True, later: Sequence[str] = ()) -> dict:
         "threads": sim.threads.count,
         "plan": sim.plan.explain(),
         "notes": sim.notes,
+        "largest_rates": rates,
         "time_step": sim.dt,
         "time_step_from": found.binding if scene.time.step == "auto" else "time.step",
         "limits": advice.limit_rows(sim),
@@ -86,16 +88,14 @@ def _written(sim) -> tuple[int, float, float]:
         outputs = Outputs(sim, Path(folder))
         sizes, seconds = [], []
 
-        def frame() -> None:
-            outputs.frame()
-            outputs.settle()
-
         try:
-            for number, act in enumerate((frame, outputs.row) * 2):  # the first of each also writes what does not change
+            # the first of each also writes what does not change
+            for number, what in enumerate(({"frame": True}, {"row": True}) * 2):
                 if number == 2:
                     sim.step(1)  # equal arrays would be written once by some formats
                 begin = time.perf_counter()
-                act()
+                outputs.write(**what)
+                outputs.settle()
                 seconds.append(time.perf_counter() - begin)
                 sizes.append(sum(path.stat().st_size for path in Path(folder).rglob("*") if path.is_file()))
         finally:
@@ -108,6 +108,8 @@ def print_description(data: dict, console: Console) -> None:
     console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold")
     for line in data["plan"]:
         console.print(f"  {line}", markup=False)
+    if data["largest_rates"]:
+        console.print(f"  {summary.rates_line(data['largest_rates'])}", markup=False)
     for note in data["notes"]:
         console.print(f"  note: {note}", markup=False)
     console.print(f"time step {data['time_step']:.4g} s, from {data['time_step_from']}; {data['steps']} steps")

@@ -16,6 +16,7 @@ app = App(
     name="warpdem",
     help="Discrete element method for granular flow in rotating and moving equipment.",
     suppress_keyboard_interrupt=False,  # main() tells how to go on
+    default_parameter=Parameter(negative_iterable=()),  # no --empty-set, which an option left out says as well
 )
 
 Settings = Annotated[
@@ -26,7 +27,9 @@ Plugins = Annotated[list[Path], Parameter("--plugin", help="Load this .py file w
 AllowPaths = Annotated[
     list[Path], Parameter("--allow-path", help="Let the scene read files in this folder too; repeatable.")
 ]
-
+Picture = Annotated[
+    bool | None, Parameter(help="Draw picture.png at the end, or not (it takes seconds), whatever the scene says.")
+]
 At = Annotated[
     float | None, Parameter("--at", help="With the result stage of a run: start from its frame at this time [s].")
 ]
@@ -45,6 +48,7 @@ def run(
     set_: Settings = [],  # noqa: B006
     plugin: Plugins = [],  # noqa: B006
     allow_path: AllowPaths = [],  # noqa: B006
+    picture: Picture = None,
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -53,7 +57,8 @@ def run(
 
     Args:
         scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
-        out: Folder of the results; out/NAME if not given, NAME that of the scene, or of its folder for a result stage.
+        out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
+            for a result stage.
         device: cpu or cuda:0; a GPU if there is one.
         threads: CPU threads; all cores if not given.
         precision: Precision of the contact law instead of the scene's.
@@ -70,7 +75,8 @@ def run(
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
     folder = out or (named_folder(scene) if resume else default_folder(scene))
     try:
-        run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite, quiet=quiet)
+        run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite, quiet=quiet,
+                picture=picture)  # fmt: skip
     except KeyboardInterrupt as stop:
         if not stop.args:  # nothing was run yet
             raise
@@ -78,6 +84,7 @@ def run(
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
                     for word in (f"--{name}", str(path))]  # fmt: skip
+        options += [] if picture is None else ["--picture" if picture else "--no-picture"]
         options += ["--set", *set_] if set_ else []
         command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
         raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
@@ -152,7 +159,7 @@ def render(
     start: float | None = None,
     end: float | None = None,
     speed: float | None = None,
-    fps: float = 25.0,
+    fps: float | None = None,
     look: Annotated[Look, Parameter(name="*", negative_iterable=())] = Look(),  # noqa: B008
 ) -> None:
     """Draw the results of a run: a picture (.png) or a film (.mp4).
@@ -165,7 +172,8 @@ def render(
         start: A film begins here [s].
         end: A film ends here [s].
         speed: Seconds of the run in a second of the film; each frame is shown once if not given.
-        fps: Pictures in a second of the film.
+        fps: Pictures in a second of the film; 25 if not given, fewer where so few frames are shown that it would last less
+            than 2 seconds.
         look: Camera, colours, cuts and walls.
     """
     from rich.progress import Progress
@@ -193,9 +201,12 @@ def demo(
     precision: Literal["double", "mixed"] | None = None,
     until: float | None = None,
     set_: Settings = [],  # noqa: B006
+    picture: Picture = None,
     quiet: bool = False,
 ) -> None:
-    """List the scenes that come with warpdem, or copy one to a folder and run it.
+    """List the scenes that come with warpdem, or copy one to a folder of its own and run it there.
+
+    The copy and its results stay together, in NAME/NAME.toml and NAME/results; run puts its results in out/NAME.
 
     Args:
         name: Scene to copy and run; lists them all if not given.
@@ -206,7 +217,7 @@ def demo(
         until: As in run.
         quiet: As in run.
     """
-    from warpdem.demo import copy, print_gallery, print_outcome
+    from warpdem.demo import RESULTS, copy, print_gallery, print_outcome
 
     console = Console(highlight=False)
     if name is None:
@@ -214,10 +225,10 @@ def demo(
         return
     folder = out or Path(name)
     scene = copy(name, folder)
-    run(scene, out=folder / "results", device=device, threads=threads, precision=precision, until=until, set_=set_,
-        quiet=quiet)  # fmt: skip
+    run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
+        picture=picture, quiet=quiet)  # fmt: skip
     if not quiet:
-        print_outcome(scene, console)
+        print_outcome(scene, bool(set_ or until or precision), console)
 
 
 def main() -> None:

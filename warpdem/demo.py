@@ -4,6 +4,7 @@ A scene of the gallery begins with comment lines: a sentence, then what is shown
 """
 
 import re
+import shlex
 import shutil
 from dataclasses import dataclass
 from importlib import resources
@@ -14,11 +15,14 @@ from rich.table import Table
 from rich.text import Text
 
 from warpdem.errors import OutputError, SceneError
+from warpdem.runner import CHECKPOINT
 from warpdem.scene.file import load_scene
 from warpdem.scene.models import nearest
 
 PARTS = ("Shown", "Must come out", "Takes")
 """Words that begin a part of a scene's first comment."""
+RESULTS = "results"
+"""Folder of what comes out, beside the copied scene."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,9 @@ def copy(name: str, folder: Path) -> Path:
         raise SceneError(f'demo "{name}": there is no such scene{hint} ("warpdem demo" lists them)')
     file, target = scenes[name].file, folder / f"{name}.toml"
     if folder.exists():
-        again = f", or run what is there: warpdem run {target}" if target.exists() else ""
+        begun = any((folder / RESULTS).rglob(CHECKPOINT))
+        command = shlex.join(["warpdem", "run", str(target), "--out", str(folder / RESULTS), *["--resume"] * begun])
+        again = f", or {'go on with' if begun else 'run'} what is there: {command}" if target.exists() else ""
         raise SceneError(f"--out {folder}: is there already; take another folder{again}")
     named = [Path(path) for _, path in load_scene(file).files()]
     try:
@@ -112,6 +118,7 @@ def print_gallery(console: Console) -> None:
     console.print(table)
 
 
-def print_outcome(file: Path, console: Console) -> None:
-    """Print what must come out of a copied scene."""
-    console.print(f"must come out: {described(file).outcome}", markup=False)
+def print_outcome(file: Path, changed: bool, console: Console) -> None:
+    """Print what must come out of a copied scene; if it was run ``changed``, that this is of the scene as the file has it."""
+    of = " of the scene as it is (this run was another: --set, --until or --precision)" if changed else ""
+    console.print(f"must come out{of}: {described(file).outcome}", markup=False)

@@ -43,7 +43,7 @@ def run(
         overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
         console: where to print.
-        keys: ``device`` and ``threads`` of ``run_scene``.
+        keys: ``device``, ``threads`` and ``picture`` of ``run_scene``.
 
     Returns:
         The last simulation.
@@ -77,8 +77,11 @@ def run(
             going = resume and (k == 0 or (there / CHECKPOINT).exists())
             sim = run_scene(one, there, until=end, resume=going, overwrite=True, **said)
         status = "done"
-    except (WarpdemError, KeyboardInterrupt):
+    except WarpdemError:
         status = _status(folders[k])
+        raise
+    except KeyboardInterrupt:  # perhaps of the picture of a phase that is done
+        status = "interrupted"
         raise
     finally:
         _write_record(scene, folder, folders, begins, status)

@@ -21,11 +21,13 @@ from warpdem.errors import OutputError, SceneError, StabilityError
 from warpdem.measure import measures, observation
 from warpdem.measure.dimensionless import Turning, TurningNumbers
 from warpdem.output.background import Background
+from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
 from warpdem.progress import progress_bar, told_if_long
 from warpdem.scene.model import Scene
+from warpdem.scene.motion import largest_rates
 from warpdem.simulation import Simulation
-from warpdem.snapshot import Snapshot, WallMesh
+from warpdem.snapshot import WallMesh
 from warpdem.usd.stage import USD_SUFFIXES
 from warpdem.write_tables import HistoryWriter, not_written, write_run_record
 
@@ -87,8 +89,8 @@ def history_columns(scene: Scene) -> list[str]:
     return [*HISTORY_COLUMNS, *walls, *measures.columns(scene), *observation.columns(scene)]
 
 
-def history_row(sim: Simulation) -> list[float]:
-    """One row of history.csv."""
+def history_row(sim: Simulation, observed: list[float]) -> list[float]:
+    """One row of history.csv, ``observed`` by the scene's observers."""
     loads = sim.wall_loads(lab=True).values()
     energy, particles, met = sim.energy(), sim.particles, sim.extremes
     mass, position = particles.mass, particles.position_lab
@@ -99,7 +101,7 @@ def history_row(sim: Simulation) -> list[float]:
         max(met["pair_overlap_share"], met["wall_overlap_share"]),
         max(met["pair_approach_speed"], met["wall_approach_speed"]),
         *(number for load in loads for number in (*load.force, *load.torque, load.power)),
-        *measures.values(sim), *observation.row(sim),
+        *measures.values(sim), *observed,
     ]  # fmt: skip
 
 
@@ -143,26 +145,38 @@ class Outputs:
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
+        self.rooms = Room(sim.device), Room(sim.device)  # of the instant that is written, and of the next one
         self.history = HistoryWriter(folder / "history.csv", history_columns(sim.scene), resume=resume)
-        self.turning = TurningNumbers(sim)
+        self.turning = TurningNumbers(sim.scene)
 
-    def frame(self) -> None:
-        """Write a frame of the present instant, while the run goes on.
+    def write(self, *, row: bool = False, frame: bool = False) -> None:
+        """Write a row of the history and a frame of the present instant, while the run goes on.
 
         Raises:
-            OutputError: the frame before could not be written.
+            OutputError: what came before could not be written.
         """
+        if not (row or frame):
+            return
         with self.sim.clock("output"):
-            snapshot = self.sim.snapshot()
-            self.background.start(lambda: self._write(snapshot))
+            output, self.rooms = self.sim.scene.output, self.rooms[::-1]
+            network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
+            instant = Instant(self.sim, self.rooms[0], contacts=row or network)
+            observed = observation.row(self.sim) if row else []  # by kernels, which no other thread may launch
+            self.background.start(lambda: self._write(instant, observed, row, frame))
 
-    def _write(self, snapshot: Snapshot) -> None:
+    def _write(self, instant: Instant, observed: list[float], row: bool, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
-            for writer in self.writers:
-                writer.write(snapshot)
+            sim = instant.simulation()
+            if row:
+                self.history.write(history_row(sim, observed))
+                self.turning.add(sim)
+            if frame:
+                snapshot = sim.snapshot()
+                for writer in self.writers:
+                    writer.write(snapshot)
 
     def settle(self) -> None:
-        """Wait until all frames are written: what is saved next counts on them.
+        """Wait until all rows and frames are written: what is saved next counts on them.
 
         Raises:
             OutputError: one could not be written.
@@ -170,14 +184,8 @@ class Outputs:
         with self.sim.clock("output"):
             self.background.settle()
 
-    def row(self) -> None:
-        """Write a row of the history."""
-        with self.sim.clock("output"):
-            self.history.write(history_row(self.sim))
-            self.turning.add()
-
     def close(self) -> None:
-        """Close all files, after the last frame is written.
+        """Close all files, after the last row and frame are written.
 
         Raises:
             OutputError: it could not be written.
@@ -252,6 +260,7 @@ def run_scene(
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
+    picture: bool | None = None,
     console: Console | None = None,
 ) -> Simulation:
     """Run ``scene`` to its end, write its results into ``folder`` and print a summary.
@@ -265,6 +274,7 @@ def run_scene(
         resume: go on from the checkpoint in the folder.
         overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
+        picture: draw picture.png at the end, or not; None as the scene says.
         console: where to print.
 
     Raises:
@@ -308,11 +318,14 @@ def run_scene(
         with suppress(OutputError) if status != "done" else nullcontext():
             written = record(sim, status, time.perf_counter() - begin, outputs.turning.result())
             write_run_record(folder / "run.json", written)
-    if scene.output.picture and {"vtk", "vtkhdf"} & set(scene.output.formats):
+    if (scene.output.picture if picture is None else picture) and {"vtk", "vtkhdf"} & set(scene.output.formats):
         with sim.clock("picture"):
             from warpdem.drawing.rendering import render
 
-            render(folder, folder / "picture.png")
+            try:
+                render(folder, folder / "picture.png")
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt("while the picture was drawn, with all other results written") from None
         write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
     if not quiet:
         summary.print_summary(sim, console, time.perf_counter() - begin, folder, outputs.turning.result())
@@ -325,6 +338,8 @@ def _announce(sim: Simulation, end: float, folder: Path, console: Console) -> No
     steps = max(0, sim.steps_until(end) - sim.step_number)
     console.print(f"[bold]{sim.scene.title or sim.scene.source}[/]: {goes_on}{len(sim.state)} grains, {steps} steps of "
                   f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
+    if rates := largest_rates(sim.scene):
+        console.print(summary.rates_line(rates), markup=False)
     for note in sim.notes:
         console.print(f"note: {note}", markup=False)
     if count := len(advice.warnings(sim)):
@@ -344,8 +359,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     try:
         with progress_bar(console, quiet, max(last, 1)) as tell, _interrupts() as interrupted:
             if not resumed:
-                outputs.frame()
-                outputs.row()
+                outputs.write(row=True, frame=True)
                 outputs.settle()
                 checkpoint.save(sim, path)
             saved = began = time.perf_counter()
@@ -355,10 +369,8 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                 stops = [_next(step, every) for every in (frame_every, row_every, save_every)]
                 sim.step(min(*stops, last, step + chunk) - step)
                 step = sim.step_number
-                if step % row_every == 0 or step == last:
-                    outputs.row()
-                if step % frame_every == 0 or step == last:
-                    outputs.frame()
+                ends = step == last
+                outputs.write(row=ends or step % row_every == 0, frame=ends or step % frame_every == 0)
                 now = time.perf_counter()
                 if step % save_every == 0 or now - saved > sim.scene.output.checkpoint_wall_time:
                     sim.guards.look()  # what is saved over the last checkpoint is sound

@@ -39,6 +39,7 @@ from warpdem.mesh.tessellation import drawings
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.snapshot import Snapshot, WallLoad, WallMesh
+from warpdem.start_warp import start_warp
 from warpdem.threads import Threads, available_threads
 
 
@@ -405,6 +406,11 @@ class Simulation:
 
         Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
         """
+        load, velocity, spin = (a.numpy()[self.state.rank] for a in self._read())
+        return load[:, :3].copy(), load[:, 3:].copy(), velocity, spin
+
+    def _read(self) -> tuple[wp.array, wp.array, wp.array]:
+        """What ``readings`` gives, in memory order on the device: force and torque together, velocity, spin."""
         self._prepare()
         n = len(self.state)
         load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
@@ -414,8 +420,7 @@ class Simulation:
             grains, _, rows = self.stepper.arguments()
             inputs = [base, grains, rows, self.stepper.control, self.dt, load, velocity, spin]
             wp.launch(self.kernels.loop.read, dim=n, inputs=inputs, device=self.device)
-        load, velocity, spin = (a.numpy()[self.state.rank] for a in (load, velocity, spin))
-        return load[:, :3].copy(), load[:, 3:].copy(), velocity, spin
+        return load, velocity, spin
 
     def snapshot(self) -> Snapshot:
         """Everything a writer needs, at the present time."""
@@ -457,7 +462,7 @@ def pick_device(name: str | None):
     Raises:
         SceneError: if there is no such device, with those there are.
     """
-    wp.init()
+    start_warp()
     there = [d.alias for d in wp.get_devices()]
     if name is None:
         name = "cuda:0" if "cuda:0" in there else "cpu"

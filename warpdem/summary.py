@@ -1,7 +1,8 @@
-"""What a run tells at its end."""
+"""What a run tells before it begins and at its end."""
 
 import hashlib
 import json
+import math
 from pathlib import Path
 
 from rich.console import Console
@@ -10,7 +11,7 @@ from rich.table import Column, Table
 from warpdem.engine.plan import coefficient_table
 from warpdem.engine.timestep import contact_time, damped_contact_factor
 from warpdem.measure.dimensionless import Turning
-from warpdem.scene.file import place_text
+from warpdem.scene.messages import place_text
 from warpdem.scene.models import is_file
 
 
@@ -53,6 +54,19 @@ def steps_per_contact(sim) -> float:
                 duration = contact_time(sim.scene, base, share * lightest, share * smallest, speed)
                 found.append(duration * damped_contact_factor(pair.restitution) / sim.dt)
     return min(found)
+
+
+def rates_line(rates: dict[str, float]) -> str:
+    """``largest_rates`` of a scene in both units, so that a number meant in the other one is seen before the run."""
+    keys: dict[float, list[str]] = {}
+    for key, rate in rates.items():
+        keys.setdefault(rate, []).append(key)
+    told = []
+    for rate, same in keys.items():
+        others = f" and {len(same) - 2} others" if len(same) > 3 else ""
+        named = ", ".join(same[:2] if others else same) + others
+        told.append(f"{named} at up to {rate:.4g} rad/s = {rate * 30.0 / math.pi:.4g} rpm")
+    return f"turns: {'; '.join(told)}"
 
 
 def turning_line(turning: Turning) -> str:

@@ -16,6 +16,11 @@ from warpdem.output.write_vtk import INDEX, read_results
 from warpdem.output.write_vtkhdf import GRAINS, read_vtkhdf
 from warpdem.write_tables import replaced
 
+FPS = 25.0
+"""Pictures in a second of a film [1/s]."""
+SHORTEST_FILM = 2.0
+"""Time that the frames of a run last as a film [s]: fewer of them follow each other more slowly."""
+
 
 def render(
     folder: Path | str | Sequence[Path | str],
@@ -25,7 +30,7 @@ def render(
     start: float | None = None,
     end: float | None = None,
     speed: float | None = None,
-    fps: float = 25.0,
+    fps: float | None = None,
     watch: Callable[[int, int], None] = lambda done, total: None,
     **look,
 ) -> Path:
@@ -39,7 +44,8 @@ def render(
         start: A film begins here [s]; None for the first frame.
         end: A film ends here [s]; None for the last frame.
         speed: Seconds of the run in a second of the film [-], so that 0.1 is ten times slowed down; None for each frame once.
-        fps: Pictures in a second of the film [1/s].
+        fps: Pictures in a second of the film [1/s]; None for 25, or fewer where frames are shown once each and so few that the
+            film would last less than 2 s.
         watch: Told after each picture how many are done, and how many there will be.
         **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
 
@@ -68,7 +74,9 @@ def render(
     else:
         _require_ffmpeg()
         chosen = replace(chosen, size=(chosen.size[0] // 2 * 2, chosen.size[1] // 2 * 2))  # as H.264's pixel format needs it
-        instants = _film_times(runs[0], start, end, speed, fps)
+        instants = _film_times(runs[0], start, end, speed, FPS if fps is None else fps)
+        if fps is None:
+            fps = min(FPS, len(instants) / SHORTEST_FILM) if speed is None else FPS
     show = Show(runs, instants, chosen)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +100,7 @@ def _results(folder: Path) -> AnyResults:
 
 
 def _write_film(part: Path, images: Iterable[np.ndarray], fps: float, count: int, watch: Callable[[int, int], None]) -> None:
-    film = imageio.get_writer(part, fps=fps, codec="libx264", quality=8, macro_block_size=2)
+    film = imageio.get_writer(part, fps=fps, codec="libx264", quality=8, macro_block_size=2, ffmpeg_log_level="error")
     try:
         for done, image in enumerate(images, start=1):
             film.append_data(image)

@@ -60,20 +60,22 @@ def turning_axes(scene) -> tuple[str, list[Chain]] | None:
 class TurningNumbers:
     """Sums over the instants of a run.
 
+    After a resume the sums start afresh.
+
     Args:
-        sim: the simulation; it is only read. After a resume the sums start afresh.
+        scene: what is run.
     """
 
-    def __init__(self, sim) -> None:
-        self.sim = sim
-        self.axes, self.motions = turning_axes(sim.scene) or ("", [])
+    def __init__(self, scene) -> None:
+        self.scene = scene
+        self.axes, self.motions = turning_axes(scene) or ("", [])
         self.instants, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
 
-    def add(self) -> None:
-        """Take in the present instant, unless the axes rest at it."""
-        if not self.motions or not len(self.sim.state):
+    def add(self, sim) -> None:
+        """Take in the present instant of a simulation of the scene, unless the axes rest at it."""
+        if not self.motions or not len(sim.state):
             return
-        now = np.array([self.sim.time])
+        now = np.array([sim.time])
         pose = functools.reduce(compose, [motion.pose(now) for motion in self.motions])
         spin, velocity, axes, origin = (
             values[0].astype(float) for values in (pose.spin, pose.velocity, pose.axes, pose.origin)
@@ -81,7 +83,7 @@ class TurningNumbers:
         rate = float(np.linalg.norm(spin))
         if rate == 0.0:
             return
-        p = self.sim.particles
+        p = sim.particles
         mass, place = p.mass, (p.position_lab - origin) @ axes
         carried = velocity + np.cross(spin, place)
         relative = p.velocity_lab @ axes - carried
@@ -97,7 +99,7 @@ class TurningNumbers:
         if self.instants == 0:
             return None
         rate, speed = (float(np.sqrt(s / self.instants)) for s in (self.square_rate, self.square_speed))
-        gravity = float(np.linalg.norm(self.sim.scene.gravity))
+        gravity = float(np.linalg.norm(self.scene.gravity))
         return Turning(
             axes=self.axes,
             angular_velocity=rate,

@@ -42,6 +42,7 @@ from warpdem.scene.base import (
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
+from warpdem.scene.messages import scene_error
 from warpdem.scene.motion import Motions, Sampled, Standing
 from warpdem.scene.start import NOT_IN_A_PHASE, Phase, Start, changed, place_in_phase
 from warpdem.scene.units import Quantity, Vector
@@ -419,6 +420,23 @@ class Scene(SceneModel):
         """Name of a model as ``models.model`` takes it: files of the user by their absolute path."""
         return models.located(name, self.base)
 
+    @classmethod
+    def model_validate(cls, obj: Any, **keys) -> "Scene":
+        """The scene of nested tables; ``Scene(...)`` gives the same, with pydantic's own errors.
+
+        Args:
+            obj: The tables, as a scene file holds them.
+            **keys: As pydantic's.
+
+        Raises:
+            SceneError: The scene is wrong; one message lists all problems.
+        """
+        try:
+            return super().model_validate(obj, **keys)
+        except ValidationError as error:
+            source = obj.get("source", "<scene>") if isinstance(obj, Mapping) else "<scene>"
+            raise scene_error(error, source, cls) from None
+
     @property
     def group_names(self) -> list[str]:
         """Name of the group of each entry of ``grains``, then of each of ``streams``; those without one by their key."""
@@ -498,7 +516,7 @@ class Scene(SceneModel):
         kept = {"base": self.base, "access": self.access, "source": self.source}
         name = self.phases[number].name
         begin = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
-        return Scene.model_validate({**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})
+        return Scene(**{**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})
 
     def phase(self, number: int) -> "Scene":
         """The scene of one phase; all but the first start from a checkpoint that is still to be named."""

@@ -524,3 +524,14 @@ def wall_chain(scene, number: int) -> Chain:
     """Own motion of a wall of a scene."""
     where = f"{scene.source}: walls[{number}].motion"
     return Chain(scene.walls[number].motion, scene.resolve, where, scene.access.folders)
+
+
+def largest_rates(scene) -> dict[str, float]:
+    """Largest magnitude [rad/s] of the rate of each motion of a scene, by key; those that never turn are left out."""
+    chains = {"frame": frame_chain(scene)} | {f"walls[{k}].motion": wall_chain(scene, k) for k in range(len(scene.walls))}
+    return {
+        f"{key}[{k}]" if len(chain.motions) > 1 else key: motion.max_rate
+        for key, chain in chains.items()
+        for k, motion in enumerate(chain.motions)
+        if motion.turns
+    }

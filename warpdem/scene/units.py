@@ -206,6 +206,11 @@ class Vector:
     item: Quantity
     length: int = 3
 
+    def _example(self) -> str:
+        """Such a list."""
+        last = "1" if self.item.unit == "-" else f'"{DIMENSIONS[self.item.unit].example}"'
+        return f"[{', '.join(['0'] * (self.length - 1) + [last])}]"
+
     def listed(self, value: Any) -> list:
         """Return the entries as a list.
 
@@ -214,7 +219,7 @@ class Vector:
         """
         entries = value.tolist() if isinstance(value, np.ndarray) else value
         if not isinstance(entries, (list, tuple)) or len(entries) != self.length:
-            raise ValueError(f"must be a list of {self.length} {_numbers(self.item.unit)}")
+            raise ValueError(f"must be a list of {self.length} {_numbers(self.item.unit)}, such as {self._example()}")
         return list(entries)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:

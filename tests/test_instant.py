@@ -1,0 +1,158 @@
+"""What is told of an instant beside the run is what the run tells when it rests there."""
+
+from dataclasses import fields, is_dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpdem import Scene, Simulation
+from warpdem.measure import observation
+from warpdem.output.instant import CONTACT_ARRAYS, Instant, Room
+from warpdem.runner import history_row
+
+STEPS = 800
+
+
+def equal(a, b, name="") -> None:
+    """Compare snapshots and their parts, bit for bit."""
+    assert type(a) is type(b), name
+    if is_dataclass(a):
+        for field in fields(a):
+            equal(getattr(a, field.name), getattr(b, field.name), f"{name}.{field.name}")
+    elif isinstance(a, dict):
+        assert a.keys() == b.keys(), name
+        for key in a:
+            equal(a[key], b[key], f"{name}.{key}")
+    elif isinstance(a, (list, tuple)):
+        for number, (x, y) in enumerate(zip(a, b, strict=True)):
+            equal(x, y, f"{name}.{number}")
+    else:
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Streams, outlets, fields, flow, budgets, a turning floor in a turning frame (the kernels of test_budget); all outputs."""
+    pair = {"materials": ["g", "g"], "restitution": 0.5, "friction": 0.5, "rolling_friction": 0.1}
+    sizes = {"uniform": [3.5e-3, 4.5e-3]}
+    start = {"min": [-0.01, -0.01, 0.002], "max": [0.01, 0.01, 0.012]}
+    mouth = {"min": [-0.006, -0.006, 0.03], "max": [0.006, 0.006, 0.04]}
+    return Scene.model_validate(
+        {
+            "materials": {"g": {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.25}},
+            "contact": {"rolling": "spring"},
+            "pairs": [pair],
+            "grains": [{"material": "g", "fill": {"box": start, "count": 40, "diameter": sizes, "seed": 1}}],
+            "streams": [{"material": "g", "diameter": 4e-3, "box": mouth, "count_rate": 600.0, "velocity": [0, 0, -0.2]}],
+            "outlets": [{"name": "hole", "box": {"min": [0.002, -0.02, -0.01], "max": [0.03, 0.02, 0.0035]}}],
+            "walls": [
+                {"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
+                 "motion": {"axis": [0, 0, 1], "rate": 5.0}},
+                {"name": "tube", "material": "g", "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 15e-3}},
+            ],
+            "fields": [
+                {"model": "drag", "parameters": {"coefficient": 1e-4}},
+                {"model": "harmonic", "axes": "frame", "parameters": {"stiffness": 1e-2, "centre": [4e-3, 0, 0.01]}},
+            ],
+            "frame": {"axis": [0, 0, 1], "origin": [0.01, 0, 0], "rate": 3.0},
+            "measures": {
+                "energy": True,
+                "momentum": True,
+                "flow": [{"name": "low", "point": [0, 0, 4.5e-3], "normal": [0, 0, -1]}],
+                "mixing": [{"name": "sizes", "by": "size", "cell": 8e-3}],
+                "regions": [{"name": "low", "box": {"min": [-1, -1, -1], "max": [1, 1, 0.01]}}],
+            },
+            "output": {"contacts": True},
+            "time": {"end": 0.2, "step": 4e-5, "max_speed": 0.05},
+        }
+    )  # fmt: skip
+
+
+@pytest.fixture
+def sim(scene):
+    made = Simulation(scene, device="cpu", threads=1)
+    made.step(STEPS)
+    return made
+
+
+def spoil(sim) -> None:
+    """Go on and overwrite what never changes, so that whoever looks at the run's own arrays sees others."""
+    sim.step(STEPS)
+    sim.coefficients.zero_()
+    for name in ("wall", "material"):
+        getattr(sim.walls.surface, name).fill_(99)
+
+
+def test_an_instant_is_read_after_the_run_has_gone_on(sim):
+    there, row = sim.snapshot(), history_row(sim, [])
+    assert len(there.contacts.i) > 5 and (there.contacts.wall >= 0).any() and np.abs(row).sum() > 0.0
+    instant = Instant(sim, Room(sim.device))
+    spoil(sim)
+    still = instant.simulation()
+    equal(still.snapshot(), there)
+    assert history_row(still, []) == row
+    assert (still.step_number, still.time) == (STEPS, STEPS * sim.dt)
+
+
+def test_instants_do_not_change_the_run(scene, sim):
+    for _ in range(3):
+        Instant(sim, Room(sim.device)).simulation().snapshot()
+        sim.step(20)
+    other = Simulation(scene, device="cpu", threads=1)
+    other.step(STEPS + 60)
+    assert sim.state_hash() == other.state_hash()
+
+
+def test_a_room_is_used_again_when_there_is_more_to_hold(scene):
+    sim = Simulation(scene, device="cpu", threads=1)
+    room, counts = Room(sim.device), []
+    for _ in range(3):
+        there, instant = sim.snapshot(), Instant(sim, room)
+        sim.step(STEPS)
+        equal(instant.simulation().snapshot(), there)
+        counts.append(len(there.contacts.i))
+    assert counts[0] < counts[-1]
+
+
+def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
+    still = Instant(sim, Room(sim.device), contacts=False).simulation()
+    assert all(getattr(still.lists, name) is None for name in CONTACT_ARRAYS)
+    equal(still.particles.force, sim.particles.force)
+    with pytest.raises(AttributeError):
+        still.contacts()
+    assert observation.row(sim) == []
+
+
+class SideStream:
+    """Stands for a stream of a GPU: what is sent has arrived at the second look."""
+
+    def __init__(self, device) -> None:
+        self.device, self.waited_for, self.looks = device, [], 0
+
+    def wait_stream(self, other) -> None:
+        self.waited_for.append(other)
+
+    def record_event(self) -> "SideStream":
+        return self
+
+    @property
+    def is_complete(self) -> bool:
+        self.looks += 1
+        return self.looks > 1
+
+
+def test_from_a_gpu_goes_what_was_there_when_it_was_taken(monkeypatch):
+    asked, empty = [], wp.empty
+    monkeypatch.setattr(wp, "Stream", SideStream)
+    monkeypatch.setattr(wp, "empty", lambda *shape, pinned, **keys: (asked.append(pinned), empty(*shape, **keys))[1])
+    room = Room(SimpleNamespace(is_cuda=True, stream="the run's"))
+    array = wp.full(5, 1.0, dtype=wp.float64, device="cpu")
+    host = room.take("a", array)
+    array.fill_(2.0)  # the run goes on
+    room.send()
+    assert asked == [True] and room._stream.waited_for == ["the run's"]
+    room.wait()
+    assert room._stream.looks == 2
+    np.testing.assert_array_equal(host.numpy(), 1.0)
