@@ -14,7 +14,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.size_grids import SizeGrids, cell_of, following, insert, wrapped
+from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 
 @functools.cache
@@ -90,20 +90,12 @@ def build(
             for size in range(grids.largest.shape[0]):
                 reach = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
                 if border.within(place, reach):
-                    corner = wp.vec3d(reach, reach, reach)
-                    low = cell_of(grids, size, place - corner)
-                    cells = grids.cells[size]
-                    box = wp.min(cell_of(grids, size, place + corner) - low + wp.vec3i(1, 1, 1), cells)
-                    low_x = wrapped(low[0], cells[0])
-                    low_y = wrapped(low[1], cells[1])
-                    cz = wrapped(low[2], cells[2])
-                    for _z in range(box[2]):
-                        cy = low_y
-                        for _y in range(box[1]):
-                            cx = low_x
-                            line = grids.first[size] + cells[0] * (cy + cells[1] * cz)
-                            for _x in range(box[0]):
-                                j = grids.head[line + cx] - 1
+                    low, box = box_around(grids, size, place, reach)
+                    for z in range(box[2]):
+                        for y in range(box[1]):
+                            line = line_of(grids, size, low, y, z)
+                            for x in range(box[0]):
+                                j = first_in(grids, size, line, low, x)
                                 while j >= 0:
                                     other = grains[j]
                                     there = g.position(other)
@@ -117,10 +109,7 @@ def build(
                                         if n < room:
                                             slot_out[at + n] = j
                                         n += 1
-                                    j = grids.next[j] - 1
-                                cx = following(cx, cells[0])
-                            cy = following(cy, cells[1])
-                        cz = following(cz, cells[2])
+                                    j = next_in(grids, j)
         count_out[i] = n
         sort_by_id(at, wp.min(n, room), id, slot_out)
 

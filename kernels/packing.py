@@ -12,7 +12,7 @@ A packing is geometry, not mechanics: no forces, no friction, and no float atomi
 """
 
 import warp as wp
-from warpdem.kernels.size_grids import SizeGrids, cell_of, following, insert, wrapped
+from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -51,21 +51,12 @@ def list_neighbours(
     worst = wp.float64(0.0)
     partner = wp.int32(-1)
     for size in range(grids.largest.shape[0]):
-        reach = r + grids.largest[size] + skin
-        corner = wp.vec3d(reach, reach, reach)
-        low = cell_of(grids, size, x - corner)
-        cells = grids.cells[size]
-        box = wp.min(cell_of(grids, size, x + corner) - low + wp.vec3i(1, 1, 1), cells)
-        low_x = wrapped(low[0], cells[0])
-        low_y = wrapped(low[1], cells[1])
-        cz = wrapped(low[2], cells[2])
-        for _z in range(box[2]):
-            cy = low_y
-            for _y in range(box[1]):
-                cx = low_x
-                line = grids.first[size] + cells[0] * (cy + cells[1] * cz)
-                for _x in range(box[0]):
-                    j = grids.head[line + cx] - 1
+        low, box = box_around(grids, size, x, r + grids.largest[size] + skin)
+        for cz in range(box[2]):
+            for cy in range(box[1]):
+                line = line_of(grids, size, low, cy, cz)
+                for cx in range(box[0]):
+                    j = first_in(grids, size, line, low, cx)
                     while j >= 0:
                         touch = r + radius[j]
                         apart = x - position[j]
@@ -79,10 +70,7 @@ def list_neighbours(
                             if overlap > worst:
                                 worst = overlap
                                 partner = j
-                        j = grids.next[j] - 1
-                    cx = following(cx, cells[0])
-                cy = following(cy, cells[1])
-            cz = following(cz, cells[2])
+                        j = next_in(grids, j)
     count_out[i] = count
     overlap_out[i] = worst
     partner_out[i] = partner
