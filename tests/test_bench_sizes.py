@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import bench_sizes
-from bench_speed import Settings
+from bench_states import Settings
 
 
 def test_sizes_have_equal_shares_of_the_volume():

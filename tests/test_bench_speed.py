@@ -9,6 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import bench_speed
+import bench_states
+import bench_window
 import liggghts
 
 # LIGGGHTS-PUBLIC 3.8.0, a run of the deck on 5000 grains: 5 warm-up steps, 30 timed ones, contacts counted; shortened
@@ -59,7 +61,7 @@ def report(tmp_path_factory):
         grains=[200],
         models=["full", "frictionless"],
         threads=[1, 2],
-        settings=bench_speed.Settings(warm=1, steps=4, repeats=2),
+        settings=bench_states.Settings(warm=1, steps=4, repeats=2),
         work=tmp_path_factory.mktemp("work"),
         settle=20,
         console=bench_speed.Console(quiet=True),
@@ -91,7 +93,7 @@ def test_comparisons_are_ratios_of_the_medians(report):
 
 
 def test_time_is_per_grain_and_step_in_nanoseconds():
-    found = bench_speed.spread([2e-3, 1e-3, 4e-3], grains=100, steps=10)
+    found = bench_window.spread([2e-3, 1e-3, 4e-3], grains=100, steps=10)
     np.testing.assert_allclose([found["median"], found["min"]], [2000.0, 1000.0])
     np.testing.assert_allclose(found["all"], [2000.0, 1000.0, 4000.0])
 
@@ -99,13 +101,13 @@ def test_time_is_per_grain_and_step_in_nanoseconds():
 def test_missing_state_is_named_with_what_is_there(tmp_path):
     (tmp_path / "bed_7.npz").touch()
     with pytest.raises(SystemExit, match=r"bed_8\.npz: no such file; there: bed_7\.npz"):
-        bench_speed.given_bed(8, tmp_path)
+        bench_states.given_bed(8, tmp_path)
 
 
 def test_ascii_mesh_keeps_the_corners(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     corners = np.array([[[0, 0, 0], [1.2345678e-3, 0, 0], [0, 1 / 3, 0.7]]], dtype=np.float32)
-    bench_speed.write_ascii_stl(tmp_path / "m.stl", corners)
+    bench_states.write_ascii_stl(tmp_path / "m.stl", corners)
     read = trimesh.load(tmp_path / "m.stl", force="mesh")
     np.testing.assert_array_equal(read.triangles.astype(np.float32), corners)
 
@@ -134,11 +136,11 @@ def test_incomplete_output_of_the_peer_is_refused(before, after, message):
 
 def test_deck_holds_law_walls_and_steps(tmp_path):
     keys = {"step": 1e-6, "skin": 1e-4, "warm": 5, "steps": 30}
-    bed = liggghts.deck(tmp_path / "a.data", bench_speed.MATERIAL, "no_rolling", width=0.01, **keys)
+    bed = liggghts.deck(tmp_path / "a.data", bench_states.MATERIAL, "no_rolling", width=0.01, **keys)
     assert bed.count("wall/gran model hertz tangential history primitive") == 5
     assert "xplane 0.01" in bed and "cdt" not in bed
     assert bed.index("run 5\n") < bed.index("run 30\n") < bed.index("compute")
-    glass = liggghts.deck(tmp_path / "a.data", bench_speed.MATERIAL, "full", mesh=Path("g.stl"), **keys)
+    glass = liggghts.deck(tmp_path / "a.data", bench_states.MATERIAL, "full", mesh=Path("g.stl"), **keys)
     assert "mesh/surface file g.stl" in glass and "primitive" not in glass
     assert glass.count("rolling_friction cdt") == 2
 

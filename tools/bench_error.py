@@ -17,7 +17,7 @@ from typing import Literal, get_args
 
 import numpy as np
 import warp as wp
-from bench_speed import OtherLoad, commit, machine
+from bench_window import OtherLoad, commit, machine
 from cyclopts import App, Parameter
 from error_compare import DEFAULT, cheapest, claims, cost_key, frontier, others_win
 from error_plot import plot

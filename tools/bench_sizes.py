@@ -11,7 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from bench_speed import OtherLoad, Settings, Start, Window, save_state, scene_of, spread, window
+from bench_states import Settings, Start, save_state, scene_of
+from bench_window import OtherLoad, Window, spread, window
 from cyclopts import App, Parameter
 from rich.box import SIMPLE
 from rich.console import Console

@@ -1,7 +1,7 @@
 """DEME (PyPI package `deme`, one GPU) as the peer of `bench_speed.py` on settled beds.
 
 Written after its Python demos, and not run yet: there was no GPU. Its contacts are float32 with history, positions fixed-point;
-radii are sorted into a few templates, for each template is compiled into its kernels.
+radii are sorted into a few templates, for each template is compiled into its kernels. It counts the contacts that it lists.
 """
 
 import importlib.util

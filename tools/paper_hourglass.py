@@ -24,6 +24,7 @@ SETTINGS = ("frame", "laboratory")
 QUARTERS = (0.25, 0.5, 0.75)
 NUDGE = 1e-9  # of a radius: how far the starts of twins lie apart
 SAMPLE = 0.01  # s between two points of a curve
+MANY = 20_000  # grains of a picture [-]
 INK = ("#1f77b4", "#ff7f0e")
 
 PAPER_SIZE = {"count": 160_000, "diameter": {"uniform": [0.3e-3, 0.6e-3]}, "modulus": 5e7, "step": 1e-6}
@@ -173,6 +174,13 @@ def runs(size: Size, rpm: float, start: dict[str, np.ndarray]) -> dict[str, list
 # --- statistics ------------------------------------------------------------------------------------------------------
 
 
+def standard_error(curves: np.ndarray) -> np.ndarray:
+    """Standard error of the mean over twins, shape of one curve; nan where there is only one twin."""
+    if len(curves) < 2:
+        return np.full(curves.shape[1:], np.nan)
+    return curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
+
+
 def standardised_rms(first: np.ndarray, second: np.ndarray) -> float:
     """Root mean square over time of the difference of two mean curves over its standard error [-].
 
@@ -181,10 +189,10 @@ def standardised_rms(first: np.ndarray, second: np.ndarray) -> float:
         second: Curves of the other, shape (twins, k).
 
     Instants at which all curves are the same value tell nothing and do not count; where the means differ and no twin does,
-    the result is inf.
+    the result is inf; of single runs it is nan.
     """
     difference = first.mean(axis=0) - second.mean(axis=0)
-    error = np.sqrt(first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second))
+    error = np.hypot(standard_error(first), standard_error(second))
     tells = (error > 0.0) | (difference != 0.0)
     if not tells.any():
         return 0.0
@@ -206,7 +214,7 @@ def quarters(found: dict[str, list[Run]]) -> dict[str, Any]:
     for share in QUARTERS:
         columns = {key: np.array([time_of(share, r.time, r.passed) for r in found[key]]) for key in SETTINGS}
         mean = {key: float(column.mean()) for key, column in columns.items()}
-        error = {key: float(column.std(ddof=1) / np.sqrt(len(column))) for key, column in columns.items()}
+        error = {key: float(standard_error(column)) for key, column in columns.items()}
         apart = (mean["frame"] - mean["laboratory"]) / np.hypot(*error.values())
         out[f"{share:.0%}"] = {"mean": mean, "standard_error": error, "difference_in_standard_errors": float(apart)}
     return out
@@ -247,23 +255,28 @@ def draw_mass(rpm: float, found: dict[str, list[Run]], numbers: dict[str, Any], 
             time, curves[key].mean(axis=0), line, color=colour, label=f"{key}: mean and envelope of {len(curves[key])}"
         )
     difference = curves["frame"].mean(axis=0) - curves["laboratory"].mean(axis=0)
-    error = np.sqrt(sum(curve.var(axis=0, ddof=1) / len(curve) for curve in curves.values()))
+    error = np.hypot(*(standard_error(curve) for curve in curves.values()))
     bottom.fill_between(time, -error, error, color="0.8", lw=0, label="standard error")
     bottom.plot(time, difference, "k", lw=1, label="difference of the means")
     for axes in (top, bottom):
         axes.axvline(half_turn(rpm), color="0.5", lw=1)
         axes.legend(fontsize=8)
-    top.set_title(f"{rpm:g} rpm, {numbers['grains']} grains; standardised rms {numbers['standardised_rms']:.2f}")
+    compared = f"standardised rms {numbers['standardised_rms']:.2f}" if len(curves["frame"]) > 1 else "one run of each"
+    top.set_title(f"{rpm:g} rpm, {numbers['grains']} grains; {compared}")
     top.set_ylabel("mass below the neck [%]")
     bottom.set(xlabel="time [s] (line: the glass stops)", ylabel="frame - laboratory [%]")
     save(figure, path)
 
 
 def draw_grains(size: Size, rpm: float, found: dict[str, list[Run]], start: dict[str, np.ndarray], path: Path) -> None:
-    """Figures 10 and 11: the first twin of each setting, seen along the axis; colours are layers of the start."""
+    """Figures 10 and 11: the first twin of each setting, seen along the axis; colours are layers of the start.
+
+    Of more than ``MANY`` grains only those near the middle plane are drawn.
+    """
     times = instants(size, rpm)
     turned = np.pi * np.minimum(times / half_turn(rpm), 1.0)
     diameter = 2.0 * start["radii"]
+    slab, edge = (2.0 * diameter.mean(), 0.0) if len(diameter) > MANY else (np.inf, 0.2)
     layer = np.argsort(np.argsort(start["positions"][:, 2])) * 4 // len(diameter)
     outline = _outline(size)
     views = (("frame", True), ("frame", False), ("laboratory", False))
@@ -273,6 +286,7 @@ def draw_grains(size: Size, rpm: float, found: dict[str, list[Run]], start: dict
             angle = 0.0 if frame_axes else turned[k]
             places = found[key][0].places[k] @ _about_y(turned[k] - angle)
             order = np.argsort(-places[:, 1])  # the far ones first
+            order = order[np.abs(places[order, 1]) < slab]
             dots = {
                 "widths": diameter[order],
                 "heights": diameter[order],
@@ -282,7 +296,7 @@ def draw_grains(size: Size, rpm: float, found: dict[str, list[Run]], start: dict
             axes.add_collection(
                 EllipseCollection(
                     **dots, offsets=places[order][:, [0, 2]], offset_transform=axes.transData,
-                    facecolors=plt.get_cmap("tab10")(layer[order]), edgecolors="k", linewidths=0.2,
+                    facecolors=plt.get_cmap("tab10")(layer[order]), edgecolors="k", linewidths=edge,
                 )
             )  # fmt: skip
             axes.plot(*(outline @ _about_y(angle).T)[:, [0, 2]].T, color="0.4", lw=1)

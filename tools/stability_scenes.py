@@ -133,7 +133,7 @@ def incline(shares: np.ndarray, rolling_friction: float, step: float, device: st
         slope = math.atan(share * rolling_friction)
         depth = (MASS * G * math.cos(slope) / stiffness) ** (2.0 / 3.0)
         grains = {"positions": [[0, 0, RADIUS - depth]], "radius": RADIUS}
-        pair = {"restitution": 0.3, "friction": 0.5, "rolling_friction": rolling_friction}
+        pair = {"restitution": 0.3, "friction": 2.0, "rolling_friction": rolling_friction}
         contact = {"tangential": "mindlin", "rolling": "constant"}
         gravity = [G * math.sin(slope), 0, -G * math.cos(slope)]
         one = scene(5e6, step, grains, contact, pair, 1e-3, gravity=gravity, walls=[plane("plane", [0, 0, 0], [0, 0, 1])])
