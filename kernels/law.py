@@ -29,8 +29,8 @@ COEFFICIENTS = (
 
 
 @functools.cache
-def build(real, normal, tangential, rolling, torsion: bool):
-    """Return (constants, law) of the chosen model modules; ``tangential`` and ``rolling`` may be None.
+def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
+    """Return (constants, law) of the chosen model modules; ``tangential`` and ``rolling`` may be None; ``wall``: j is one.
 
     The law's arguments and results are the same whatever is left out, so that loops need not know.
     """
@@ -105,6 +105,9 @@ def build(real, normal, tangential, rolling, torsion: bool):
             if wp.static(not torsion):
                 roll = across(spin, n)
                 roll_predicted = across(spin_predicted, n)
+            if wp.static(wall and not rolls_with_history):
+                # the spin that friction at this contact is about to give: stopped after it, the grain would creep
+                roll = roll - wp.cross(n, force) * ((radius - overlap) * dt / inertia)
             rolled = angle
             if wp.static(rolls_with_history):
                 rolled = carried(angle, n, n_before, turning) + roll * dt

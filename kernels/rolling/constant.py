@@ -9,7 +9,9 @@ r"""Constant directional torque against rolling (Table 1 of the paper; type A of
 
 The second bound is the torque that stops the relative spin within one step dt: without it the torque overshoots and the
 spin flips sign for ever. w is the mid-step spin, not the predicted one: with the predicted one that bound would leave an
-undamped oscillation. The paper prints the torque without its minus sign.
+undamped oscillation. At a wall it holds also what the friction of that contact adds to it in the step, -(dt/I) R n x F_t, so
+that a grain on an incline is held by the torque and does not creep; what the other contacts add is not known to a law without
+memory, and a grain held against them creeps. The paper prints the torque without its minus sign.
 """
 
 import functools
@@ -28,7 +30,7 @@ def build(real):
 
     @wp.func
     def torque(
-        spin: vec3,  # relative mid-step spin, already without what the law leaves alone [rad/s]
+        spin: vec3,  # relative mid-step spin, without what the law leaves alone, at a wall with friction's share [rad/s]
         spin_predicted: vec3,
         angle: vec3,  # rolling spring [rad]
         limit: real,  # mu_r R* max(F_n, 0) [N m]

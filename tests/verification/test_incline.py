@@ -82,9 +82,9 @@ def test_rolling_friction_holds_below_its_slope_and_slows_above(make_simulation,
     hard = {"young_modulus": 5e8, "step": 1e-5, "rolling": model, "rolling_friction": MU_R}
     sim, _ = on_incline(make_simulation, 0.9 * MU_R, **hard)
     sim.run(until=0.1)
-    # one step of the constant torque is 2.5 mu_r g dt/R of spin; the spring bends by less than its limit
-    assert np.abs(sim.particles.velocity).max() < 2.5 * MU_R * G * sim.dt
-    assert sim.particles.position[0, 0] < (2.5 * MU_R * G * sim.dt * 0.1 if model == "constant" else 0.1 * 5e-3)
+    # one step of the constant torque would be 2.5 mu_r g dt/R of spin; the spring bends by less than its limit
+    assert np.abs(sim.particles.velocity).max() < 1e-3 * MU_R * G * sim.dt
+    assert sim.particles.position[0, 0] < (1e-6 if model == "constant" else 0.1 * 5e-3)
     for share in (1.5, 3.0):
         sim, _ = on_incline(make_simulation, share * MU_R, **hard)
         angle = math.atan(share * MU_R)
