@@ -19,9 +19,13 @@ from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, 
 
 @functools.cache
 def build(
-    real, constants, border, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float
+    real, constants, border, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float,
+    stored: bool,
 ):  # fmt: skip
-    """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``."""
+    """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
+
+    The constants of contacts are ``stored`` with them, or made when somebody asks.
+    """
     g = grain.build(spins)
     Coefficients = wp.types.vector(7, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
@@ -194,11 +198,31 @@ def build(
         near_count_out[i] = near
         listed_count_out[i] = listed
 
+    @wp.func
+    def put_constants(
+        p: int, k: int, i: int, j: int, grains: wp.array(dtype=g.Record), inverse: wp.array(dtype=Inverse),
+        kind: wp.array2d(dtype=wp.int32), coefficients: wp.array(dtype=Coefficients), constants_out: wp.array3d(dtype=real),
+    ):  # fmt: skip
+        """What does not change of the contact of grains ``i`` and ``j`` in lane ``k`` of pack ``p``."""
+        c = coefficients[0]
+        if wp.static(table):
+            c = coefficients[kind[p, k]]
+        radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
+        stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
+        constants_out[p, 0, k] = real(stiffness)
+        constants_out[p, 1, k] = real(damping)
+        if wp.static(rolling):
+            constants_out[p, 2, k] = real(radius)
+            constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+
     @kernel
     def fill_contacts(
         first: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
         kind: wp.array(dtype=wp.int32),
         materials: int,
+        coefficients: wp.array(dtype=Coefficients),
         id: wp.array(dtype=wp.int64),
         start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -212,6 +236,7 @@ def build(
         owner_out: wp.array2d(dtype=wp.int32),
         partner_out: wp.array2d(dtype=wp.int32),
         kind_out: wp.array2d(dtype=wp.int32),
+        constants_out: wp.array3d(dtype=real),
         slot_i_out: wp.array2d(dtype=wp.int32),
         slot_j_out: wp.array2d(dtype=wp.int32),
         memory_out: wp.array3d(dtype=real),
@@ -242,6 +267,8 @@ def build(
                     slot_j_out[p, k] = row_start[j] + listed[place_of(id[i], start[j], count[j], id, slot)] // 2
                     if wp.static(table):
                         kind_out[p, k] = kind[i] * materials + kind[j]
+                    if wp.static(stored):
+                        put_constants(p, k, i, j, grains, inverse, kind_out, coefficients, constants_out)
                     if wp.static(history > 0):
                         for f in range(wp.static(history)):
                             value = real(0.0)
@@ -251,36 +278,19 @@ def build(
 
     @kernel
     def contact_constants(
-        first: int,
         grains: wp.array(dtype=g.Record),
         inverse: wp.array(dtype=Inverse),
         coefficients: wp.array(dtype=Coefficients),
         owner: wp.array2d(dtype=wp.int32),
         partner: wp.array2d(dtype=wp.int32),
         kind: wp.array2d(dtype=wp.int32),
-        slot_i: wp.array2d(dtype=wp.int32),
-        filler: int,
         constants_out: wp.array3d(dtype=real),
     ):
-        """What of a contact does not change; lanes whose shares go to row ``filler`` hold none and have no stiffness."""
-        t = first + wp.tid()
+        """The constants of all lanes, also of those that hold no contact."""
+        t = wp.tid()
         p = t // wp.static(lanes)
         k = t % wp.static(lanes)
-        for f in range(wp.static(width)):
-            constants_out[p, f, k] = real(0.0)
-        if slot_i[p, k] != filler:
-            i = owner[p, k]
-            j = partner[p, k]
-            c = coefficients[0]
-            if wp.static(table):
-                c = coefficients[kind[p, k]]
-            radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
-            stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
-            constants_out[p, 0, k] = real(stiffness)
-            constants_out[p, 1, k] = real(damping)
-            if wp.static(rolling):
-                constants_out[p, 2, k] = real(radius)
-                constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+        put_constants(p, k, owner[p, k], partner[p, k], grains, inverse, kind, coefficients, constants_out)
 
     return Built(
         insert_grains=insert_grains,

@@ -8,14 +8,15 @@ with n_ij from j to i; a grain that is held fast moves its partner by the whole 
 touching whatever the sizes; the square root lies between the full sum, which overshoots in a dense packing, and the
 mean, which creeps.
 
-A packing is geometry, not mechanics: no forces, no friction, and no float atomics, so equal input gives equal bits.
+A packing is geometry, not mechanics: no forces, no friction, and no float atomics, so equal input gives equal bits. All kernels
+are needed by every packing, so they are one module.
 """
 
 import warp as wp
 from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False)
 def insert_grains(
     grids: SizeGrids,
     # grains, read [m]
@@ -27,7 +28,7 @@ def insert_grains(
     insert(grids, i, position[i], radius[i])
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False)
 def list_neighbours(
     first: wp.int32,
     grids: SizeGrids,
@@ -76,7 +77,7 @@ def list_neighbours(
     partner_out[i] = partner
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False)
 def push_apart(
     first: wp.int32,
     # grains, read [m]; those from number `loose` on are held fast; `growth` scales all radii [-]

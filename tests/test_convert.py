@@ -11,7 +11,8 @@ from warpdem import Scene, SceneError, load_scene
 from warpdem.cli import app
 from warpdem.scene.base import FileName
 from warpdem.scene.convert import convert
-from warpdem.scene.file import _parts, scene_from_dict
+from warpdem.scene.file import scene_from_dict
+from warpdem.scene.messages import _parts
 from warpdem.scene.tables import FILE_KEYS, MODEL_KEYS, relative_to, scene_tables
 from warpdem.scene.write_toml import toml_text
 

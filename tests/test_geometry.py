@@ -24,7 +24,7 @@ def test_pose_is_scale_then_rotate_then_translate(tmp_path):
     quarter = SimpleNamespace(axis=(0.0, 0.0, 2.0), angle=math.pi / 2)
     mesh = load_mesh(path, 0.1, quarter, (1.0, 0.0, 0.0))
     # the side of 2 along y turns to -x: half widths 0.1 along x, 0.05 along y
-    np.testing.assert_allclose(mesh.bounds, [[0.9, -0.05, -0.15], [1.1, 0.05, 0.15]], atol=1e-15)
+    np.testing.assert_allclose(mesh.bounds, [[0.9, -0.05, -0.15], [1.1, 0.05, 0.15]], rtol=0, atol=1e-15)
     np.testing.assert_allclose(mesh.volume, 6e-3, rtol=1e-13)
 
 
@@ -165,12 +165,12 @@ def test_distance_to_a_box_is_exact_near_far_and_away_from_the_origin():
     mesh = build_mesh(box(), (1e-3 * np.eye(3), shift))
     distance, gradient = signed_distance(mesh, shift + 1e-3 * points)
     # float32 may take the farther of two nearly equally near faces; the rest is float64
-    np.testing.assert_allclose(distance, 1e-3 * expected, atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(gradient, axis=1), 1.0, atol=1e-14)
+    np.testing.assert_allclose(distance, 1e-3 * expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(gradient, axis=1), 1.0, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(inside(mesh, shift + 1e-3 * points), expected < 0.0)
     # going down the gradient by the distance ends on the surface
     on_surface = shift + 1e-3 * points - distance[:, None] * gradient
-    np.testing.assert_allclose(signed_distance(mesh, on_surface)[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(signed_distance(mesh, on_surface)[0], 0.0, rtol=0, atol=1e-12)
 
 
 def test_gradient_leads_to_the_surface_at_edges_seen_from_inside():
@@ -180,7 +180,7 @@ def test_gradient_leads_to_the_surface_at_edges_seen_from_inside():
     distance, gradient = signed_distance(mesh, points)
     assert (distance < 0.0).sum() > 500
     on_surface = signed_distance(mesh, points - distance[:, None] * gradient)[0]
-    np.testing.assert_allclose(on_surface, 0.0, atol=1e-5)
+    np.testing.assert_allclose(on_surface, 0.0, rtol=0, atol=1e-5)
 
 
 def test_distance_to_a_sphere_of_triangles():
@@ -190,7 +190,7 @@ def test_distance_to_a_sphere_of_triangles():
     expected = np.linalg.norm(points, axis=1) - 1.0
     distance, _ = signed_distance(build_mesh(np.array(ball.triangles)), points)
     # the flat triangles stand back by at most h^2 / 6, h their edge
-    np.testing.assert_allclose(distance, expected, atol=1.5e-3)
+    np.testing.assert_allclose(distance, expected, rtol=0, atol=1.5e-3)
     clear = np.abs(expected) > 1.5e-3
     np.testing.assert_array_equal((distance < 0)[clear], (expected < 0)[clear])
 

@@ -1,5 +1,6 @@
 """Runs killed with -9 at any moment: each goes on from its checkpoint, and in the end nothing tells it from a whole run."""
 
+import functools
 import json
 import mmap
 import os
@@ -215,6 +216,7 @@ def killed_runs(folder: Path, *arguments: str) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@functools.cache
 def stage_values(folder: Path) -> dict:
     """All values of a USD result by attribute and time code."""
     from pxr import Usd
@@ -230,6 +232,7 @@ def stage_values(folder: Path) -> dict:
     return out
 
 
+@functools.cache
 def temporal_values(folder: Path) -> dict:
     """All that a VTKHDF result gives, by frame and name."""
     from warpdem.output.write_vtkhdf import read_vtkhdf

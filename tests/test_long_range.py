@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
+from warpdem.engine.impact import secant
+from warpdem.measure.observers import LEAST_OVERLAP
 
 GAP, PULL = 4e-4, 2e-3
 BRIDGE = f'''"""Attraction that fades linearly with the gap between two bodies, and a linear spring when they touch."""
@@ -80,6 +82,7 @@ def test_grains_attract_across_the_gap_and_not_beyond(make, skin):
     assert len(sim.contacts().i) == 3
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # of the looks of the guards
 def test_a_pair_that_drifts_into_reach_is_seen(make):
     """No contact when the lists are made: they must be renewed for the reach of the law, not of the spheres."""
     sim = make([[0, 0, 0], [2e-3 + 1.2 * GAP, 0, 0], [2e-3, 5e-3, 0]], skin=1e-5)
@@ -100,6 +103,12 @@ def test_walls_attract_too(make, skin):
     floor = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
     sim = make([[0, 0, 1e-3 + 0.5 * GAP]], skin=skin, walls=[floor])
     np.testing.assert_allclose(sim.loads()[0][0], [0, 0, -0.5 * PULL], atol=1e-15)
+
+
+@pytest.mark.parametrize(("normal", "expected"), [("hooke", 1000.0), ("hertz", 0.0)])
+def test_a_contact_without_overlap_has_the_stiffness_of_the_first_touch(normal, expected):
+    """The springs of a pair within the law's reach that does not touch are told with it: not 0/0."""
+    assert secant(normal, np.array([LEAST_OVERLAP]), 1000.0)[0] == pytest.approx(expected, rel=1e-6, abs=1e-30)
 
 
 def test_laws_of_contact_alone_have_no_gap(make_simulation):

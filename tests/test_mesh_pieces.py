@@ -38,7 +38,7 @@ def test_box_has_six_pieces_and_six_planes_with_outward_normals():
     for triangle, plane in zip(mesh.corners, mesh.plane, strict=True):
         normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
         assert normal @ mesh.plane_normal[plane] > 0.0
-        np.testing.assert_allclose(triangle @ mesh.plane_normal[plane], mesh.plane_offset[plane], atol=1e-15)
+        np.testing.assert_allclose(triangle @ mesh.plane_normal[plane], mesh.plane_offset[plane], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(("sections", "pieces"), [(48, 3), (13, 3), (12, 14), (6, 8)])
@@ -54,7 +54,7 @@ def test_floor_of_many_triangles_is_one_plane_despite_float32_rounding():
     assert len(mesh.triangles) == 7200
     assert mesh.piece.max() == mesh.plane.max() == 0
     # rounding of the corners is 1e-7; what is left of it in the mean of many triangles
-    np.testing.assert_allclose(mesh.plane_normal, [[-math.sin(0.3), 0.0, math.cos(0.3)]], atol=1e-7)
+    np.testing.assert_allclose(mesh.plane_normal, [[-math.sin(0.3), 0.0, math.cos(0.3)]], rtol=0, atol=1e-7)
     off = mesh.vertices @ mesh.plane_normal[0] - mesh.plane_offset[0]
     assert 0.0 < np.abs(off).max() < 4e-7
 

@@ -130,9 +130,9 @@ def test_sinusoid_is_the_integral_of_its_rate():
     )
     times = np.array([0.0, 0.01, 0.3, 7.7, 1000.0])
     swing, phase = 6 * math.pi, math.pi / 6
-    np.testing.assert_allclose(rotation.rate_at(times), 2 - 5 * np.sin(swing * times + phase), atol=1e-10)
+    np.testing.assert_allclose(rotation.rate_at(times), 2 - 5 * np.sin(swing * times + phase), rtol=0, atol=1e-10)
     angle = 2 * times + 5 / swing * (np.cos(swing * times + phase) - np.cos(phase))
-    np.testing.assert_allclose(rotation.angle(times), angle, atol=1e-10)
+    np.testing.assert_allclose(rotation.angle(times), angle, rtol=0, atol=1e-10)
     assert rotation.angle(0.0) == 0.0
     assert rotation.max_rate == 7.0
     # 1e-9 s turn the axes by rate times time: 1 - cos would keep eight digits
@@ -160,7 +160,7 @@ def test_translation_starts_from_zero_whatever_the_phase():
     pose = moved.pose(times)
     swing = 100 * math.pi * times + math.pi / 2
     shift = np.outer(times, [0, 1, 0]) + np.outer(np.sin(swing) - 1.0, [2e-3, 0, -1e-3])
-    np.testing.assert_allclose(pose.origin.astype(float), shift, atol=1e-14)
+    np.testing.assert_allclose(pose.origin.astype(float), shift, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(pose.axes, [np.eye(3)] * 4)
     np.testing.assert_array_equal(pose.origin[0], 0.0)
 
@@ -219,7 +219,7 @@ def test_increments_lead_from_pose_to_pose(motions):
         moved = np.einsum("kij,kj->ki", drift.turn, seen[:-1]) + drift.shift
         scale = np.abs(moved).max()
         # the differences of poses lose digits, the increments do not
-        np.testing.assert_allclose(moved.astype(float), np.diff(seen, axis=0).astype(float), atol=1e-17 + 1e-15 * scale)
+        np.testing.assert_allclose(moved.astype(float), np.diff(seen, axis=0).astype(float), rtol=0, atol=1e-17 + 1e-15 * scale)
 
 
 def test_nested_rotations_follow_scipy():
@@ -231,7 +231,7 @@ def test_nested_rotations_follow_scipy():
     x, c1, c2 = np.array([0.3, 0.4, 0.5]), np.array([0.1, -0.2, 0.3]), np.array([0.5, 0, 0])
     expected = outer.apply(inner.apply(x - c2) + c2 - c1) + c1
     pose = made.pose(np.array([time]))
-    np.testing.assert_allclose((pose.axes[0] @ x + pose.origin[0]).astype(float), expected, atol=1e-14)
+    np.testing.assert_allclose((pose.axes[0] @ x + pose.origin[0]).astype(float), expected, rtol=0, atol=1e-14)
     assert made.max_rate == 12 + 35
 
 
@@ -369,17 +369,17 @@ def test_standing_axes_are_turned_then_shifted():
     place = chain(quarter)
     pose = place.pose(np.array([0.0, 5.0]))
     wanted = Turn.from_euler("z", 90, degrees=True).as_matrix()
-    np.testing.assert_allclose(pose.axes.astype(float), [wanted] * 2, atol=1e-15)
+    np.testing.assert_allclose(pose.axes.astype(float), [wanted] * 2, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(pose.origin.astype(float), [[1, 2, 3]] * 2)
     assert not np.any(place.increments(np.array([0.0, 1.0])).turn)
     assert (place.moves, place.turns, place.displaces, place.speed(np.ones((2, 3)), 1.0)) == (False, False, True, 0.0)
     assert not chain({"shift": [0, 0, 0]}).displaces
     standing = Standing(**quarter)
-    np.testing.assert_allclose(standing.inverse(np.array([1.0, 3.0, 3.0])), [1.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(standing.inverse(np.array([1.0, 3.0, 3.0])), [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
     assert Standing(**json.loads(standing.model_dump_json())) == standing
     # innermost in a chain: the body turns about the outer axis from there
     turning = chain({"axis": [0, 0, 1], "rate": 1.0}, quarter).pose(np.array([math.pi / 2]))
-    np.testing.assert_allclose(turning.origin[0].astype(float), [-2, 1, 3], atol=1e-15)
+    np.testing.assert_allclose(turning.origin[0].astype(float), [-2, 1, 3], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(

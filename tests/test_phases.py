@@ -6,6 +6,7 @@ import io
 import itertools
 import json
 import xml.etree.ElementTree as ElementTree
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -142,6 +143,15 @@ def test_a_phase_that_stops_itself_is_told(tmp_path):
     said = record(tmp_path / "out")
     assert said["status"] == "stopped itself"
     assert [p["status"] for p in said["phases"]] == ["done", "stopped itself", "not begun"]
+
+
+def test_an_interrupted_picture_of_a_phase_is_not_the_end_of_the_run(done, tmp_path, monkeypatch):
+    monkeypatch.setattr("warpdem.drawing.rendering.render", Mock(side_effect=[KeyboardInterrupt, None, None]))
+    with pytest.raises(KeyboardInterrupt, match="while the picture was drawn"):
+        run(scene(), tmp_path / "out", picture=True)
+    assert record(tmp_path / "out")["status"] == "interrupted"
+    assert [p["status"] for p in record(tmp_path / "out")["phases"]] == ["done", "not begun", "not begun"]
+    assert run(scene(), tmp_path / "out", picture=True, resume=True)[0].state_hash() == done[1].state_hash()
 
 
 def test_a_new_run_leaves_nothing_of_an_older_one(done, tmp_path):

@@ -1,7 +1,7 @@
 """The plan: what a scene lacks is neither compiled nor allocated, and leaving it out changes nothing."""
 
 import json
-import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -230,9 +230,10 @@ def test_unknown_model_is_answered_with_the_list():
 
 
 MAIN_JOB = """
-import json, sys, time
-import numpy as np, trimesh
+import json, sys
+import trimesh, warp
 from warpdem import Scene, Simulation
+warp.config.log_level = warp.LOG_INFO
 folder = sys.argv[1]
 trimesh.creation.box((0.1, 0.1, 0.2)).export(folder + "/glass.stl")
 region = {"min": [-1, -1, -1], "max": [1, 1, 0]}
@@ -252,15 +253,9 @@ print(json.dumps({"rebuilds": sim.lists.rebuilds}))
 
 
 def test_main_job_uses_at_most_twelve_modules(tmp_path):
-    """Counted from an empty kernel cache; the time of the cold compilation is printed, not judged."""
-    environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path / "cache")}
-    done = subprocess.run(
-        [sys.executable, "-c", MAIN_JOB, str(tmp_path)], capture_output=True, text=True, env=environment, cwd=ROOT
-    )
+    """Counted by what Warp says of each module that it compiles or finds in its cache."""
+    done = subprocess.run([sys.executable, "-c", MAIN_JOB, str(tmp_path)], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr[-3000:]
     assert json.loads(done.stdout.strip().splitlines()[-1])["rebuilds"] > 1, "carrying over must have run"
-    modules = sorted(path.name for path in (tmp_path / "cache").rglob("wp_*") if path.is_dir())
+    modules = set(re.findall(r"^Module (\S+ \w+) load on device 'cpu'", done.stdout + done.stderr, re.MULTILINE))
     assert 5 < len(modules) <= 12, modules
-    # from the first source to the last object file: what a cold cache costs
-    times = [path.stat().st_mtime for path in (tmp_path / "cache").rglob("*") if path.is_file()]
-    print(f"{len(modules)} modules, {max(times) - min(times):.1f} s from the first to the last")

@@ -23,7 +23,7 @@ def test_patch_lies_in_its_plane_under_the_points(normal):
     np.testing.assert_allclose(mesh.vertices @ normal, -2.0)
     assert area(mesh) @ normal == pytest.approx(np.linalg.norm(area(mesh)))
     found, offset = plane_of(mesh)
-    np.testing.assert_allclose(found, normal, atol=1e-12)
+    np.testing.assert_allclose(found, normal, rtol=0, atol=1e-12)
     assert offset == pytest.approx(-2.0)
     middle = mesh.vertices.mean(axis=0)
     shadow = points - (points @ normal + 2.0)[:, None] * normal

@@ -13,10 +13,10 @@ AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
 def test_turn_increment_is_the_turn_less_one():
     angles = np.array([0.0, 1e-9, -1e-5, 0.3, 3.0, 40.0])
     for angle, increment in zip(angles, rigid.turn_increment(AXIS, angles), strict=True):
-        np.testing.assert_allclose(increment, Turn.from_rotvec(AXIS * angle).as_matrix() - np.eye(3), atol=1e-14)
+        np.testing.assert_allclose(increment, Turn.from_rotvec(AXIS * angle).as_matrix() - np.eye(3), rtol=0, atol=1e-14)
     # small angles keep all their digits: the second order of 1e-9 is 5e-19, lost in 1 - cos
     small = rigid.turn_increment(AXIS, np.array([1e-9]))[0]
-    np.testing.assert_allclose(AXIS @ small, 0.0, atol=1e-25)
+    np.testing.assert_allclose(AXIS @ small, 0.0, rtol=0, atol=1e-25)
     across = np.array([2.0, -1.0, 0.0])
     np.testing.assert_allclose(across @ small @ across, -0.5e-18 * (across @ across), rtol=1e-6)
 
@@ -48,7 +48,7 @@ def matrix(pose) -> np.ndarray:
 def test_composed_places_are_products_of_matrices():
     rng = np.random.default_rng(1)
     outer, inner = random_pose(rng), random_pose(rng)
-    np.testing.assert_allclose(matrix(rigid.compose(outer, inner)), matrix(outer) @ matrix(inner), atol=1e-14)
+    np.testing.assert_allclose(matrix(rigid.compose(outer, inner)), matrix(outer) @ matrix(inner), rtol=0, atol=1e-14)
 
 
 def test_composing_does_not_depend_on_the_brackets():
@@ -56,7 +56,7 @@ def test_composing_does_not_depend_on_the_brackets():
     a, b, c = (random_pose(rng) for _ in range(3))
     left, right = rigid.compose(rigid.compose(a, b), c), rigid.compose(a, rigid.compose(b, c))
     for name, values in vars(left).items():
-        np.testing.assert_allclose(values.astype(float), getattr(right, name).astype(float), atol=1e-13, err_msg=name)
+        np.testing.assert_allclose(values.astype(float), getattr(right, name).astype(float), rtol=0, atol=1e-13, err_msg=name)
 
 
 def test_what_is_still_changes_nothing():
@@ -77,7 +77,7 @@ def test_velocity_of_the_composed_body_is_that_of_its_points():
     own = inner.velocity + rigid.cross(inner.spin, np.broadcast_to(x, (4, 3)))
     wanted = (carried + own).astype(float)
     found = whole.velocity + rigid.cross(whole.spin, np.broadcast_to(x, (4, 3)))
-    np.testing.assert_allclose(found.astype(float), wanted, atol=1e-14)
+    np.testing.assert_allclose(found.astype(float), wanted, rtol=0, atol=1e-14)
 
 
 def test_chained_increments_are_differences_of_places():
@@ -90,8 +90,8 @@ def test_chained_increments_are_differences_of_places():
 
     wanted = increment(rigid.compose(g1, h1), rigid.compose(g2, h2))
     found = rigid.chained(increment(g1, g2), increment(h1, h2), h1, h2)
-    np.testing.assert_allclose(found.turn.astype(float), wanted.turn.astype(float), atol=1e-13)
-    np.testing.assert_allclose(found.shift.astype(float), wanted.shift.astype(float), atol=1e-13)
+    np.testing.assert_allclose(found.turn.astype(float), wanted.turn.astype(float), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.shift.astype(float), wanted.shift.astype(float), rtol=0, atol=1e-13)
 
 
 @pytest.mark.skipif(np.finfo(WIDE).nmant < 63, reason="long double is double on this machine")

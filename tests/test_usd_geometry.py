@@ -118,7 +118,7 @@ def test_wall_follows_the_samples_of_its_own_prim(tmp_path):
     at = np.array([0.5])  # 24 time codes per second
     pose = motion.pose(at, at)
     moved = MESH.reshape(-1, 3) @ pose.axes[0].astype(float).T + pose.origin[0].astype(float)
-    np.testing.assert_allclose(moved, later, atol=1e-8)
+    np.testing.assert_allclose(moved, later, rtol=0, atol=1e-8)
 
 
 def read(stage, prim="", key="walls[0].mesh"):
@@ -145,9 +145,9 @@ def test_instances_are_read_where_they_stand_and_mirrored_ones_keep_their_outsid
     corners, _ = read(stage, "/World")
     mirrored = MESH * np.array([-1.0, 1.0, 2.0]) + [2.0, 0.0, 0.0]
     expected = np.concatenate([MESH + np.array([1.0, 0, 0]), mirrored[:, ::-1]])
-    np.testing.assert_allclose(corners, expected, atol=2e-7)
+    np.testing.assert_allclose(corners, expected, rtol=0, atol=2e-7)
     one, _ = read(stage, "/World/Two/Skin")
-    np.testing.assert_allclose(one, expected[len(MESH) :], atol=2e-7)
+    np.testing.assert_allclose(one, expected[len(MESH) :], rtol=0, atol=2e-7)
     assert "the stage holds 2 surfaces (/World/One/Skin, /World/Two/Skin)" in refusal(stage)
 
 
@@ -210,7 +210,7 @@ def test_shapes_have_their_volume_and_the_extent_that_usd_gives_them(tmp_path, a
         points, triangles = shape_triangles({"kind": kind, "sizes": given, "axis": axis})
         mesh = build_mesh(points[triangles])
         extent = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(shape), Usd.TimeCode.Default())
-        np.testing.assert_allclose(mesh.bounds, np.array(extent), atol=1e-7, err_msg=kind)
+        np.testing.assert_allclose(mesh.bounds, np.array(extent), rtol=0, atol=1e-7, err_msg=kind)
         if volume is None:
             assert mesh.plane_normal[0] @ np.eye(3)["XYZ".index(axis)] == pytest.approx(1.0)
         else:

@@ -150,9 +150,9 @@ def test_planes_and_spheres_are_analytic_walls(tmp_path):
     UsdPhysics.CollisionAPI(off.GetPrim()).CreateCollisionEnabledAttr(False)
     walls = {wall.name: wall for wall in read(stage).walls}
     assert set(walls) == {"floor", "ball", "bowl", "egg"}
-    np.testing.assert_allclose(walls["floor"].plane.point, [0.0, -0.2, 0.1], atol=1e-16)
+    np.testing.assert_allclose(walls["floor"].plane.point, [0.0, -0.2, 0.1], rtol=0, atol=1e-16)
     # y upwards to z upwards: (-sin 30, cos 30, 0) in the stage
-    np.testing.assert_allclose(walls["floor"].plane.normal, [-0.5, 0.0, np.sqrt(0.75)], atol=1e-15)
+    np.testing.assert_allclose(walls["floor"].plane.normal, [-0.5, 0.0, np.sqrt(0.75)], rtol=0, atol=1e-15)
     np.testing.assert_allclose(walls["ball"].sphere.radius, 0.06, rtol=1e-15)
     assert (walls["ball"].sphere.inside, walls["bowl"].sphere.inside) == (False, True)
     # no sphere in the world: its facets
@@ -178,9 +178,9 @@ def test_bodies_move_by_their_velocities_or_samples(tmp_path):
     paddle, swing = read(stage).walls
     shift, turn = paddle.motion
     # 5 cm/s along the parent's x, which is the stage's y, which is up
-    np.testing.assert_allclose(shift.velocity, [0.0, 0.0, 0.05], atol=1e-16)
-    np.testing.assert_allclose(turn.axis, [-1.0, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose([*turn.origin, turn.rate], [0.0, 0.0, 0.1, np.pi / 2], atol=1e-15)
+    np.testing.assert_allclose(shift.velocity, [0.0, 0.0, 0.05], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(turn.axis, [-1.0, 0.0, 0.0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose([*turn.origin, turn.rate], [0.0, 0.0, 0.1, np.pi / 2], rtol=0, atol=1e-15)
     assert swing.motion[0].usd == "a.usda" and swing.motion[0].prim == "/swing"
     assert paddle.fixed_to == swing.fixed_to == "laboratory"
 
@@ -196,9 +196,9 @@ def test_points_are_grains_with_all_that_usd_knows_of_them(tmp_path):
     UsdGeom.PrimvarsAPI(grains).CreatePrimvar("omega", Sdf.ValueTypeNames.Vector3fArray, "vertex").Set([(0, 7, 0), (0, 0, 0)])
     grains.CreateIdsAttr([30, 10])
     (group,) = read(stage).grains
-    np.testing.assert_allclose(group.positions, [[0.02, 0, 0.05], [0.04, -0.01, 0.05]], atol=1e-17)
+    np.testing.assert_allclose(group.positions, [[0.02, 0, 0.05], [0.04, -0.01, 0.05]], rtol=0, atol=1e-17)
     np.testing.assert_allclose(group.diameters, [0.002, 0.004], rtol=1e-15)
-    np.testing.assert_allclose(group.velocities, [[0, 0, 0.02], [0, -0.02, 0]], atol=1e-17)
+    np.testing.assert_allclose(group.velocities, [[0, 0, 0.02], [0, -0.02, 0]], rtol=0, atol=1e-17)
     np.testing.assert_array_equal(group.spins, [[0, 0, 7], [0, 0, 0]])
     assert (group.material, group.ids.tolist()) == ("g", [30, 10])
     up.GetOrderedXformOps()[1].Set(Gf.Vec3f(2.0, 1.0, 2.0))

@@ -96,7 +96,7 @@ def test_one_contact_with_the_overlap_that_geometry_gives(wall, position, normal
     sim = simulate([wall], position)
     contacts = sim.contacts()
     assert len(contacts.i) == 1
-    np.testing.assert_allclose(contacts.normal[0], normal, atol=1e-9)
+    np.testing.assert_allclose(contacts.normal[0], normal, rtol=0, atol=1e-9)
     [shape] = [w.shape for w in sim.scene.walls]
     assert contacts.overlap[0] == pytest.approx(RADIUS - shape.nearest(np.array([position]))[1][0], abs=1e-15)
 
@@ -131,7 +131,7 @@ def test_a_wall_that_is_carried_along_is_met_in_its_body_axes():
     for sim in (moving, resting):
         sim.step(400)
     assert resting.particles.velocity[0, 0] < -0.05
-    np.testing.assert_allclose(moving.particles.velocity[0], resting.particles.velocity[0] - [0.1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(moving.particles.velocity[0], resting.particles.velocity[0] - [0.1, 0, 0], rtol=0, atol=1e-12)
 
 
 def test_an_analytic_wall_is_one_candidate_where_a_mesh_has_many():
@@ -155,7 +155,7 @@ def test_drawings_have_the_area_and_lie_on_the_surface(shape, area):
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert areas.sum() == pytest.approx(area, rel=2e-3)
     assert areas.min() > 0.0
-    np.testing.assert_allclose(shape.nearest(mesh.vertices)[1], 0.0, atol=1e-15)
+    np.testing.assert_allclose(shape.nearest(mesh.vertices)[1], 0.0, rtol=0, atol=1e-15)
 
 
 def test_what_has_no_end_is_drawn_as_far_as_the_grains_reach():

@@ -75,8 +75,8 @@ def test_a_sliding_grain_is_slowed_by_mu_g_and_ends_rolling_at_five_sevenths(sli
         seen.append((sim.time, sim.particles.velocity[0], sim.particles.spin[0]))
     (t1, v1, w1), (t2, v2, w2) = seen
     # gross sliding: constant acceleration, which the scheme integrates exactly
-    np.testing.assert_allclose((v2 - v1) / (t2 - t1), [-MU * G, 0, 0], atol=1e-9 * MU * G)
-    np.testing.assert_allclose((w2 - w1) / (t2 - t1), [0, 2.5 * MU * G * arm / R**2, 0], atol=1e-9 * MU * G / R)
+    np.testing.assert_allclose((v2 - v1) / (t2 - t1), [-MU * G, 0, 0], rtol=0, atol=1e-9 * MU * G)
+    np.testing.assert_allclose((w2 - w1) / (t2 - t1), [0, 2.5 * MU * G * arm / R**2, 0], rtol=0, atol=1e-9 * MU * G / R)
     assert sim.contacts().force[0] @ [1, 0, 0] == pytest.approx(-MU * MASS * G, rel=1e-9)
     sim.run(until=4.0 * end)  # the tangential spring swings out as exp(-350 t/s): 1e-9 of its last stretch is left
     v, w = sim.particles.velocity[0], sim.particles.spin[0]
@@ -122,13 +122,11 @@ def test_rolling_friction_stops_a_grain_where_it_should_and_it_stays(make_simula
     sim.run(until=6.0 * time)  # the rolling spring swings out as exp(-0.3 * 250 t/s)
     place = sim.particles.position[0, 0]
     assert place - x1 == pytest.approx(share**2 * way, rel=5e-3)
-    # then it stays: the spin may jitter by what one step of the torque makes of it, 2.5 mu_r g dt/R, and must not grow
+    # then it stays: not even by what one step of the torque makes of the spin, 2.5 mu_r g dt/R
     jitter = []
     for _ in range(10):
         sim.step(500)
         jitter.append(max(np.abs(sim.particles.spin[0] * R).max(), np.abs(sim.particles.velocity[0]).max()))
         assert abs(sim.particles.position[0, 0] - place) < 1e-6 * way
-    assert max(jitter) < 2.5 * MU_R * G * sim.dt
     assert max(jitter[5:]) <= 1.01 * max(jitter[:5]) + 1e-15
-    if model == "spring":
-        assert jitter[-1] < 1e-12 * speed, "the spring model holds a grain truly still"
+    assert jitter[-1] < 1e-12 * speed

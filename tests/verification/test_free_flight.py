@@ -171,14 +171,14 @@ def test_velocities_relative_to_a_nested_frame_are_those_of_its_points(make_simu
     """A grain with the velocity of a point of the frame is at rest there: eq. 8 of the paper and its spin counterpart."""
     sim = make_simulation(POSITION, step=2.0**-14, frame=[SHAKER, *MILL], **SOFT)
     pose = sim.schedule.pose(0.0)
-    np.testing.assert_allclose(sim.particles.velocity, 0.0, atol=1e-14)
-    np.testing.assert_allclose(sim.particles.velocity_lab, pose.velocity_at(POSITION), atol=1e-13)
+    np.testing.assert_allclose(sim.particles.velocity, 0.0, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(sim.particles.velocity_lab, pose.velocity_at(POSITION), rtol=0, atol=1e-13)
     outer = np.array([0, 0, 16.0])
     inner = -40.0 * AXIS
     spin = outer + inner
     swing = 16 * np.pi * np.cos(1) * np.array([0.25, 0, 0.125])
     velocity = swing + np.cross(outer, POSITION - [0.5, 0, 0.25]) + np.cross(inner, POSITION - ORIGIN)
-    np.testing.assert_allclose(sim.particles.velocity_lab, velocity, atol=1e-12)
+    np.testing.assert_allclose(sim.particles.velocity_lab, velocity, rtol=0, atol=1e-12)
     spun = make_simulation(POSITION, spins=SPIN, step=2.0**-14, frame=[SHAKER, *MILL], **SOFT)
-    np.testing.assert_allclose(spun.particles.spin_lab, SPIN + spin, atol=1e-12)
-    np.testing.assert_allclose(spun.particles.spin, SPIN, atol=1e-12)
+    np.testing.assert_allclose(spun.particles.spin_lab, SPIN + spin, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(spun.particles.spin, SPIN, rtol=0, atol=1e-12)

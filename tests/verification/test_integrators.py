@@ -26,6 +26,9 @@ FRAMES = {
 }
 START = {"positions": [[1.0, 0.0, 0.0]], "velocities": [[0.3, 0.2, -0.4]], "spins": [[1.0, 2.0, 3.0]]}
 GRAVITY = np.array([1.0, -2.0, -9.81])
+FLOOR = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "fixed_to": "laboratory"}
+WITH_CONTACTS = {"tangential": "mindlin", "rolling": "constant", "rolling_friction": 0.05, "walls": [FLOOR]}
+"""In a frame that turns about z: tests that share it share the kernels of each scheme."""
 
 
 def test_the_table_of_orders_names_every_scheme():
@@ -101,10 +104,7 @@ def test_frictional_bounce_in_a_turning_frame(make_simulation, scheme):
         "radius": r,
         "restitution": 0.6,
         "friction": 0.4,
-        "tangential": "mindlin",
-        "rolling": "constant",
-        "rolling_friction": 0.05,
-        "walls": [{"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "fixed_to": "laboratory"}],
+        **WITH_CONTACTS,
         "velocities_in": "laboratory",
         "step": 1e-6,
     }
@@ -126,12 +126,10 @@ def test_frictional_bounce_in_a_turning_frame(make_simulation, scheme):
 @pytest.mark.parametrize("scheme", ["modified_verlet", "rk4"])
 def test_bits_of_a_scheme_with_stages(make_simulation, scheme):
     """Stages keep the memory of the step's beginning, on any number of threads and with any skin."""
-    grid = np.stack(np.meshgrid(*[np.arange(4)] * 3), -1).reshape(-1, 3) * 1.9995e-3
+    grid = np.stack(np.meshgrid(*[np.arange(4)] * 3), -1).reshape(-1, 3) * 1.9995e-3 + [0, 0, 1e-3]
     keys = {
         "velocities": np.random.default_rng(3).normal(scale=0.02, size=grid.shape).tolist(),
-        "tangential": "mindlin", "rolling": "spring", "friction": 0.5, "rolling_friction": 0.1, "gravity": [0, 0, -9.81],
-        "walls": [{"name": "floor", "plane": {"point": [0, 0, -1e-3], "normal": [0, 0, 1]}}],
-        "frame": {"axis": [0, 1, 0], "rate": 5.0}, "step": 1e-5,
+        "friction": 0.5, "gravity": [0, 0, -9.81], "frame": {"axis": [0, 0, 1], "rate": 5.0}, "step": 1e-5, **WITH_CONTACTS,
     }  # fmt: skip
     hashes = set()
     for threads, skin in ((1, "auto"), (2, "auto"), (1, 3e-4)):

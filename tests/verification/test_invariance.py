@@ -43,9 +43,9 @@ def run(make_simulation, place, velocity, spin, radius, floor=FLOOR, gravity=GRA
 
 def same(sim, place, velocity, spin, length=RADIUS, time=1.0):
     p = sim.particles
-    np.testing.assert_allclose(p.position, place, atol=TOLERANCE * length)
-    np.testing.assert_allclose(p.velocity, velocity, atol=TOLERANCE * 0.5 * length / RADIUS / time)
-    np.testing.assert_allclose(p.spin, spin, atol=TOLERANCE * 200.0 / time)
+    np.testing.assert_allclose(p.position, place, rtol=0, atol=TOLERANCE * length)
+    np.testing.assert_allclose(p.velocity, velocity, rtol=0, atol=TOLERANCE * 0.5 * length / RADIUS / time)
+    np.testing.assert_allclose(p.spin, spin, rtol=0, atol=TOLERANCE * 200.0 / time)
 
 
 @pytest.fixture

@@ -107,7 +107,7 @@ def _built(plan: Plan) -> Built:
         stages=stages,
         walls=plan.walls,
     )
-    lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag)
+    lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
     walls = None
     if plan.walls:
         walls = candidates.build(

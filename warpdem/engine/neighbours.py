@@ -312,18 +312,21 @@ class Lists:
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
         kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
         self.trial = room("trial", memory_shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
+        constants = room("constants", (0 if plan.resident else packs, lists.constants_width, plan.lanes), self.real)
         # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
         partner.fill_(min(1, n - 1))
+        constants.zero_()
         kind.zero_()
         slot_i.fill_(shares)
         slot_j.fill_(shares)
         memory = self.spare.memory if plan.resident else room(f"memory{self.version & 1}", memory_shape, self.real)
         self.fill_inputs = {
-            "kinds": state.kind, "materials": plan.materials, "id": state.id, "start": start, "count": count, "slot": slot,
+            "record": state.record, "inverse": state.inverse, "kinds": state.kind, "materials": plan.materials,
+            "coefficients": sim.coefficients, "id": state.id, "start": start, "count": count, "slot": slot,
             "listed": listed, "touching_start": touching_start, "close_start": close_start, "row_start": row_start,
-            "memory": self.memory, "contact": contact, "owner": owner, "partner": partner, "kind": kind, "slot_i": slot_i,
-            "slot_j": slot_j, "next": memory,
+            "memory": self.memory, "contact": contact, "owner": owner, "partner": partner, "kind": kind,
+            "constants": constants, "slot_i": slot_i, "slot_j": slot_j, "next": memory,
         }  # fmt: skip
         split(lists.fill_contacts, n, [*self.fill_inputs.values()], sim.device)
         if plan.resident:
@@ -332,9 +335,8 @@ class Lists:
             self.select_inputs["listed"] = self.fill_inputs["listed"] = self.spare.listed
         else:
             self.memory = memory  # the other one holds what is carried over next time
-        self.owner, self.partner, self.kind = owner, partner, kind
+        self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
-        self.constants = self._constants(0 if plan.resident else packs)
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
         self.reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
@@ -362,16 +364,12 @@ class Lists:
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (packs, numbers, lanes): a GPU does not keep it."""
-        return self._constants(self.owner.shape[0]) if self.sim.plan.resident else self.constants
-
-    def _constants(self, packs: int) -> wp.array:
-        """What does not change of the contacts in the first ``packs`` packs."""
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
-        shape = packs, lists.constants_width, plan.lanes
-        out = self._array(shape, self.real) if plan.resident else self._room("constants", shape, self.real)
-        inputs = [sim.state.record, sim.state.inverse, sim.coefficients, self.owner, self.partner, self.kind, self.slot_i,
-                  self.row.shape[0] - 1, out]  # fmt: skip
-        sim.threads.split(lists.contact_constants, packs * plan.lanes, inputs, sim.device)
+        if not plan.resident:
+            return self.constants
+        out = self._array((self.owner.shape[0], lists.constants_width, plan.lanes), self.real)
+        inputs = [sim.state.record, sim.state.inverse, sim.coefficients, self.owner, self.partner, self.kind, out]
+        wp.launch(lists.contact_constants, self.owner.size, inputs, device=sim.device)
         return out
 
     def _refresh_walls(self, placement: np.ndarray) -> None:

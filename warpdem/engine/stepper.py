@@ -16,7 +16,9 @@ from warpdem.kernels.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
 from warpdem.threads import ranges
 
-SCHEDULE_STEPS = {False: 256, True: 2048}  # whose schedule is made at once, on a CPU and by the graph: it comes back so often
+SCHEDULE_STEPS = (256, 4096)  # whose schedule is made at once on a CPU, where batches end with it
+GRAPH_STEPS = 2048  # the same for the graph
+GRAIN_STEPS = 200_000  # of a batch that takes about as long as people wait for an answer to Ctrl-C
 
 
 def packed(array, dtype):
@@ -30,7 +32,6 @@ class Stepper:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.stages = len(sim.plan.scheme.STAGES)
-        self._ahead = SCHEDULE_STEPS[sim.plan.resident]
         device = sim.device
         slots = 1 if sim.plan.resident else sim.threads.count
         control = self.control = sim.kernels.loop.Control()
@@ -73,19 +74,27 @@ class Stepper:
         sim, first = self.sim, self.sim.step_number
         if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
             with sim.clock("schedule"):
-                self._schedule("row", sim.schedule.rows(first, self._ahead), Row)
+                ahead = self._steps_ahead()
+                self._schedule("row", sim.schedule.rows(first, ahead), Row)
                 if sim.plan.frame_rows:
-                    self._schedule("frame", sim.schedule.frames(first, self._ahead), FrameRow)
-                self._placements = sim.schedule.placements(first, self._ahead)
+                    self._schedule("frame", sim.schedule.frames(first, ahead), FrameRow)
+                self._placements = sim.schedule.placements(first, ahead)
                 self._schedule("placement", self._placements, Placement)
-                self._block = (first, self._ahead)
+                self._block = (first, ahead)
         base = first - self._block[0]
         return base, self._block[1] - base
+
+    def _steps_ahead(self) -> int:
+        """Steps of the next schedule: a short one would cost few grains more than their steps."""
+        if self.resident:
+            return GRAPH_STEPS
+        low, high = SCHEDULE_STEPS
+        return min(max(GRAIN_STEPS // max(len(self.sim.state), 1), low), high)
 
     def _schedule(self, name: str, table: np.ndarray, dtype) -> None:
         """Put a table of the schedule where the kernels find it, each time at the same place."""
         there = getattr(self.control, name)
-        if there is not None and there.size:
+        if there is not None and len(there) == len(table) and there.size:
             there.assign(table)
         else:
             setattr(self.control, name, wp.array(table, dtype=dtype, device=self.sim.device))
