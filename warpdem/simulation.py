@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from warpdem import summary
-from warpdem.engine import checkpoint, timestep
+from warpdem.engine import checkpoint, contact_memory, timestep
 from warpdem.engine.compiled import compile_plan
 from warpdem.engine.domain import Domain
 from warpdem.engine.domain import check as check_domain
@@ -144,7 +144,7 @@ class Simulation:
         self.notes += past.notes
         self._next_id = max(self._next_id, past.next_id)
         if len(self.state):
-            self.lists.remember(past.data)
+            contact_memory.remember(self.lists, past.data)
         if self.state.orientation is not None and "orientation" in past.data:
             self.state.orientation.assign(past.data["orientation"])
         for number, state in past.feeders.items():

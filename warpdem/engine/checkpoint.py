@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.engine import contact_memory
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.paths import Access, access_of_file
@@ -72,7 +73,7 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
     readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
-    return {**sim.state.by_rank(), **readings, **sim.lists.pair_contacts(), **sim.lists.wall_contacts()}
+    return {**sim.state.by_rank(), **readings, **contact_memory.read(sim.lists)}
 
 
 def _places(sim) -> dict:
@@ -171,5 +172,5 @@ def restore(sim, data: dict) -> None:
         feeder.restore(state)
     if sim.budget is not None:
         sim.budget.restore(data["budget"])
-    sim.lists.restore(data)
+    contact_memory.restore(sim.lists, data)
     sim._forces_ready = True

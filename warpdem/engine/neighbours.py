@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.engine.rooms import Rooms
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
@@ -16,7 +17,6 @@ CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 LEAST_ROOM = 12  # room per row of the near list to begin with
-SPARE = 0.125  # of the room of lists that a device makes anew, for when they get longer
 RENEWALS = 64  # near lists that a device makes at most before the grains are sorted in memory again
 
 
@@ -76,6 +76,10 @@ class Lists:
         rebuilds: how often the near list was made.
         refreshes: how often the contact list was made.
         version: how often it was made by the host, in other arrays.
+        near: start, count, slot and contact of the near list, None before the first.
+        known: grains that the lists were made for.
+        rows: slots beside walls, None without.
+        force_parity: parity of the step of the last force call.
         renewals_left: near lists that the device may still make before the host's next.
         margin: gap below which a near pair is in the contact list [m].
     """
@@ -97,17 +101,16 @@ class Lists:
         self._last_refresh = self._last_rebuild = 0
         self.renewals_left = self._renewals = self._rebuilds_then = 0
         n = len(sim.state)
-        self.near = None  # start, count, slot, contact
-        self._known = n  # grains that the lists were made for
+        self.near = None
+        self.known = n
         self._near_room = RowRoom(LEAST_ROOM)
         self.near_reference = None
         self.contact_count = self.row_count = 0
-        self._force_parity = 1  # parity of the step of the last force call
+        self.force_parity = 1
         self.near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
-        self._kept: dict[str, wp.array] = {}
-        self._capacities: dict[str, int] = {}
-        self.memory = self._array((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
+        self.rooms = Rooms(sim.device, exact=sim.plan.resident)
+        self.memory = self.rooms.zeros((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
 
@@ -116,40 +119,6 @@ class Lists:
         """How far a grain may move before the contact list is out of date [m]."""
         alone = len(self.sim.state) < 2 and not self.sim.plan.walls
         return 1.0e300 if alone else 0.5 * self.margin
-
-    def _array(self, shape, dtype, fill=None):
-        make = wp.zeros if fill is None else wp.full
-        extra = {} if fill is None else {"value": fill}
-        return make(shape, dtype=dtype, device=self.sim.device, **extra)
-
-    def _upload(self, data: np.ndarray, dtype):
-        return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self.sim.device)
-
-    def _room(self, name: str, shape: tuple[int, ...], dtype) -> wp.array:
-        """An array whose memory is kept from one refresh to the next and grows by half; its content is not set.
-
-        Nothing is added for a device that makes lists itself: their room is stated (``_capacity``).
-        """
-        size = int(np.prod(shape))
-        kept = self._kept.get(name)
-        if kept is None or kept.shape[0] < size:
-            more = 0 if self.sim.plan.resident else size // 2 + 64
-            kept = self._kept[name] = wp.empty(size + more, dtype=dtype, device=self.sim.device)
-        return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self.sim.device)
-
-    def _capacity(self, name: str, need: int) -> int:
-        """Room of a list of ``need`` entries: a device that makes the next ones in the same arrays has some to spare."""
-        if not self.sim.plan.resident:
-            return need
-        if need > self._capacities.get(name, -1):
-            self._capacities[name] = int(need * (1.0 + SPARE)) + 64
-        return self._capacities[name]
-
-    def _keep(self, name: str, data: np.ndarray) -> wp.array:
-        """``data`` as int32 in an array whose memory is kept."""
-        out = self._room(name, data.shape, wp.int32)
-        out.assign(data)
-        return out
 
     def update(self, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain."""
@@ -169,7 +138,7 @@ class Lists:
         self._last_refresh = sim.step_number
         placement = sim.stepper.placements()
         sim.guards.travel.watch(record, placement)
-        self._force_parity = (sim.step_number - 1) & 1
+        self.force_parity = (sim.step_number - 1) & 1
         if force_rebuild or self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             self._adapt_skin()
             with sim.clock("lists"):
@@ -178,6 +147,14 @@ class Lists:
                 return
         with sim.clock("refresh"):
             self._refresh(placement)
+
+    def make(self) -> None:
+        """Make all lists for the present positions."""
+        sim = self.sim
+        placement = sim.stepper.placements()
+        self._last_refresh = self._last_rebuild = sim.step_number
+        self._rebuild(placement, np.arange(len(sim.state)))
+        self._refresh(placement)
 
     def _adapt_skin(self) -> None:
         """A wider skin where near lists were made often; once it is right the device makes the next ones alone."""
@@ -212,8 +189,8 @@ class Lists:
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
         sim.stepper.forget()
-        known = self._known
-        n = self._known = len(kept)
+        known = self.known
+        n = self.known = len(kept)
         if n == 0:
             state.reorder(kept)
             self.contact_count = self.row_count = 0
@@ -224,13 +201,13 @@ class Lists:
         order = morton_order(position, finest_cell(radius, classes, beyond), sim.device)
         position, radius, classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
-        old_place = self._upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
-        self.near_reference = self._room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
+        old_place = self.rooms.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
+        self.near_reference = self.rooms.room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
         self.near_reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
         self.grids = grids_for(position, radius, classes, beyond, sim.device)
         wp.launch(lists.insert_grains, n, [self.grids, state.record], device=sim.device)
         start, count, slot = self._near_rows(self.grids, classes)
-        contact = self._array(slot.shape, wp.int32)
+        contact = self.rooms.zeros(slot.shape, wp.int32)
         if self.near is None:
             contact.fill_(-1)
         else:
@@ -243,19 +220,20 @@ class Lists:
 
     def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
         """Start and count of the row of each grain, and the rows."""
-        sim, n, count = self.sim, len(classes), self._array(len(classes), wp.int32)
+        sim, n, count = self.sim, len(classes), self.rooms.zeros(len(classes), wp.int32)
         near, shared = sim.kernels.lists.near_rows, [grids, sim.state.record, sim.state.id, self.skin]
         if sim.plan.resident:  # counted first: a second search is cheaper there than room that is not used
-            nothing = self._array(0, wp.int32)
+            nothing = self.rooms.zeros(0, wp.int32)
             sim.threads.split(near, n, [*shared, nothing, count, nothing], sim.device)
             sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
             start_host = starts(count.numpy())
-            start, slot = self._upload(start_host, wp.int32), self._array(self._capacity("near", int(start_host[-1])), wp.int32)
+            start = self.rooms.upload(start_host, wp.int32)
+            slot = self.rooms.zeros(self.rooms.capacity("near", int(start_host[-1])), wp.int32)
             sim.threads.split(near, n, [*shared, start, count, slot], sim.device)
             return start, count, slot
         while True:
             start_host = self._near_room.starts(classes)
-            start, slot = self._upload(start_host, wp.int32), self._array(int(start_host[-1]), wp.int32)
+            start, slot = self.rooms.upload(start_host, wp.int32), self.rooms.zeros(int(start_host[-1]), wp.int32)
             sim.threads.split(near, n, [*shared, start, count, slot], sim.device)
             if self._near_room.holds(classes, count.numpy()):
                 return start, count, slot
@@ -264,21 +242,21 @@ class Lists:
     def _rebuild_walls(self, placement: np.ndarray, old_place: wp.array) -> None:
         sim, n = self.sim, len(self.sim.state)
         near = sim.kernels.walls.near_features
-        count = self._array(n, wp.int32)
-        nothing = self._array(0, wp.int32)
-        placements = self._upload(placement, wp.types.vector(18, wp.float64))
+        count = self.rooms.zeros(n, wp.int32)
+        nothing = self.rooms.zeros(0, wp.int32)
+        placements = self.rooms.upload(placement, wp.types.vector(18, wp.float64))
         shared = [sim.state.record, 0.5 * self.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
         sim.threads.split(near, n, [0, *shared, nothing, count, nothing], sim.device)
         sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
         start_host = starts(count.numpy())
-        start = self._upload(start_host, wp.int32)
-        slots = self._capacity("slots", int(start_host[-1]))
-        feature = self._array(slots, wp.int32)
+        start = self.rooms.upload(start_host, wp.int32)
+        slots = self.rooms.capacity("slots", int(start_host[-1]))
+        feature = self.rooms.zeros(slots, wp.int32)
         sim.threads.split(near, n, [1, *shared, start, count, feature], sim.device)
         self.near_feature = feature
         rows = sim.new_rows(n, slots)
         rows.first = start
-        inputs = [self._force_parity, old_place, self.rows, rows]
+        inputs = [self.force_parity, old_place, self.rows, rows]
         sim.threads.split(sim.kernels.walls.carry_places, n, inputs, sim.device)
         self.rows = rows
 
@@ -288,8 +266,9 @@ class Lists:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         state, n = sim.state, len(sim.state)
         start, count, slot, contact = self.near
-        listed = self._array(slot.shape, wp.int32) if plan.resident else self._room("listed", slot.shape, wp.int32)
-        touching, close, width = (self._room(name, (n,), wp.int32) for name in ("touching", "close", "width"))
+        rooms, room = self.rooms, self.rooms.room
+        listed = rooms.zeros(slot.shape, wp.int32) if plan.resident else room("listed", slot.shape, wp.int32)
+        touching, close, width = (room(name, (n,), wp.int32) for name in ("touching", "close", "width"))
         split = sim.threads.split
         self.select_inputs = {
             "record": state.record, "id": state.id, "start": start, "count": count, "slot": slot, "margin": self.margin,
@@ -299,12 +278,12 @@ class Lists:
         touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
         row_start_host = starts(width.numpy())
         self.contact_count = int(row_start_host[-1]) // 2
-        touching_start, close_start = self._keep("touching_start", touching_host), self._keep("close_start", close_host)
-        row_start = self._keep("row_start", row_start_host)
+        touching_start, close_start = rooms.keep("touching_start", touching_host), rooms.keep("close_start", close_host)
+        row_start = rooms.keep("row_start", row_start_host)
         shares = int(row_start_host[-1])
         self.totals = [packs * plan.lanes, shares, 0]
-        packs, shares = self._capacity("packs", packs), self._capacity("shares", shares)
-        lane_shape, room = (packs, plan.lanes), self._room
+        packs, shares = rooms.capacity("packs", packs), rooms.capacity("shares", shares)
+        lane_shape = packs, plan.lanes
         memory_shape, row_shape = (packs, max(plan.memory, 1), plan.lanes), (shares + 1, share_width(plan.spins))
         row = self._rows_of_shares(row_shape, memory_shape, slot.shape[0])
         self.entry = room("entry", (shares + 1 if plan.energy else 0, ENTRY), self.real)
@@ -351,10 +330,10 @@ class Lists:
         A device that makes lists itself has its scratch there, ``spare``: no force is known while lists are made.
         """
         if not self.sim.plan.resident:
-            return self._room("row", shape, self.real)
+            return self.rooms.room("row", shape, self.real)
         width, device = wp.types.type_size_in_bytes(self.real), self.sim.device
         carried = -(-max(width * int(np.prod(memory)), 4 * near) // 8) * 8
-        room = self._room("row", (max(int(np.prod(shape)), -(-(carried + 4 * near) // width)),), self.real)
+        room = self.rooms.room("row", (max(int(np.prod(shape)), -(-(carried + 4 * near) // width)),), self.real)
         self.spare = Spare(
             memory=wp.array(ptr=room.ptr, shape=memory, dtype=self.real, device=device),
             contact=wp.array(ptr=room.ptr, shape=near, dtype=wp.int32, device=device),
@@ -367,20 +346,20 @@ class Lists:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
         if not plan.resident:
             return self.constants
-        out = self._array((self.owner.shape[0], lists.constants_width, plan.lanes), self.real)
+        out = self.rooms.zeros((self.owner.shape[0], lists.constants_width, plan.lanes), self.real)
         inputs = [sim.state.record, sim.state.inverse, sim.coefficients, self.owner, self.partner, self.kind, out]
         wp.launch(lists.contact_constants, self.owner.size, inputs, device=sim.device)
         return out
 
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
-        placements = self._upload(placement, wp.types.vector(18, wp.float64))
+        placements = self.rooms.upload(placement, wp.types.vector(18, wp.float64))
         sim.threads.split(sim.kernels.walls.close_features, len(sim.state), self.close_inputs(placements)[1:], sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
         self.row_count = self.totals[2] = len(near)
         if sim.plan.resident:  # room for the rows that the device finds
             near = np.pad(near, (0, len(sim.state) - len(near)))
-        rows.grain = self._keep("wall_grain", near)
+        rows.grain = self.rooms.keep("wall_grain", near)
 
     def close_inputs(self, placements: wp.array) -> list:
         """Arguments of ``close_features`` for the walls at ``placements``."""
@@ -399,54 +378,16 @@ class Lists:
         self.rebuilds += times
         self.renewals_left -= times
 
-    # -- checkpoint -----------------------------------------------------------------------------
-
-    def _listed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Ids (lower, higher) of the listed contacts, and the rows of their two shares."""
-        if not self.contact_count:
-            return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-        ids, real = self.sim.state.id.numpy(), self.real_lanes()
-        pair = np.stack([ids[a.numpy().ravel()[real]] for a in (self.owner, self.partner)], axis=1)
-        return pair, self.slot_i.numpy().ravel()[real], self.slot_j.numpy().ravel()[real]
+    # -- reading --------------------------------------------------------------------------------
 
     def real_lanes(self) -> np.ndarray:
         """Numbers of the lanes that hold a contact and do not merely fill a pack."""
         return np.flatnonzero(self.slot_i.numpy().ravel() < self.row.shape[0] - 1)
 
-    def pair_contacts(self) -> dict[str, np.ndarray]:
-        """Memory and shares of the listed grain-grain contacts."""
-        pair, i, j = self._listed()
-        width, shares = max(self.sim.plan.memory, 1), share_width(self.sim.plan.spins)
-        memory, row = np.zeros((0, width)), np.zeros((0, shares))
-        if len(pair):
-            memory = self.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[self.real_lanes()]
-            memory = memory if self.sim.plan.memory else np.zeros((len(pair), 1))
-            row = self.row.numpy()
-        out = {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
-        if self.sim.plan.energy:
-            entry = self.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
-            out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
-        return out
-
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""
         rows = self.rows
         return wall_record.unpacked(rows.place.numpy()[parity, slot], rows.result.numpy()[slot])
-
-    def wall_contacts(self) -> dict[str, np.ndarray]:
-        """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
-        sim, rows = self.sim, self.rows
-        if rows is None:
-            return {}
-        parity, g = sim.step_number & 1, self.wall_grains
-        slot, holder = self.place_slots(parity, g)
-        out = {f"place_{name}": values for name, values in self.places(parity, slot).items()}
-        out["place_grain"] = sim.state.id.numpy()[holder]
-        load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
-        out["wall_load"] = load[sim.state.rank]
-        if sim.plan.energy:
-            out |= {f"wall_{name}": getattr(rows, name).numpy()[sim.state.rank] for name in ("entry", "power")}
-        return out
 
     @property
     def wall_grains(self) -> np.ndarray:
@@ -458,80 +399,3 @@ class Lists:
         count = self.rows.place_count.numpy()[parity, g]
         slot = np.repeat(self.rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
         return slot, np.repeat(g, count)
-
-    def remember(self, data: dict) -> None:
-        """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
-
-        Args:
-            data: ids of the grains in their order (``id``), ``pair`` and ``pair_memory``, and where there are walls the
-                ``place_*`` of a checkpoint.
-        """
-        plan, n = self.sim.plan, len(self.sim.state)
-        pair, memory = data["pair"], data["pair_memory"][:, : max(plan.memory, 1)]
-        owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
-        order = np.lexsort((partner, owner))
-        count = np.bincount(owner, minlength=n)
-        rows = (starts(count), count, partner[order], order)
-        self.near = tuple(self._upload(a.astype(np.int32), wp.int32) for a in rows)
-        padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
-        packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
-        self.memory = self._upload(packs, self.real)
-        if plan.walls and "place_grain" in data:
-            self._restore_places(data, n)
-        self._known = n
-
-    def restore(self, data: dict) -> None:
-        """Lists for the present positions with the memory and the forces of a checkpoint."""
-        sim, n = self.sim, len(self.sim.state)
-        if n == 0:
-            return
-        self._force_parity = sim.step_number & 1
-        self.remember(data)
-        placement = sim.stepper.placements()
-        self._last_refresh = self._last_rebuild = sim.step_number
-        self._rebuild(placement, np.arange(n))
-        self._refresh(placement)
-        self._restore_forces(data)
-
-    def _restore_places(self, data: dict, n: int) -> None:
-        """Slots that hold the places of a checkpoint, for the rebuild to carry over."""
-        grains = np.searchsorted(data["id"], data["place_grain"])
-        order = np.argsort(grains, kind="stable")
-        count = np.bincount(grains, minlength=n).astype(np.int32)
-        rows = self.sim.new_rows(n, len(grains))
-        rows.first = self._upload(starts(count), wp.int32)
-        rows.place_count = self._upload(np.stack([count, count]), wp.int32)
-        memory = rows.place.numpy()
-        memory[self._force_parity] = wall_record.packed(wall_record.MEMORY, data, memory.shape[-1])[order]
-        rows.place.assign(memory)
-        self.rows = rows
-
-    def _restore_forces(self, data: dict) -> None:
-        """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
-        state = self.sim.state
-        pair, i, j = self._listed()
-        row, entry = np.zeros(self.row.shape), np.zeros(self.entry.shape)
-        saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
-        known = [(c, saved[tuple(p)]) for c, p in enumerate(pair.tolist()) if tuple(p) in saved]
-        if known:
-            here, there = np.array(known).T
-            row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
-            if self.sim.plan.energy and "pair_entry_i" in data:
-                entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
-        self.row.assign(row)
-        self.entry.assign(entry)
-        if self.rows is None:
-            return
-        load = np.zeros((len(state), 6))
-        load[state.rank] = data["wall_load"]
-        self.rows.load.assign(load)
-        for name in ("entry", "power") if self.sim.plan.energy and "wall_entry" in data else ():
-            values = np.zeros_like(data[f"wall_{name}"])
-            values[state.rank] = data[f"wall_{name}"]
-            getattr(self.rows, name).assign(values)
-        slot, holder = self.place_slots(self._force_parity, self.wall_grains)
-        order = np.argsort(data["place_grain"], kind="stable")
-        mine = np.argsort(state.id.numpy()[holder], kind="stable")
-        result = self.rows.result.numpy()
-        result[slot[mine]] = wall_record.packed(wall_record.RESULT, data, result.shape[-1])[order]
-        self.rows.result.assign(result)

@@ -1,0 +1,52 @@
+"""Device arrays of the lists: their memory is kept from one making of the lists to the next."""
+
+import numpy as np
+import warp as wp
+
+SPARE = 0.125
+"""Of the room of lists that a device makes anew, for when they get longer [-]."""
+
+
+class Rooms:
+    """Arrays by name.
+
+    Args:
+        device: where they are.
+        exact: what is asked for is all that is wanted; else there is half as much more, for what follows.
+    """
+
+    def __init__(self, device, exact: bool) -> None:
+        self._device, self._exact = device, exact
+        self._kept: dict[str, wp.array] = {}
+        self._capacities: dict[str, int] = {}
+
+    def zeros(self, shape, dtype) -> wp.array:
+        """An array of its own."""
+        return wp.zeros(shape, dtype=dtype, device=self._device)
+
+    def upload(self, data: np.ndarray, dtype) -> wp.array:
+        """``data`` in an array of its own."""
+        return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._device)
+
+    def room(self, name: str, shape: tuple[int, ...], dtype) -> wp.array:
+        """An array whose memory is kept; its content is not set."""
+        size = int(np.prod(shape))
+        kept = self._kept.get(name)
+        if kept is None or kept.shape[0] < size:
+            more = 0 if self._exact else size // 2 + 64
+            kept = self._kept[name] = wp.empty(size + more, dtype=dtype, device=self._device)
+        return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
+
+    def keep(self, name: str, data: np.ndarray) -> wp.array:
+        """``data`` as int32 in an array whose memory is kept."""
+        out = self.room(name, data.shape, wp.int32)
+        out.assign(data)
+        return out
+
+    def capacity(self, name: str, need: int) -> int:
+        """Length of a list of ``need`` entries: a device that makes the next ones in the same arrays has some to spare."""
+        if not self._exact:
+            return need
+        if need > self._capacities.get(name, -1):
+            self._capacities[name] = int(need * (1.0 + SPARE)) + 64
+        return self._capacities[name]
