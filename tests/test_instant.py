@@ -125,6 +125,18 @@ def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
     assert observation.row(sim) == []
 
 
+def test_there_is_an_instant_before_the_first_grain(scene):
+    """All of them come by a stream, the first after some steps."""
+    scene = scene.model_copy(update={"grains": []})
+    sim = Simulation(scene, device="cpu", threads=1)
+    still = Instant(sim, Room(sim.device)).simulation()
+    equal(still.snapshot(), sim.snapshot())
+    assert len(sim.state) == 0
+    np.testing.assert_array_equal(history_row(still, []), history_row(sim, []))
+    sim.step(STEPS)
+    assert len(sim.state) > 0
+
+
 class SideStream:
     """Stands for a stream of a GPU: what is sent has arrived at the second look."""
 

@@ -1,6 +1,9 @@
 """The thread pool: every index once, all jobs at once, errors come through."""
 
+import os
+import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -46,6 +49,25 @@ def test_an_error_in_any_job_comes_through():
     with pytest.raises(ValueError, match="from a thread"):
         pool.together([lambda: None, fail])
     pool.close()
+
+
+def test_an_interrupt_leaves_no_job_waiting_for_another():
+    pool = Threads(2)
+    barrier, done = threading.Barrier(2, timeout=10.0), []
+
+    def interrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+        meeting()
+
+    def meeting():
+        barrier.wait()
+        done.append(1)
+
+    with pytest.raises(KeyboardInterrupt):
+        pool.together([interrupted, meeting])
+    pool.close()
+    assert done == [1, 1]
 
 
 @wp.kernel(enable_backward=False, module="unique")

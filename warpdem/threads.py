@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import warp as wp
 
@@ -22,13 +22,29 @@ class Threads:
 
     def __init__(self, count: int) -> None:
         self.count = count
-        self._pool = ThreadPoolExecutor(count - 1, thread_name_prefix="warpdem") if count > 1 else None
+        self._pool = ThreadPoolExecutor(count, thread_name_prefix="warpdem") if count > 1 else None
 
     def together(self, jobs: Sequence[Callable[[], None]]) -> None:
-        """Run all jobs at the same time, the first on the calling thread; all must be running for barriers to open."""
-        waiting = [self._pool.submit(job) for job in jobs[1:]] if self._pool else []
+        """Run all jobs at the same time; all must be running for barriers to open.
+
+        Ctrl-C interrupts the calling thread alone, so it starts none of them: some would wait for ever for those that are not
+        started. The interrupt is raised when all are done.
+        """
+        if len(jobs) == 1:
+            jobs[0]()
+            return
+        done = self._pool.submit(self._start, jobs)
+        try:
+            done.result()
+        except KeyboardInterrupt:
+            wait([done])
+            raise
+
+    def _start(self, jobs: Sequence[Callable[[], None]]) -> None:
+        """Run the first job on this thread of the pool and the others on the rest of it."""
+        others = [self._pool.submit(job) for job in jobs[1:]]
         jobs[0]()
-        for job in waiting:
+        for job in others:
             job.result()
 
     def split(self, kernel, count: int, inputs: Sequence, device) -> None:

@@ -101,9 +101,13 @@ class Instant:
             still.budget.sim, still.budget.gone = still, copy.deepcopy(sim.budget.gone)
 
     def _hold(self, group: str, owner, source, names: Sequence[str]) -> None:
-        """Give ``owner`` host copies of arrays of ``source``; ``group`` tells them from those of others in the room."""
+        """Give ``owner`` host copies of arrays of ``source``; ``group`` tells them from those of others in the room.
+
+        Before the first grain comes in there are arrays that nobody has made.
+        """
         for name in names:
-            setattr(owner, name, self._room.take(f"{group} {name}", getattr(source, name)))
+            array = getattr(source, name)
+            setattr(owner, name, None if array is None else self._room.take(f"{group} {name}", array))
 
     def simulation(self):
         """The simulation at the instant, to be read and no more; waits until all of it has arrived."""
