@@ -170,6 +170,48 @@ def test_a_thrown_sphere_loses_a_seventh_of_m_v2_by_sliding(speed):
     assert budget["work_walls"] == 0.0
 
 
+@pytest.mark.parametrize(("friction", "spin"), [(0.3, 100.0), (5.0, -100.0)], ids=["slides", "sticks"])
+def test_energy_of_an_impact_on_a_plate_that_comes_and_passes_by_closes(friction, spin):
+    """Along the normal the plate's dashpot works too; a contact that slides from touch to parting has no damping of its own."""
+    data = {
+        **law(friction=friction),
+        "gravity": [0, 0, 0],
+        "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 1.01e-3]], "velocities": [[0.5, 0, -0.1]],
+                    "spins": [[0, spin, 0]]}],
+        "walls": [{"name": "plate", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
+                   "motion": {"velocity": [-0.1, 0, 0.1]}}],
+        "time": {"end": 1.0, "step": 1e-6, "max_speed": 0.5},
+        "measures": {"energy": True},
+    }  # fmt: skip
+    sim = Simulation(Scene.model_validate(data), device="cpu", threads=1)
+    worst = 0.0
+    for _ in range(60):  # over a whole impact the dashpot's momentum is none
+        sim.step(25)
+        worst = max(worst, abs(sim.budget.energy()["integration_error"]))
+    assert sim.particles.velocity[0, 2] > 0.1, "it was not hit"
+    budget = sim.budget.energy()
+    lost = {name: value for name, value in budget.items() if name.startswith("dissipated")}
+    assert worst < 1e-3 * lost["dissipated_normal_damping"]
+    if friction < 1.0:
+        assert lost["dissipated_tangential_damping"] < 1e-9 * lost["dissipated_sliding"]
+    else:
+        assert lost["dissipated_tangential_damping"] > lost["dissipated_sliding"]
+
+
+def test_a_grain_that_falls_through_a_periodic_border_is_lifted_by_its_length():
+    data = {
+        **law(),
+        "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 5e-3]]}],
+        "borders": {"z": {"min": 0.0, "max": 0.01, "kind": "periodic"}},
+        "time": {"end": 1.0, "step": 1e-4, "max_speed": 1e-3},
+        "measures": {"energy": True},
+    }
+    sim = run(Scene.model_validate(data), 0.1)  # 49 mm
+    budget, weight = sim.budget.energy(), 9.81 * sim.particles.mass[0]
+    assert budget["carried_in"] == pytest.approx(5 * 0.01 * weight, rel=1e-9)
+    assert abs(budget["integration_error"]) < 1.01 * weight * 9.81 * 1e-4**2 / 8
+
+
 @pytest.mark.parametrize("view", ["frame", "laboratory"])
 def test_energy_of_a_drum_closes_to_a_thousandth_at_28_steps_per_contact(view):
     errors = []

@@ -77,8 +77,8 @@ def test_grains_attract_across_the_gap_and_not_beyond(make, skin):
     assert sim.plan.gap == GAP
     force = sim.loads()[0]
     expected = PULL * np.maximum(1.0 - gaps / GAP, 0.0)
-    np.testing.assert_allclose(force[::2, 0], expected, atol=1e-15)
-    np.testing.assert_allclose(force[1::2, 0], -expected, atol=1e-15)
+    np.testing.assert_allclose(force[::2, 0], expected, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(force[1::2, 0], -expected, rtol=0, atol=1e-15)
     assert len(sim.contacts().i) == 3
 
 
@@ -102,7 +102,7 @@ def _with_speed(sim, grain, speed):
 def test_walls_attract_too(make, skin):
     floor = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
     sim = make([[0, 0, 1e-3 + 0.5 * GAP]], skin=skin, walls=[floor])
-    np.testing.assert_allclose(sim.loads()[0][0], [0, 0, -0.5 * PULL], atol=1e-15)
+    np.testing.assert_allclose(sim.loads()[0][0], [0, 0, -0.5 * PULL], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(("normal", "expected"), [("hooke", 1000.0), ("hertz", 0.0)])

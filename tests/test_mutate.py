@@ -71,6 +71,16 @@ def test_mutants_are_judged_one_after_the_other_and_taken_back(place):
         assert (place.folder / "kernels/law.py").read_text() == "ONE = 1\nTWO = 2\n"
 
 
+def test_a_test_that_fails_anyway_kills_nothing(place):
+    (place.folder / "tests" / "test_broken.py").write_text("def test_broken():\n    assert False\n")
+    mutant = mutate.Mutant("name", "kernels/law.py", "TWO = 2", "TWO = 1 + 1", ("tests/test_one.py",))
+    result = place.judge(mutant, ["tests"], 60.0)
+    assert result["status"] == "not run"
+    assert result["by"] == "fails on the unchanged kernels, too: tests/test_broken.py::test_broken: assert False"
+    defended = mutate.Mutant("name", "kernels/law.py", "TWO = 2", "TWO = 4", ("tests/test_one.py",), "for a reason")
+    assert place.judge(defended, ["tests"], 60.0)["status"] == "survived", "went through the tests for all"
+
+
 def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp_path):
     first, second, changed = (mutate.Mutant(n, "kernels/law.py", "1", "2", ("tests",)) for n in ("a", "b", "c"))
 

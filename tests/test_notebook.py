@@ -72,3 +72,14 @@ def test_progress_is_shown_in_a_terminal_and_nowhere_else():
         with progress_bar(Console(force_terminal=terminal, file=out, width=120), quiet, 10) as tell:
             tell(5, "half of it")
         assert ("half of it" in out.getvalue()) == (terminal and not quiet)
+
+
+@pytest.mark.parametrize(("quiet", "lines"), [(False, [" 50%  half of it  about 1 min 40 s left"]), (True, [])])
+def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, quiet, lines):
+    """A step in two seconds; a line is due after ten. The run goes on at step 40, which does not count as speed."""
+    clock = iter([0.0, 0.0, 6.0, 20.0, 26.0])
+    monkeypatch.setattr("warpdem.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    with progress_bar(Console(file=StringIO()), quiet, 100) as tell:
+        for step, state in ((40, "first"), (43, "too soon"), (50, "half of it"), (53, "too soon again")):
+            tell(step, state)
+    assert capfd.readouterr().err.splitlines() == lines
