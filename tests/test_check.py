@@ -94,6 +94,14 @@ WARNED = {
         {"materials": {"g": {"density": 2.65, "young_modulus": 5e6, "poisson_ratio": 0.3}}, "time": SHORT},
         ["materials.g.density = 2.65 kg/m3", '"2.65 g/cm3"'],
     ),
+    "modulus": (
+        {"materials": {"g": {"density": 2500, "young_modulus": 50, "poisson_ratio": 0.3}}, "time": SHORT},
+        ["materials.g.young_modulus = 50 Pa is that of no solid (softest gels some 1000)", '"50 MPa"'],
+    ),
+    "size of a mesh": (
+        {"walls": [{"name": "cup", "material": "g", "mesh": CUP, "open": True, "scale": 0.1}]},
+        ["walls[0].mesh: hopper.stl: the mesh is", "diameters, usual are 3 to 1000", "scale by 0.001"],
+    ),
     "angle": (
         {"walls": [{"name": "cup", "material": "g", "mesh": CUP, "rotate": {"axis": [1, 0, 0], "angle": 90}} | PLACED]},
         ["walls[0].rotate.angle = 90 rad is more than a full turn (5157 degrees)", '"90 deg"'],
@@ -116,6 +124,34 @@ def test_warning_names_number_and_remedy(kind):
     text = said(**changes)
     for word in words:
         assert word in text, text
+
+
+def beside_a_box(tmp_path, at, other=(), **changes) -> str:
+    """Warnings for two grains, the first at ``at``, and a box of 40 mm."""
+    trimesh.creation.box((0.04, 0.04, 0.04)).export(tmp_path / "vessel.stl")
+    vessel = {"name": "vessel", "material": "g", "mesh": str(tmp_path / "vessel.stl")}
+    second = [at[0], at[1] + 0.003, at[2]]
+    grains = [{"material": "g", "radius": 1e-3, "positions": [at, second]} | changes.pop("moving", {})]
+    return said(grains=grains, walls=[vessel, *other], time=SHORT, **changes)
+
+
+def test_grains_that_no_vessel_holds_are_told(tmp_path):
+    text = beside_a_box(tmp_path, [0.06, 0, 0])
+    assert "all 2 grains, from (0.06, 0, 0) to (0.06, 0.003, 0) m, are outside the closed mesh 'vessel' (from (-0.02," in text
+    below = beside_a_box(tmp_path, [0, 0, -0.03])
+    assert "outside the closed mesh 'vessel'" in below
+    assert below == beside_a_box(tmp_path, [0, 0, -0.03], gravity=[0, 0, 0])
+    assert "outside the closed mesh 'vessel'" in beside_a_box(tmp_path, [0, 0, 0.03], gravity=[0, 0, 9.81])
+
+
+def test_a_solid_body_that_grains_meet_is_no_lost_vessel(tmp_path):
+    floor = {"name": "floor", "material": "g", "plane": {"point": [0, 0, -0.1], "normal": [0, 0, 1]}}
+    assert beside_a_box(tmp_path, [0, 0, 0]) == "", "inside"
+    assert beside_a_box(tmp_path, [0, 0, 0.03]) == "", "they fall on it"
+    assert beside_a_box(tmp_path, [0.06, 0, 0], moving={"velocities": [[-1, 0, 0], [0, 0, 0]]}, gravity=[0, 0, 0]) == ""
+    assert beside_a_box(tmp_path, [0.06, 0, 0], [floor]) == "", "a body in a bed"
+    periodic = {"x": {"kind": "periodic", "min": -0.1, "max": 0.1}}
+    assert beside_a_box(tmp_path, [0.06, 0, 0], borders=periodic) == ""
 
 
 def test_rates_are_told_in_both_units_before_a_run(tmp_path, monkeypatch):
@@ -222,7 +258,8 @@ def test_estimates_are_those_of_the_run(bed, tmp_path, monkeypatch):
     assert data["output_bytes"] == pytest.approx(written, rel=0.2)
     sim = Simulation(bed, device="cpu", threads=1)
     sim.step(20)
-    assert 0.6 < data["memory_bytes"] / arrays_of(sim) < 1.7
+    # the table of what changes with time is long where grains are few, and of no grain
+    assert 0.6 < data["memory_bytes"] / (arrays_of(sim) - arrays_of(sim.stepper.control)) < 1.7
     assert data["settled_seconds"] >= data["estimated_seconds"] >= data["seconds_per_step"] * data["steps"]
 
 
@@ -236,6 +273,22 @@ def test_what_is_said_is_json_and_text(bed):
     check.print_description(data, Console(file=text, width=200))
     for word in ("343 grains", "normal: hertz", "left out", "[s]", "Rayleigh time", "none", "steps per contact", "MB"):
         assert word in text.getvalue(), word
+
+
+def test_table_of_limits_fits_a_terminal_and_what_is_left_out_comes_after():
+    data = check.describe(simulation(), probe=False)
+    out = io.StringIO()
+    check.print_description(data, Console(file=out, width=80))
+    lines = [line.rstrip() for line in out.getvalue().splitlines()]
+    for row in data["limits"]:
+        [line] = [line for line in lines if row["name"] in line]
+        assert line.startswith(f"  {row['name']}{' *' if row['refused'] else '  '}")
+        assert line.endswith("-" if row["auto_share"] is None else f" {row['auto_share']:g}")
+    assert [row["key"] for row in data["limits"] if row["refused"]] == ["impact", "travel"]
+    assert "  * a longer step is refused" in lines
+    told = " ".join(lines).split("left out: ")
+    assert len(told) == 2 and "time step" in told[0] and "left out" not in told[0]
+    assert "turning of the axes: no frame; " in told[1]
 
 
 def test_the_step_of_auto_knows_the_fields():

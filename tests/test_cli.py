@@ -1,6 +1,7 @@
 """The command: exit codes, messages in one screen, nothing computed from a wrong scene, interrupt and resume."""
 
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -191,7 +192,7 @@ BAD = {
     "overlapping start": (edit("[0.00205, 0,", "[0.00105, 0,"), ["bed.toml", "grains", "grain 0", "grain 1", "overlap", "0.1"]),
     "step over the limit": (edit('"10 us"', '"1 ms"'), ["bed.toml", "time.step", "0.001 s", "stability limit", "auto"]),
     "grain outside": (edit("[0.0005, 0.0003, 0.0032]", "[0.0605, 0.0003, 0.0032]"),
-                      ["bed.toml", "walls[0].mesh", "grain 2", "outside"]),
+                      ["bed.toml", "grains[0].positions[2]", "outside", "walls[0].mesh"]),
     "wrong flag": (edit('mesh = "box.stl"', 'mesh = "box.stl"\nopen = 3'), ["bed.toml", "walls[0].open", "3"]),
 }  # fmt: skip
 
@@ -294,6 +295,24 @@ def test_check_json_is_json_and_nothing_else(warpdem):
     assert data["bytes_per_grain"] * 4 == data["memory_bytes"]
 
 
+@pytest.mark.parametrize("library", ["numpy", "warp", "pydantic"])
+def test_ctrl_c_while_the_libraries_load_is_answered_in_a_word(folder, library):
+    """In a process of its own, interrupted where it imports one."""
+    code = f"""
+import sys
+class Stop:
+    def find_spec(self, name, *rest):
+        if name == "{library}":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Stop())
+sys.argv = ["warpdem", "run", "bed.toml"]
+from warpdem.cli import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60.0)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 def start(folder, *arguments) -> subprocess.Popen:
     command = [sys.executable, "-m", "warpdem", *RUN, *arguments]
     return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -376,16 +395,24 @@ def test_resume_with_other_settings_says_so(warpdem, folder):
     assert "other values of time" in text and "repeat the same --set options" in text
 
 
-def test_run_tells_how_many_warnings_check_has(warpdem, folder):
-    stiff = ("--until", "1e-4", "--set", "materials.glass.young_modulus=1e6")
-    code, out, _ = warpdem(*RUN, *stiff)
+def test_run_and_check_tell_the_same_warnings(warpdem, folder):
+    stiff = ("--set", "materials.glass.young_modulus=1e6", "pairs.0.restitution=0.01")
+    code, out, _ = warpdem(*RUN, "--until", "1e-4", *stiff)
     assert code == 0
-    assert out.count("1 warning, see warpdem check") == 1
-    code, out, _ = warpdem(*RUN, "--overwrite", *stiff, "pairs.0.restitution=0.01")
-    assert code == 0
-    assert "2 warnings, see warpdem check" in out
-    _, out, _ = warpdem("check", "bed.toml", "--no-probe", *stiff[2:], "pairs.0.restitution=0.01")
-    assert out.count("warning ") == 2
+    _, checked, _ = warpdem("check", "bed.toml", "--no-probe", *stiff)
+    told = [re.findall(r"^warning .*(?:\n(?!warning |summary).+)*", text, re.MULTILINE) for text in (out, checked)]
+    assert len(told[0]) == 2 and "pairs[0].restitution = 0.01" in " ".join(told[0])
+    assert told[0] == told[1]
+
+
+def test_check_says_on_standard_error_that_it_compiles(warpdem, monkeypatch):
+    monkeypatch.setattr("warpdem.progress.LONG", 0.001)
+    monkeypatch.setattr("warpdem.simulation.Simulation.load_kernels", lambda sim: time.sleep(0.1))
+    for options in ((), ("--json",)):
+        _, out, error = warpdem("check", "bed.toml", *options, "--device", "cpu", "--threads", "1")
+        said = ["setting up", "compiling kernels"] if not options else []
+        assert [line.split(":")[0].split(" (")[0] for line in error.splitlines()] == said
+        assert "compiling" not in out
 
 
 def test_resume_of_a_finished_run_changes_nothing(warpdem, folder):
@@ -403,6 +430,11 @@ def test_run_with_picture_and_film(warpdem, folder):
     assert (folder / "out" / "picture.png").stat().st_size > 5_000
     assert warpdem("render", "out", "--out", "film.mp4", "--view", "frame")[0] == 0
     assert (folder / "film.mp4").stat().st_size > 5_000
+
+
+def test_a_film_tells_first_how_much_there_is_to_draw(warpdem, monkeypatch):
+    monkeypatch.setattr("warpdem.drawing.rendering.render", lambda *_, watch, **__: [watch(k, 12) for k in range(13)])
+    assert warpdem("render", "out", "--out", "film.mp4")[1] == "drawing 12 pictures of film.mp4\nwrote film.mp4\n"
 
 
 def test_render_draws_the_results(warpdem, folder):

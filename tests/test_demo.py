@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from warpdem import Simulation, advice, cli, demo, load_scene
+from warpdem import Simulation, advice, cli, demo, load_demo, load_scene
 from warpdem.errors import OutputError, SceneError
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -40,37 +40,54 @@ def test_gallery_holds_every_scene_with_all_it_must_say():
     found = demo.gallery()
     assert list(found) == sorted(path.stem for path in SCENES.glob("*.toml"))
     for scene in found.values():
-        assert all((scene.about, scene.shown, scene.outcome, scene.takes)), scene.name
+        assert all((scene.about, scene.shown, scene.outcome, scene.seen, scene.takes)), scene.name
 
 
 def test_parts_of_a_header_end_where_the_next_begins(tmp_path):
     file = tmp_path / "one.toml"
     file.write_text(
-        "# A ball\n# falls.\n#\n# Shown: gravity, at 1 m:\n# a fall.\n# Must come out, with e = 1: a bounce.\n# Takes: 1 s.\n"
-        "#\n# More.\ntitle = 'x'\n# Shown: not this\n"
+        "# A ball\n# falls.\n#\n# Shown: gravity, at 1 m:\n# a fall.\n# Must come out, with e = 1: a bounce.\n"
+        "# Seen in: history.csv:\n#   centre_z.\n# Takes: 1 s.\n#\n# More.\ntitle = 'x'\n# Shown: not this\n"
     )
     assert demo.described(file) == demo.Demo(
-        "one", file, "A ball falls.", "gravity, at 1 m: a fall.", "a bounce.", "1 s"
+        "one", file, "A ball falls.", "gravity, at 1 m: a fall.", "a bounce.", "history.csv: centre_z.", "1 s"
     )
 
 
 def test_header_without_a_part_is_refused(tmp_path):
     file = tmp_path / "one.toml"
-    file.write_text("# A ball.\n#\n# Shown: gravity.\n# Must come out: a bounce.\ntitle = 'x'\n")
+    file.write_text("# A ball.\n#\n# Shown: gravity.\n# Must come out: a bounce.\n# Seen in: it.\ntitle = 'x'\n")
     with pytest.raises(SceneError, match=r'one\.toml: its first comment has no part "Takes: \.\.\."'):
         demo.described(file)
 
 
-def test_list_names_each_scene_its_outcome_and_time():
+def test_list_names_each_scene_with_a_sentence_and_its_time():
     console = Console(width=90, record=True, file=io.StringIO())
     demo.print_gallery(console)
     text = console.export_text()
     words = " ".join(text.split())
     for scene in demo.gallery().values():
-        assert f"\n{scene.name} " in text and f" {scene.takes} " in text
-        assert " ".join(scene.about.split()) in words and " ".join(scene.outcome.split()) in words
+        assert f"\n{scene.name} " in f"\n{text}" and f"{scene.about} ({scene.takes})" in words
+        assert scene.outcome not in words
     assert max(map(len, text.splitlines())) <= 90
     assert "…" not in text
+
+
+def test_a_scene_tells_of_itself_and_is_not_copied(warpdem, tmp_path):
+    code, out, error = warpdem("demo", "pile", "--about")
+    assert code == 0, error
+    for words in ("pile: Grains are poured on a floor and pile up.", "Must come out: a cone that stands", "Takes: 40 s."):
+        assert words in out
+    assert not list(tmp_path.iterdir())
+    assert "did you mean" in warpdem("demo", "piel", "--about")[2]
+
+
+def test_scene_of_the_gallery_is_loaded_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert load_demo("hopper", ["time.end=0.25"]).time.end == 0.25
+    assert load_demo("hopper").walls[0].mesh == "meshes/hopper.stl"
+    with pytest.raises(SceneError, match=r'demo "hoper": there is no such scene; did you mean "hopper"\?'):
+        load_demo("hoper")
 
 
 @pytest.mark.slow
@@ -135,4 +152,5 @@ def test_what_must_come_out_is_said_of_the_scene_as_it_is():
         demo.print_outcome(SCENES / "two_spheres.toml", changed, console)
         told[changed] = console.file.getvalue()
     assert told[False].startswith("must come out: momentum")
+    assert f"\nwhat came out is seen in {SCENES / 'results'}: the last frame" in told[False]
     assert told[True].startswith("must come out of the scene as it is (this run was another: ")

@@ -291,11 +291,11 @@ TABLE = {
     ),
     "outside the mesh": (
         "grains.0.positions=[[0, 0, 0.002], [0.003, 0, 0.002], [0, 0.03, 0.002]]",
-        ["walls[1].mesh", "grain 2", "outside the closed mesh 'tub'", "while 2 grains are inside"],
+        ["grains[0].positions[2] (0, 0.03, 0.002) m is outside the closed mesh 'tub' (walls[1].mesh)", "2 grains are inside"],
     ),
     "in the mesh, most outside": (
         "grains.0.positions=[[0, 0, 0.002], [0, 0.04, 0.002], [0, 0.03, 0.002]]",
-        ["walls[1].mesh", "grain 0", "inside the closed mesh 'tub'", "while 2 grains are outside"],
+        ["grains[0].positions[0] (0, 0, 0.002) m is inside the closed mesh 'tub' (walls[1].mesh)", "2 grains are outside"],
     ),
     "into a plane": (
         "grains.0.positions=[[0, 0, 0.0005], [0.003, 0, 0.002], [0, 0.003, 0.002]]",

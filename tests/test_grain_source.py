@@ -329,15 +329,36 @@ def test_grain_outside_the_container_of_most_is_named():
     mesh = {"drum": container([0, 0, 0], [10, 10, 10])}
     scene, grains = start([[2, 2, 2], [5, 5, 5], [11.5, 5, 5]], ids=[0, 1, 6])
     scene.walls = [mesh_wall("drum")]
-    with pytest.raises(SceneError, match=r"walls\[0\]\.mesh: grain 6 at \(11\.5, 5, 5\) m is outside .*'drum', 1\.5 m"):
+    with pytest.raises(SceneError, match=r"grains\[0\]\.positions\[2\] \(11\.5, 5, 5\) m is outside .*'drum'.*, 1\.5 m"):
         check_start(grains, mesh, scene)
+
+
+def test_of_one_grain_inside_and_one_outside_the_outer_is_named():
+    mesh = {"drum": container([0, 0, 0], [10, 10, 10]), "blade": container([4, 4, 4], [6, 6, 6])}
+    scene, grains = start([[5, 5, 2], [10.6, 5, 5]])
+    scene.walls = [mesh_wall("drum")]
+    with pytest.raises(SceneError, match=r"grains\[0\]\.positions\[1\] \(10\.6, 5, 5\) m is outside the closed mesh 'drum' "):
+        check_start(grains, {"drum": mesh["drum"]}, scene)
+    # one that a container holds is where it should be
+    scene, grains = start([[5, 5, 2], [5, 5, 5.2]])
+    scene.walls = [mesh_wall("drum"), mesh_wall("blade")]
+    with pytest.raises(SceneError, match=r"grains\[0\]\.positions\[1\] \(5, 5, 5\.2\) m is inside the closed mesh 'blade' "):
+        check_start(grains, mesh, scene)
+
+
+def test_a_grain_of_a_file_is_named_by_its_id(tmp_path):
+    np.savez(tmp_path / "bed.npz", x=[[2.0, 2, 2], [5, 5, 5], [11.5, 5, 5]], r=np.full(3, 0.5), id=[4, 5, 6])
+    scene = make_scene(SimpleNamespace(**{**vars(REST), "file": "bed.npz"}), base=tmp_path)
+    scene.walls, mesh = [mesh_wall("drum")], {"drum": container([0, 0, 0], [10, 10, 10])}
+    with pytest.raises(SceneError, match=r"grain 6 at \(11\.5, 5, 5\) m is outside the closed mesh 'drum' "):
+        check_start(load_grains(scene, mesh), mesh, scene)
 
 
 def test_grain_inside_an_obstacle_is_named():
     mesh = {"drum": container([0, 0, 0], [10, 10, 10]), "blade": container([4, 4, 4], [6, 6, 6])}
     scene, grains = start([[2, 2, 2], [2, 2, 8], [5, 5, 5.5]], ids=[0, 1, 6])
     scene.walls = walls = [mesh_wall("drum"), mesh_wall("blade")]
-    with pytest.raises(SceneError, match=r"walls\[1\]\.mesh: grain 6 at \(5, 5, 5\.5\) m is inside .*'blade', 0\.5 m"):
+    with pytest.raises(SceneError, match=r"grains\[0\]\.positions\[2\] \(5, 5, 5\.5\) m is inside .*'blade'.*, 0\.5 m"):
         check_start(grains, mesh, scene)
     scene, grains = start([[2, 2, 2], [2, 2, 8], [5, 5, 7]])
     scene.walls = walls

@@ -41,6 +41,23 @@ def test_folder_kernels_refuses_its_bare_name():
     assert "imported as warpdem.kernels" in done.stderr
 
 
+def test_folder_of_the_checkout_says_that_it_hides_the_installed_package(tmp_path):
+    """As Python in the checkout finds it after "pip install .": the bare folder warpdem/, which has no kernels."""
+    bare = tmp_path / "warpdem"
+    bare.mkdir()
+    (bare / "__init__.py").write_bytes((ROOT / "warpdem" / "__init__.py").read_bytes())
+    code = (
+        "import sys\n"
+        "sys.meta_path = [f for f in sys.meta_path if 'ditable' not in str(f)]  # which knows kernels/\n"
+        f"sys.path.insert(0, {str(tmp_path)!r})\n"
+        "import warpdem\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    [said] = [line for line in done.stderr.splitlines() if line.startswith("ImportError")]
+    assert said.startswith(f"ImportError: {bare} is a folder of the checkout") and "pip install -e ." in said
+
+
 def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
     """The wheel itself, built from a copy so that nothing is left in the checkout."""
     pytest.importorskip("setuptools", minversion="77", reason="the build backend is not installed")

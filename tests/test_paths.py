@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -184,6 +185,26 @@ def test_fields_and_observers_are_code_too(folder, table):
     assert not ran(folder)
 
 
+def test_all_refused_code_is_told_at_once_with_what_to_say(folder):
+    """Law, field, observer and what a phase brings: once allowed as told, none is refused any more."""
+    for name in ("drag", "speed", "later"):
+        (folder / "home" / f"{name}.py").write_text("from warpdem.kernels.field.drag import *\n")
+    (folder / "home" / "speed.py").write_text("from warpdem.kernels.observer.speed import *\n")
+    text = '[[fields]]\nmodel = "drag.py"\nparameters = { coefficient = 1e-6 }\n[[observers]]\nname = "v"\nmodel = "speed.py"\n'
+    text += '[[phases]]\nname = "a"\n[[phases.fields]]\nmodel = "later.py"\nparameters = { coefficient = 1e-6 }\n'
+    path = written(folder, text)
+    path.write_text(path.read_text().replace("hooke", "law.py"))
+    told = refused(path)
+    for word in ("3 problems", 'contact.normal = "law.py"', 'fields[0].model = "drag.py"', 'observers[0].model = "speed.py"'):
+        assert word in told, told
+    last = told.splitlines()[-1]
+    assert last.startswith("if you trust all 4 files say --plugin ")
+    files = last.split("--plugin ")[1].split(", or ")[0].split()
+    assert [os.path.basename(file) for file in files] == ["law.py", "drag.py", "speed.py", "later.py"]
+    assert load_scene(path, plugins=files).phases
+    assert "if you trust all" not in refused(path, plugins=files[:3])
+
+
 def test_bad_permissions_are_named(folder):
     path = written(folder, "")
     assert "--plugin no.py: must be an existing file" in refused(path, plugins=["no.py"])
@@ -222,6 +243,22 @@ def test_the_command_takes_both(folder, monkeypatch, capfd):
     code, said = check("--plugin", str(folder / "home" / "law.py"), "--allow-path", str(folder / "beside"), *box)
     assert code == 0, said.err
     assert json.loads(said.out)["grains"] == 2
+
+
+@pytest.mark.parametrize("form", ["{0} {1} {2}", "{0} {1} {0} {2}"])
+def test_the_command_takes_several_after_one_word_or_each_after_its_own(folder, monkeypatch, capfd, form):
+    wall = WALL.format("../beside/box.stl") + "open = true\n"
+    path = written(folder, wall + '[[observers]]\nname = "v"\nmodel = "speed.py"\n')
+    path.write_text(path.read_text().replace("hooke", "law.py"))
+    (folder / "home" / "speed.py").write_text("from warpdem.kernels.observer.speed import *\n")
+    monkeypatch.chdir(folder)
+    files = form.format("--plugin", "home/law.py", "home/speed.py")
+    folders = form.format("--allow-path", "home/below", "beside")
+    command = f"warpdem check {path} {files} {folders} --json --no-probe --device cpu --threads 1"
+    monkeypatch.setattr(sys, "argv", command.split())
+    with suppress(SystemExit):
+        cli.main()
+    assert json.loads(capfd.readouterr().out)["grains"] == 2
 
 
 def test_home_is_outside_unless_it_is_given(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import SceneError, Simulation, StabilityError
+from warpdem.drawing.rendering import render
 from warpdem.engine import checkpoint
 from warpdem.run_phases import run as run_all
 from warpdem.scene.file import load_scene, scene_from_dict
@@ -79,6 +80,12 @@ def state(folder) -> dict:
 FOLDERS = ("1-fall", "2-turn", "3-open")
 
 
+def test_a_warning_of_all_phases_is_told_once(tmp_path):
+    _, said = run(scene(lambda data: data["materials"]["glass"].update(density=31000)), tmp_path / "out")
+    assert said.count("warning materials.glass.density = 31000") == 1
+    assert said.count("steps of 2e-05 s on cpu") == 3
+
+
 def test_each_phase_has_its_changes_and_those_before_it(done):
     _, sim, _ = done
     phases = [scene().phase(k) for k in range(3)]
@@ -106,7 +113,8 @@ def test_results_of_each_phase_and_one_index_over_all(done):
     assert record(folder / "3-open")["state_hash"] == sim.state_hash()
     entries = list(ElementTree.parse(folder / "result.pvd").iter("DataSet"))
     times = [float(e.attrib["timestep"]) for e in entries if e.attrib["name"] == "grains"]
-    np.testing.assert_allclose(np.array(times) / STEP, [0, 20, 40, 60, 80, 100, 110, 120, 130, 140, 150, 160], atol=1e-9)
+    expected = [0, 20, 40, 60, 80, 100, 110, 120, 130, 140, 150, 160]
+    np.testing.assert_allclose(np.array(times) / STEP, expected, rtol=0, atol=1e-9)
     assert all((folder / e.attrib["file"]).exists() for e in entries)
     assert "in phases: turn" in text
 
@@ -117,7 +125,7 @@ def test_motion_goes_on_from_phase_to_phase(done):
         last = state(folder / before)
         phase, start = scene().phase(FOLDERS.index(after)), folder / before / "checkpoint.h5"
         first = Simulation(phase, start=start, device="cpu", threads=1)
-        np.testing.assert_allclose(first.particles.position, last["record"][:, :3], atol=1e-17)
+        np.testing.assert_allclose(first.particles.position, last["record"][:, :3], rtol=0, atol=1e-17)
     with (folder / "3-open" / "history.csv").open() as file:
         header, *rows = csv.reader(file)
     height = header.index("centre_z [m]")
@@ -145,13 +153,33 @@ def test_a_phase_that_stops_itself_is_told(tmp_path):
     assert [p["status"] for p in said["phases"]] == ["done", "stopped itself", "not begun"]
 
 
-def test_an_interrupted_picture_of_a_phase_is_not_the_end_of_the_run(done, tmp_path, monkeypatch):
-    monkeypatch.setattr("warpdem.drawing.rendering.render", Mock(side_effect=[KeyboardInterrupt, None, None]))
-    with pytest.raises(KeyboardInterrupt, match="while the picture was drawn"):
-        run(scene(), tmp_path / "out", picture=True)
-    assert record(tmp_path / "out")["status"] == "interrupted"
-    assert [p["status"] for p in record(tmp_path / "out")["phases"]] == ["done", "not begun", "not begun"]
-    assert run(scene(), tmp_path / "out", picture=True, resume=True)[0].state_hash() == done[1].state_hash()
+def test_one_picture_is_drawn_of_the_whole_and_its_interrupt_loses_nothing(tmp_path, monkeypatch):
+    drawn = Mock()
+    monkeypatch.setattr("warpdem.drawing.rendering.render", drawn)
+    run(scene(), tmp_path / "out", until=50 * STEP, picture=True)
+    drawn.side_effect = KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt, match="while the picture was drawn, with all other results written"):
+        run(scene(), tmp_path / "out", picture=True, resume=True)
+    assert drawn.call_args_list == 2 * [((tmp_path / "out", tmp_path / "out" / "picture.png"),)]
+    assert record(tmp_path / "out")["status"] == "done"
+
+
+def test_picture_of_phases_without_a_common_index_is_of_the_last(tmp_path, monkeypatch):
+    drawn = Mock()
+    monkeypatch.setattr("warpdem.drawing.rendering.render", drawn)
+    run(scene(put(1, "output", {"formats": ["vtkhdf"]})), tmp_path / "out", until=50 * STEP, picture=True)
+    drawn.assert_called_once_with(tmp_path / "out" / "2-turn", tmp_path / "out" / "picture.png")
+
+
+def test_pictures_of_phases_show_the_time_over_all_and_the_names(done, tmp_path, monkeypatch):
+    legend = Mock()
+    legend.return_value.draw.side_effect = lambda image, panes: image
+    monkeypatch.setattr("warpdem.drawing.show.Legend", legend)
+    for time in (20, 60, 160):
+        render(done[0], tmp_path / "a.png", time=time * STEP, size=(64, 64), colour="type")
+    headings = [panes[0].heading for _, panes in (call.args for call in legend.return_value.draw.call_args_list)]
+    assert headings == ["t = 0.4 ms", "t = 1.2 ms", "t = 3.2 ms"]
+    assert [bar.names for bar in legend.call_args.args[1]] == [("glass",)]
 
 
 def test_a_new_run_leaves_nothing_of_an_older_one(done, tmp_path):

@@ -15,7 +15,9 @@ from warpdem import snapshot
 from warpdem.measure import observers
 
 NAMES = [name for name in warpdem.__all__ if name != "__version__"]
-CLASSES = [thing for name in NAMES if inspect.isclass(thing := vars(warpdem).get(name))]
+DRAWING = ("picture", "render")
+"""Imported by what asks for them: their libraries take seconds."""
+CLASSES = [thing for name in NAMES if name not in DRAWING and inspect.isclass(thing := getattr(warpdem, name))]
 READINGS = [observers.Particles, observers.Contacts, snapshot.WallLoad]
 """What ``Simulation`` hands out."""
 WITHOUT_UNIT = {"id", "type", "group", "i", "j"}
@@ -31,8 +33,7 @@ def own_members(cls) -> list[tuple[str, object]]:
     return found
 
 
-FUNCTIONS = [name for name in NAMES if vars(warpdem).get(name) not in CLASSES]
-"""By name: what draws is imported when it is asked for, which takes seconds."""
+FUNCTIONS = [name for name in NAMES if name in DRAWING or getattr(warpdem, name) not in CLASSES]
 MEMBERS = dict(member for cls in (*CLASSES, *READINGS) for member in own_members(cls))
 
 

@@ -159,7 +159,7 @@ def test_film_of_the_turn_keeps_everything_in_the_picture(tmp_path):
     folder = write(tmp_path, *frames, walls=[BOX])
     told = []
     out = render(folder, tmp_path / "m.mp4", size=(401, 301), watch=lambda *count: told.append(count))
-    assert told == [(k, 5) for k in range(1, 6)]
+    assert told == [(k, 5) for k in range(6)]
     with imageio.get_reader(out) as movie:
         assert movie.get_meta_data()["size"] == (400, 300)
         assert movie.get_meta_data()["fps"] == 2.5  # so that it lasts 2 s
@@ -186,11 +186,43 @@ def test_film_shows_the_stretch_and_the_speed_asked_for(tmp_path):
     with imageio.get_reader(out) as movie:
         # frames at 0.5 and 0.75 s, a picture every 0.05 s
         assert len(list(movie.iter_data())) == 6
-    with pytest.raises(WarpdemError, match=r"start 0\.3 s to end 0\.4 s: holds no frame.*from 0 to 1 s"):
-        render(folder, tmp_path / "n.mp4", start=0.3, end=0.4)
+    for start, end in [(0.4, 0.3), (1.2, None), (None, -0.2)]:
+        with pytest.raises(WarpdemError, match="start .* s to end .* s: holds no frame.*from 0 to 1 s"):
+            render(folder, tmp_path / "n.mp4", start=start, end=end)
     for fps in (-1.0, 0.0):
         with pytest.raises(WarpdemError, match=f"fps {fps}"):
             render(folder, tmp_path / "n.mp4", fps=fps)
+
+
+def test_stretch_of_a_film_has_the_frames_nearest_to_its_ends(tmp_path):
+    times = np.array([0.0, 0.020001, 0.040002, 0.060003])  # whole steps
+    folder = write(tmp_path, *[snapshot([0, 0, 0], 0.1, time=float(t)) for t in times])
+    for choice, count in [({"end": 0.06}, 4), ({"start": 0.04}, 2), ({"start": 0.0200012, "end": 0.04}, 2)]:
+        told = []
+        render(folder, tmp_path / "m.mp4", size=(64, 64), watch=lambda *given, told=told: told.append(given), **choice)
+        assert told[-1] == (count, count)
+
+
+@pytest.mark.parametrize(
+    ("name", "choice", "message"),
+    [
+        ("a.png", {"start": 0.0}, r"start is not a choice of a picture \(a\.png\), which has time"),
+        ("a.png", {"speed": 1.0}, "speed is not a choice of a picture"),
+        ("a.mp4", {"time": 0.0}, r"time is not a choice of a film \(a\.mp4\), which has start and end"),
+    ],
+)
+def test_choices_of_the_other_kind_are_refused(tmp_path, name, choice, message):
+    folder = write(tmp_path, snapshot([0, 0, 0], 0.1))
+    with pytest.raises(WarpdemError, match=message):
+        render(folder, tmp_path / name, **choice)
+
+
+def test_cut_that_leaves_no_grain_is_told(tmp_path):
+    folder = write(tmp_path, *[snapshot([[0, 0, 0.2 - 0.2 * k], [0.1, 0, 0]], 0.1, time=k) for k in range(2)], walls=[BOX])
+    with pytest.raises(WarpdemError, match=r"cut 'z > 5' leaves no grain: in lab.* \(0, 0, 0\) to \(0\.1, 0, 0\.2\) m"):
+        render(folder, tmp_path / "a.mp4", cut=("z > 5",))
+    # a film needs grains in one frame only
+    assert render(folder, tmp_path / "a.mp4", cut=("z > 0.1",), size=(64, 64)).exists()
 
 
 @pytest.mark.parametrize("count", [0, 1])

@@ -1,11 +1,13 @@
 """The Python interface, scenes with hardly anything in them, and runs that go wrong."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
+from warpdem.runner import run_scene
 
 RADIUS = 1.0e-3
 MASS = 2500 * 4 / 3 * math.pi * RADIUS**3
@@ -52,6 +54,37 @@ def test_readings_have_their_shapes_types_and_order():
     assert len(sim.state_hash()) == 64
 
 
+def test_what_is_no_scene_is_refused_with_the_call_that_makes_one(tmp_path):
+    for call in (Simulation, lambda given: run_scene(given, tmp_path / "out")):
+        with pytest.raises(TypeError, match=r"a Scene is needed, not str: give load_scene\('own\.toml'\)$"):
+            call("own.toml")
+    with pytest.raises(TypeError, match=r"not (Posix|Windows)Path: give load_scene\('own\.toml'\)$"):
+        Simulation(Path("own.toml"))
+    with pytest.raises(TypeError, match=r"not dict: give Scene\.model_validate\(\{\.\.\.\}\)$"):
+        Simulation({"time": {"end": 1}})
+    assert not list(tmp_path.iterdir())
+
+
+def test_time_does_not_run_back():
+    sim = simulate(PAIR)
+    sim.step(20)
+    before = sim.state_hash()
+    with pytest.raises(ValueError, match=r"step\(-5\): must be 0 or more"):
+        sim.step(-5)
+    for until in (1e-4, -1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match=rf"run\(until={until:g}\): .* the present time, 0\.0002 s"):
+            sim.run(until=until)
+    sim.step(0)
+    sim.run(until=sim.time)
+    assert (sim.step_number, sim.state_hash()) == (20, before)
+
+
+def test_a_simulation_says_what_and_where_it_is():
+    sim = simulate(PAIR)
+    sim.step(20)
+    assert repr(sim) == str(sim) == "<Simulation of <scene>: 2 grains at t = 0.0002 s (step 20) on cpu>"
+
+
 def test_readings_are_copies():
     sim = simulate(PAIR)
     before = sim.state_hash()
@@ -79,8 +112,8 @@ def test_run_goes_to_the_first_step_at_or_after_its_time():
     assert sim.step_number == 100, "1e-3 / 1e-5 is 100 and a rounding error"
     sim.run(until=1.0001e-3)
     assert sim.step_number == 101
-    sim.run(until=5e-4)
-    assert sim.step_number == 101, "never back"
+    sim.run(until=1.0001e-3)
+    assert sim.step_number == 101, "that is now"
 
 
 def test_one_grain_flies_its_parabola():

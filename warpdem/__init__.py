@@ -1,19 +1,31 @@
 """warpdem: discrete element method for granular flow in rotating and moving equipment, on NVIDIA Warp.
 
-scene = warpdem.load_scene("scenes/hourglass.toml")
+scene = warpdem.load_demo("hourglass")                  # or warpdem.load_scene("own.toml")
 sim = warpdem.Simulation(scene, device="cpu", threads=2)
 sim.run(until=0.5)
 sim.particles.position
 warpdem.picture(sim)                                    # shown by a notebook
-warpdem.render("out/hourglass", "film.mp4")             # results in a folder
+warpdem.render("hourglass/results", "film.mp4")         # of a run: warpdem demo hourglass
 """
 
+from importlib import import_module
 from importlib.metadata import version
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+if find_spec("warpdem.kernels") is None:
+    raise ImportError(
+        f"{__path__[0]} is a folder of the checkout, which hides the installed package from Python here: "
+        'go to another folder, or install the checkout with "pip install -e ."'
+    )
 
 from warpdem.errors import SceneError, StabilityError, WarpdemError
-from warpdem.scene.file import load_scene
-from warpdem.scene.model import Scene
-from warpdem.simulation import Simulation
+
+if TYPE_CHECKING:
+    from warpdem.demo import load_demo
+    from warpdem.scene.file import load_scene
+    from warpdem.scene.model import Scene
+    from warpdem.simulation import Simulation
 
 __version__ = version("warpdem")
 
@@ -24,20 +36,35 @@ __all__ = [
     "StabilityError",
     "WarpdemError",
     "__version__",
+    "load_demo",
     "load_scene",
     "picture",
     "render",
 ]
 
 
+LATER = {
+    "Scene": "scene.model",
+    "Simulation": "simulation",
+    "load_demo": "demo",
+    "load_scene": "scene.file",
+    "picture": "notebook",
+    "render": "drawing.rendering",
+}
+"""Modules of names that are imported when first asked for: their libraries take a second or more.
+
+Until then the command has begun, which answers Ctrl-C in its own words.
+"""
+
+
 def __getattr__(name: str):
-    """Import what draws when it is first asked for: its libraries take seconds to load."""
-    if name == "render":
-        from warpdem.drawing.rendering import render
+    """Import a name of ``LATER``."""
+    if name not in LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = thing = getattr(import_module(f"{__name__}.{LATER[name]}"), name)
+    return thing
 
-        return render
-    if name == "picture":
-        from warpdem.notebook import picture
 
-        return picture
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __dir__() -> list[str]:
+    """What the package holds, with what is not imported yet."""
+    return sorted({*globals(), *__all__})

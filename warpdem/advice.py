@@ -8,8 +8,10 @@ import psutil
 
 from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
+from warpdem.engine.walls import size_warnings
+from warpdem.filling.grain_source import in_body_axes
 from warpdem.scene.models import model
-from warpdem.scene.motion import Rotation, Translation
+from warpdem.scene.motion import Rotation, Translation, frame_chain
 
 STABLE_SHARE = PACKED_SHARE
 """Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""
@@ -26,6 +28,8 @@ TURN = 2.0 * math.pi
 """Of an angle that places something, or begins a swing [rad]: one beyond it is in another unit."""
 DENSITIES = 5.0, 30000.0
 """From aerogel to osmium [kg/m3]."""
+SOFTEST = 1e3
+"""Young's modulus of the softest gels [Pa]."""
 REBUILD_STEPS = 10.0
 """Steps in which a grain at the expected speed crosses half the skin."""
 MEMORY_SHARE = 0.8
@@ -34,7 +38,7 @@ MEMORY_SHARE = 0.8
 def limit_rows(sim) -> list[dict]:
     """Each limit of the time step: ``seconds`` [s], the step as a ``share`` of it [-], and the share that "auto" keeps below.
 
-    ``seconds`` and ``share`` are None where nothing limits.
+    Where ``refused``, a longer step is an error. ``seconds`` and ``share`` are None where nothing limits.
     """
     found, speed = sim.limits, sim.limits.max_speed
     travel = 0.5 * sim.lists.skin / speed if speed > 0 and len(sim.state) else math.inf
@@ -42,10 +46,10 @@ def limit_rows(sim) -> list[dict]:
         ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
         ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
         ("packing", "spectral limit of a dense packing", found.packed, PACKED_SHARE),
-        ("impact", "stability limit of one impact (a longer step is refused)", found.stable, None),
+        ("impact", "stability limit of one impact", found.stable, None),
         ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
         ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),
-        ("travel", "limit of travel beside meshes (a longer step is refused)", found.travel, 0.5),
+        ("travel", "limit of travel beside meshes", found.travel, 0.5),
         ("skin", "half the skin of the lists crossed", travel, None),
     ]
     return [
@@ -55,6 +59,7 @@ def limit_rows(sim) -> list[dict]:
             "seconds": value if math.isfinite(value) else None,
             "share": sim.dt / value if math.isfinite(value) else None,
             "auto_share": share,
+            "refused": key in ("impact", "travel"),
         }
         for key, name, value, share in rows
     ]
@@ -62,8 +67,9 @@ def limit_rows(sim) -> list[dict]:
 
 def warnings(sim) -> list[str]:
     """What to look at before the run, most dangerous first."""
-    found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_densities(sim), *_angles(sim.scene)]
-    return [*found, *_sizes(sim), *_walls(sim), *_machine(sim)]
+    found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
+    found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
+    return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
 
 
 def _step(sim) -> Iterator[str]:
@@ -136,12 +142,17 @@ def _restitutions(sim) -> Iterator[str]:
             )
 
 
-def _densities(sim) -> Iterator[str]:
+def _materials(sim) -> Iterator[str]:
     for name, material in sim.scene.materials.items():
         if not DENSITIES[0] <= material.density <= DENSITIES[1]:
             yield (
                 f"materials.{name}.density = {material.density:g} kg/m3 is that of no solid ({DENSITIES[0]:g} to "
                 f'{DENSITIES[1]:g}): if it is in another unit, write it as in "2.65 g/cm3"'
+            )
+        if material.young_modulus < SOFTEST:
+            yield (
+                f"materials.{name}.young_modulus = {material.young_modulus:g} Pa is that of no solid (softest gels some "
+                f'{SOFTEST:g}): if it is in another unit, write it as in "{material.young_modulus:g} MPa"'
             )
 
 
@@ -170,6 +181,43 @@ def _sizes(sim) -> Iterator[str]:
             f"the largest grain is {radius.max() / radius.min():.3g} times the smallest, {2 * radius.min():.3g} m wide: "
             "the step is that of the smallest; leave out the finest grains if they do not matter"
         )
+
+
+def _outside(sim) -> Iterator[str]:
+    """Grains all beside the closed meshes that are the only walls: one of these is likely to be meant as their vessel.
+
+    Not where a grain is amid the corners of a mesh, as in a cup of solid walls, or falls or flies towards one.
+    """
+    scene, start = sim.scene, sim.expected
+    if sim.given.start or not len(start) or not scene.walls or scene.borders:
+        return
+    if any(wall.mesh is None or wall.open for wall in scene.walls):
+        return
+    gravity = np.asarray(scene.gravity, float) @ frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
+    for number, wall in enumerate(scene.walls):
+        at = in_body_axes(scene, number, start.position)
+        for way in (gravity, start.velocity):
+            if _meets(sim.meshes[wall.name].bounds, at, in_body_axes(scene, number, start.position + way) - at).any():
+                return
+    bodies = " and ".join(f"{wall.name!r} (from {_extent(sim.meshes[wall.name].bounds)})" for wall in scene.walls)
+    yield (
+        f"all {len(start)} grains, from {_extent(start.position)}, are outside the closed mesh {bodies}; they do not fall on "
+        "it, and no other wall is there: if it is their vessel, look at its scale, rotate and translate, and at their places"
+    )
+
+
+def _extent(points: np.ndarray) -> str:
+    """The least and the greatest corner of points (n, 3) [m], in words."""
+    corners = points.min(axis=0), points.max(axis=0)
+    return " to ".join(f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in corners) + " m"
+
+
+def _meets(box: np.ndarray, point: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Whether a box (2, 3) [m] holds each point (n, 3) [m] or lies ahead of it along ``way`` (n, 3), shape (n,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides = (box[:, None] - point) / way
+    entered, left = np.maximum(sides.min(axis=0).max(axis=1), 0.0), sides.max(axis=0).min(axis=1)
+    return (entered <= left) & (entered < np.inf)
 
 
 def _walls(sim) -> Iterator[str]:

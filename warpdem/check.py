@@ -9,7 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from warpdem import advice, summary
-from warpdem.runner import SECONDS_PER_CHUNK, Outputs, cadence
+from warpdem.engine.plan import LEFT_OUT
+from warpdem.progress import duration_text, told_if_long
+from warpdem.runner import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
 from warpdem.scene.motion import largest_rates
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
@@ -17,13 +19,14 @@ SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls inclu
 CONTACT_SECONDS = 50e-9  # that one more contact costs per step on one core: 43 to 55 ns in scenes/box_bed.toml as it settles
 
 
-def describe(sim, probe: bool = True, later: Sequence[str] = ()) -> dict:
+def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Console | None = None) -> dict:
     """What is said of a new simulation: numbers, lists and texts, fit for JSON; times in seconds, sizes in bytes.
 
     Args:
         sim: simulation that has made no step; the probe advances it.
         probe: whether to run it for `PROBE_SECONDS`, and to write a frame, for the estimates.
         later: names of the phases that follow it, of which nothing is known before it has run.
+        console: where a word is said when kernels take long to compile; nowhere if not given.
     """
     scene, found, rates = sim.scene, sim.limits, largest_rates(sim.scene)
     steps = sim.steps_until(scene.time.end)
@@ -48,13 +51,15 @@ def describe(sim, probe: bool = True, later: Sequence[str] = ()) -> dict:
         "memory_bytes": sim.plan.bytes_per_grain * len(sim.state),
         "warnings": advice.warnings(sim),
     }
-    return {**out, **_probed(sim, steps)} if probe and len(sim.state) else out
+    return {**out, **_probed(sim, steps, console)} if probe and len(sim.state) else out
 
 
-def _probed(sim, steps: int) -> dict:
+def _probed(sim, steps: int, console: Console | None) -> dict:
     """Estimates from a short run and one frame of its results."""
     begin = time.perf_counter()
-    sim.step(1)
+    with told_if_long(COMPILING, console or Console(), quiet=console is None):
+        sim.load_kernels()
+        sim.step(1)  # which compiles what a GPU runs
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now
     begin, first, chunk = time.perf_counter(), sim.step_number, 16
     while (gone := time.perf_counter() - begin) < PROBE_SECONDS and sim.step_number < steps:
@@ -106,28 +111,32 @@ def _written(sim) -> tuple[int, float, float]:
 def print_description(data: dict, console: Console) -> None:
     """``describe`` for people."""
     console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold")
+    without = [line.removeprefix(LEFT_OUT) for line in data["plan"] if line.startswith(LEFT_OUT)]
     for line in data["plan"]:
-        console.print(f"  {line}", markup=False)
+        if not line.startswith(LEFT_OUT):
+            console.print(f"  {line}", markup=False)
     if data["largest_rates"]:
         console.print(f"  {summary.rates_line(data['largest_rates'])}", markup=False)
     for note in data["notes"]:
         console.print(f"  note: {note}", markup=False)
     console.print(f"time step {data['time_step']:.4g} s, from {data['time_step_from']}; {data['steps']} steps")
-    table = Table("limit", r"\[s]", "step / limit", "auto keeps below", box=None, padding=(0, 2, 0, 2))
+    table = Table("  limit", r"\[s]", "step / limit", "auto keeps below", box=None, pad_edge=False)
     for row in data["limits"]:
         seconds, share, allowed = (row[key] for key in ("seconds", "share", "auto_share"))
         values = [f"{seconds:.4g}", f"{share:.3g}"] if seconds is not None else ["none", "-"]
-        table.add_row(row["name"], *values, f"{allowed:g}" if allowed is not None else "-")
+        name = f"  {row['name']}{' *' if row['refused'] else ''}"
+        table.add_row(name, *values, f"{allowed:g}" if allowed is not None else "-")
     console.print(table)
+    console.print("  * a longer step is refused")
     if data["steps_per_contact"] is not None:
         console.print(f"expected at {data['max_speed']:.3g} m/s: {data['steps_per_contact']:.3g} steps per contact, "
                       f"overlaps up to {data['expected_overlap']:.2%} of the radius")  # fmt: skip
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:
         console.print(
-            f"run time about {_duration(data['estimated_seconds'])} if it goes on as it starts, with "
-            f"{data['contacts'] / data['grains']:.2g} contacts per grain, {_duration(data['settled_seconds'])} as a settled "
-            f"bed: {data['start_seconds']:.1f} s to start, {data['seconds_per_step'] * 1e3:.3g} ms per step, "
+            f"run time about {duration_text(data['estimated_seconds'])} if it goes on as it starts, with "
+            f"{data['contacts'] / data['grains']:.2g} contacts per grain, {duration_text(data['settled_seconds'])} as a "
+            f"settled bed: {data['start_seconds']:.1f} s to start, {data['seconds_per_step'] * 1e3:.3g} ms per step, "
             f"{data['output_seconds']:.1f} s for output"
         )
         console.print(f"results about {data['output_bytes'] / 1e6:.3g} MB: {data['frames']} frames, "
@@ -135,11 +144,7 @@ def print_description(data: dict, console: Console) -> None:
     if data["later_phases"]:
         later = ", ".join(data["later_phases"])
         console.print(f"all this is of the first phase; those after it begin with what it leaves: {later}", markup=False)
+    if without:
+        console.print(f"left out: {'; '.join(without)}", markup=False)
     for warning in data["warnings"]:
-        console.print("[bold red]warning[/] ", end="")
-        console.print(warning, markup=False)
-
-
-def _duration(seconds: float) -> str:
-    hours, minutes = int(seconds // 3600), int(seconds % 3600 // 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds % 60:.0f} s" if minutes else f"{seconds:.1f} s"
+        console.print(summary.warning_text(warning))

@@ -23,9 +23,11 @@ Settings = Annotated[
     list[str],
     Parameter("--set", consume_multiple=True, help="""Change keys: --set time.end=0.5 engine.skin='"0.1 mm"'."""),
 ]
-Plugins = Annotated[list[Path], Parameter("--plugin", help="Load this .py file where the scene names it; repeatable.")]
+Plugins = Annotated[
+    list[Path], Parameter("--plugin", consume_multiple=True, help="Load these .py files, which the scene names; after SCENE.")
+]
 AllowPaths = Annotated[
-    list[Path], Parameter("--allow-path", help="Let the scene read files in this folder too; repeatable.")
+    list[Path], Parameter("--allow-path", consume_multiple=True, help="Let the scene read in these folders too; after SCENE.")
 ]
 Picture = Annotated[
     bool | None, Parameter(help="Draw picture.png at the end, or not (it takes seconds), whatever the scene says.")
@@ -113,17 +115,22 @@ def check(
         probe: Measure a few steps for the estimate.
     """
     from warpdem.check import describe, print_description
+    from warpdem.progress import told_if_long
+    from warpdem.runner import SETTING_UP
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
-    data = describe(Simulation(first, device=device, threads=threads), probe, later)
+    console = Console(highlight=False)
+    with told_if_long(SETTING_UP, console, quiet=json_):
+        sim = Simulation(first, device=device, threads=threads)
+    data = describe(sim, probe, later, None if json_ else console)
     if json_:
         sys.stdout.write(json.dumps(data, indent=2) + "\n")
     else:
-        print_description(data, Console(highlight=False))
+        print_description(data, console)
 
 
 @app.command
@@ -169,8 +176,8 @@ def render(
         others: Folders of more results, drawn beside it at the same instants.
         out: File to write; FOLDER/picture.png if not given.
         time: Instant of a picture [s]; the last one if not given.
-        start: A film begins here [s].
-        end: A film ends here [s].
+        start: A film begins with the frame nearest to this time [s].
+        end: A film ends with the frame nearest to this time [s].
         speed: Seconds of the run in a second of the film; each frame is shown once if not given.
         fps: Pictures in a second of the film; 25 if not given, fewer where so few frames are shown that it would last less
             than 2 seconds.
@@ -184,9 +191,14 @@ def render(
     console = Console(highlight=False)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("film")
+
+        def watch(done: int, total: int) -> None:
+            if not done:
+                console.print(f"drawing {total} pictures of {target}")
+            progress.update(task, completed=done, total=total)
+
         draw(
-            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, **vars(look),
-            watch=lambda done, total: progress.update(task, completed=done, total=total),
+            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
         )  # fmt: skip
     console.print(f"wrote {target}")
 
@@ -195,6 +207,7 @@ def render(
 def demo(
     name: str | None = None,
     *,
+    about: bool = False,
     out: Path | None = None,
     device: str | None = None,
     threads: int | None = None,
@@ -210,6 +223,7 @@ def demo(
 
     Args:
         name: Scene to copy and run; lists them all if not given.
+        about: Only tell what the scene shows, what must come out, and how long it takes.
         out: Folder to make for the scene, its meshes and, in results, what comes out; NAME if not given.
         device: As in run.
         threads: As in run.
@@ -217,11 +231,14 @@ def demo(
         until: As in run.
         quiet: As in run.
     """
-    from warpdem.demo import RESULTS, copy, print_gallery, print_outcome
+    from warpdem.demo import RESULTS, copy, print_about, print_gallery, print_outcome
 
     console = Console(highlight=False)
     if name is None:
         print_gallery(console)
+        return
+    if about:
+        print_about(name, console)
         return
     folder = out or Path(name)
     scene = copy(name, folder)

@@ -1,11 +1,13 @@
 """The gallery: scenes that are installed with the package, what each says of itself, and copies of them to run.
 
-A scene of the gallery begins with comment lines: a sentence, then what is shown, what must come out, and how long it takes.
+A scene of the gallery begins with comment lines: a sentence, then what is shown, what must come out, in which results that is
+seen, and how long it takes.
 """
 
 import re
 import shlex
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -17,9 +19,10 @@ from rich.text import Text
 from warpdem.errors import OutputError, SceneError
 from warpdem.runner import CHECKPOINT
 from warpdem.scene.file import load_scene
+from warpdem.scene.model import Scene
 from warpdem.scene.models import nearest
 
-PARTS = ("Shown", "Must come out", "Takes")
+PARTS = ("Shown", "Must come out", "Seen in", "Takes")
 """Words that begin a part of a scene's first comment."""
 RESULTS = "results"
 """Folder of what comes out, beside the copied scene."""
@@ -38,6 +41,8 @@ class Demo:
     """What it is an example of."""
     outcome: str
     """What must come out."""
+    seen: str
+    """Which of the results tell what came out."""
     takes: str
     """Wall time of a run on two cores, in words."""
 
@@ -68,7 +73,34 @@ def described(file: Path) -> Demo:
             raise SceneError(f'{file}: its first comment has no part "{part}: ..."')
         found[part] = match[1]
     words = {key: " ".join(value.split()) for key, value in found.items()}
-    return Demo(file.stem, file, words["about"], words["Shown"], words["Must come out"], words["Takes"].rstrip("."))
+    takes = words["Takes"].rstrip(".")
+    return Demo(file.stem, file, words["about"], words["Shown"], words["Must come out"], words["Seen in"], takes)
+
+
+def scene_named(name: str) -> Demo:
+    """A scene of the gallery.
+
+    Raises:
+        SceneError: There is no such scene.
+    """
+    scenes = gallery()
+    if name not in scenes:
+        hint = nearest(name, list(scenes)) or f"; there are {', '.join(scenes)}"
+        raise SceneError(f'demo "{name}": there is no such scene{hint} ("warpdem demo" lists them)')
+    return scenes[name]
+
+
+def load_demo(name: str, overrides: Sequence[str] = ()) -> Scene:
+    """Read a scene that is installed with warpdem.
+
+    Args:
+        name: Name of the scene, as ``warpdem demo`` lists it.
+        overrides: Changes as those of ``load_scene``, "time.end=0.5".
+
+    Raises:
+        SceneError: There is no such scene, or a change is wrong.
+    """
+    return load_scene(scene_named(name).file, overrides)
 
 
 def copy(name: str, folder: Path) -> Path:
@@ -85,11 +117,7 @@ def copy(name: str, folder: Path) -> Path:
         SceneError: There is no such scene, or the folder exists.
         OutputError: The folder cannot be written.
     """
-    scenes = gallery()
-    if name not in scenes:
-        hint = nearest(name, list(scenes)) or f"; there are {', '.join(scenes)}"
-        raise SceneError(f'demo "{name}": there is no such scene{hint} ("warpdem demo" lists them)')
-    file, target = scenes[name].file, folder / f"{name}.toml"
+    file, target = scene_named(name).file, folder / f"{name}.toml"
     if folder.exists():
         begun = any((folder / RESULTS).rglob(CHECKPOINT))
         command = shlex.join(["warpdem", "run", str(target), "--out", str(folder / RESULTS), *["--resume"] * begun])
@@ -106,19 +134,34 @@ def copy(name: str, folder: Path) -> Path:
 
 
 def print_gallery(console: Console) -> None:
-    """Print name and time of each scene, what happens, and what must come out, in as many lines as that takes."""
-    console.print("warpdem demo NAME copies a scene to the folder NAME and runs it; here what happens, and what must come out")
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True)
+    """Print a sentence on each scene, and how long it takes."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
     for scene in gallery().values():
-        table.add_row(scene.name, scene.takes, Text(scene.about, style="bold"))
-        table.add_row("", "", Text(scene.outcome))
+        table.add_row(scene.name, Text(f"{scene.about} ({scene.takes})"))
     console.print(table)
+    console.print("warpdem demo NAME copies a scene to the folder NAME and runs it; --about tells more of it instead")
+
+
+def print_about(name: str, console: Console) -> None:
+    """Print all that the first comment of a scene says of it.
+
+    Raises:
+        SceneError: There is no such scene.
+    """
+    scene = scene_named(name)
+    console.print(f"{scene.name}: {scene.about}", style="bold", markup=False)
+    for part, words in zip(PARTS, (scene.shown, scene.outcome, scene.seen, f"{scene.takes}."), strict=True):
+        console.print(f"{part}: {words}", markup=False)
 
 
 def print_outcome(file: Path, changed: bool, console: Console) -> None:
-    """Print what must come out of a copied scene; if it was run ``changed``, that this is of the scene as the file has it."""
+    """Print what must come out of a copied scene; if it was run ``changed``, that this is of the scene as the file has it.
+
+    And which of its results tell what came out.
+    """
+    scene = described(file)
     of = " of the scene as it is (this run was another: --set, --until or --precision)" if changed else ""
-    console.print(f"must come out{of}: {described(file).outcome}", markup=False)
+    console.print(f"must come out{of}: {scene.outcome}", markup=False)
+    console.print(f"what came out is seen in {file.parent / RESULTS}: {scene.seen}", markup=False)

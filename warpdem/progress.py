@@ -1,6 +1,7 @@
-"""How far a run is: a bar in a terminal, and the same bar in a notebook; a word before what takes long."""
+"""How far a run is: a bar in a terminal or notebook, lines where there is neither; a word before what takes long."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,12 +10,25 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRe
 
 LONG = 1.0
 """Seconds of wall time after which a word is due."""
+LINE_EVERY = 10.0
+"""Seconds of wall time between two lines where no bar can be drawn."""
+
+
+def duration_text(seconds: float) -> str:
+    """Seconds in hours and minutes, if there are as many."""
+    hours, minutes = int(seconds // 3600), int(seconds % 3600 // 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds % 60:.0f} s" if minutes else f"{seconds:.1f} s"
+
+
+def beside(console: Console) -> Console:
+    """Where to tell of the way: the console if somebody looks at it, else (a pipe, a file) standard error."""
+    return console if console.is_terminal or console.is_jupyter else Console(stderr=True, highlight=False)
 
 
 @contextmanager
 def told_if_long(text: str, console: Console, quiet: bool) -> Iterator[None]:
     """Print ``text`` if the block runs longer than `LONG`; nothing if ``quiet``."""
-    word = threading.Timer(LONG, lambda: console.print(text, markup=False))
+    word = threading.Timer(LONG, lambda: beside(console).print(text, markup=False))
     word.daemon = True
     if not quiet:
         word.start()
@@ -28,15 +42,19 @@ def told_if_long(text: str, console: Console, quiet: bool) -> Iterator[None]:
 def progress_bar(console: Console, quiet: bool, total: int) -> Iterator[Callable[[int, str], None]]:
     """Show a bar while the block runs; it is given a function that tells how many steps of ``total`` are done, and the state.
 
-    Nothing is shown if ``quiet``, or if the console is neither a terminal nor a notebook.
+    Where neither the console nor standard error is a terminal or a notebook, there is a line every `LINE_EVERY` instead.
+    Nothing is shown if ``quiet``.
     """
     columns = (
-        SpinnerColumn(), TextColumn("[bold]{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"),
+        SpinnerColumn(), TextColumn("[bold]{task.description}"), BarColumn(20), TextColumn("{task.fields[state]}"),
         TextColumn("ETA"), TimeRemainingColumn(),
     )  # fmt: skip
+    console = beside(console)
     in_notebook = console.is_jupyter and not quiet
-    live = console.is_terminal and not quiet and not in_notebook
-    bar = Progress(*columns, console=console, disable=not (live or in_notebook), transient=True)
+    if not (quiet or in_notebook or console.is_terminal):
+        yield _lines(console, total)
+        return
+    bar = Progress(*columns, console=console, disable=quiet, transient=True)
     task = bar.add_task("run", total=total, state="")
     if in_notebook:
         # rich's own live display in notebooks needs ipywidgets; a display that is updated does not
@@ -52,3 +70,21 @@ def progress_bar(console: Console, quiet: bool, total: int) -> Iterator[Callable
         return
     with bar:
         yield lambda done, state: bar.update(task, completed=done, state=state)
+
+
+def _lines(console: Console, total: int) -> Callable[[int, str], None]:
+    """What tells by lines: share done, state, and the time left at the mean speed since the first call."""
+    begin = told = time.perf_counter()
+    first: int | None = None
+
+    def tell(done: int, state: str) -> None:
+        nonlocal begin, told, first
+        now = time.perf_counter()
+        if first is None:  # a resumed run has steps behind it that took no time
+            begin, first = now, done
+        if now - told >= LINE_EVERY and done > first:
+            left = (total - done) * (now - begin) / (done - first)
+            console.print(f"{done / total:4.0%}  {state}  about {duration_text(left)} left", markup=False, soft_wrap=True)
+            told = now
+
+    return tell

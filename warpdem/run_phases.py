@@ -1,7 +1,8 @@
 """A run of a scene with phases: each in a folder of its own, started from the last checkpoint of the one before.
 
 run.json tells what the phases are and how far each came. 1-fill/, 2-turn/ ... hold the results of each phase in its own time;
-its last checkpoint is what the next one starts from. result.pvd gives the frames of all phases in one time.
+its last checkpoint is what the next one starts from. result.pvd gives the frames of all phases in one time; picture.png is the
+last of them.
 """
 
 import json
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
-from warpdem.runner import CHECKPOINT, check_request, make_folder, run_scene
+from warpdem.runner import CHECKPOINT, check_request, draw_picture, make_folder, run_scene, wants_picture
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 from warpdem.summary import scene_hash
@@ -30,6 +31,7 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
+    picture: bool | None = None,
     console: Console | None = None,
     **keys,
 ) -> Simulation:
@@ -42,8 +44,9 @@ def run(
         resume: go on from the checkpoints in the folder; phases that are done are left as they are.
         overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
+        picture: draw picture.png at the end of the last phase, or not; None as the scene says.
         console: where to print.
-        keys: ``device``, ``threads`` and ``picture`` of ``run_scene``.
+        keys: ``device`` and ``threads`` of ``run_scene``.
 
     Returns:
         The last simulation.
@@ -52,9 +55,9 @@ def run(
         WarpdemError: as ``run_scene``.
         KeyboardInterrupt: as ``run_scene``.
     """
-    said = {"quiet": quiet, "console": console or Console(), **keys}
+    said = {"quiet": quiet, "console": console or Console(), "told": set(), **keys}
     if not scene.phases:
-        return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, **said)
+        return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **said)
     folder = Path(folder)
     check_request(folder, until, overwrite or resume)
     make_folder(folder)
@@ -75,18 +78,21 @@ def run(
             if resume and _is_done(there, end) and k + 1 < asked:
                 continue
             going = resume and (k == 0 or (there / CHECKPOINT).exists())
-            sim = run_scene(one, there, until=end, resume=going, overwrite=True, **said)
+            sim = run_scene(one, there, until=end, resume=going, overwrite=True, picture=False, **said)
         status = "done"
     except WarpdemError:
         status = _status(folders[k])
         raise
-    except KeyboardInterrupt:  # perhaps of the picture of a phase that is done
+    except KeyboardInterrupt:
         status = "interrupted"
         raise
     finally:
         _write_record(scene, folder, folders, begins, status)
         for name in INDICES:
             _join(folder, name, folders, begins)
+    if wants_picture(one, picture):
+        joined = all("vtk" in scene.phase(k).output.formats for k in range(asked))
+        draw_picture(folder if joined else there, folder)
     return sim
 
 

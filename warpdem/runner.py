@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.text import Text
 
 from warpdem import advice, summary
 from warpdem.engine import checkpoint
@@ -36,6 +37,8 @@ HISTORY_COLUMNS = (
     "fields [J]", "centre_x [m]", "centre_y [m]", "centre_z [m]", "largest_overlap [-]", "largest_approach_speed [m/s]",
 )  # fmt: skip
 CHECKPOINT = "checkpoint.h5"
+SETTING_UP = "setting up: meshes, grains, and kernels to place them (compiled once) ..."
+COMPILING = "compiling kernels (once per kind of scene) ..."
 SECONDS_PER_CHUNK = 0.3  # of wall time between two looks at progress and interrupts
 
 
@@ -64,7 +67,7 @@ def check_request(folder: Path, until: float | None, overwrite: bool) -> None:
     if until is not None and not 0.0 < until < math.inf:
         raise SceneError(f"--until {until:g}: the time at which the run ends must be above 0 [s]")
     if (folder / "run.json").exists() and not overwrite:
-        raise SceneError(f"--out {folder}: holds the results of a run; take another folder, or say --overwrite")
+        raise SceneError(f"--out {folder}: holds the results of a run; take another one, or say --overwrite (overwrite=True)")
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
         raise SceneError(f"--out {folder}: cannot be written ({there} is no folder to write in)")
@@ -217,6 +220,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "groups": sim.scene.groups,
         "plan": sim.plan.explain(),
         "notes": sim.notes,
+        "warnings": advice.warnings(sim),
         "grains": len(sim.state),
         "time": sim.time,
         "steps": sim.step_number,
@@ -262,6 +266,7 @@ def run_scene(
     quiet: bool = False,
     picture: bool | None = None,
     console: Console | None = None,
+    told: set[str] | None = None,
 ) -> Simulation:
     """Run ``scene`` to its end, write its results into ``folder`` and print a summary.
 
@@ -276,6 +281,7 @@ def run_scene(
         quiet: print errors only.
         picture: draw picture.png at the end, or not; None as the scene says.
         console: where to print.
+        told: notes and warnings that were printed already and need not be again; those printed now are added.
 
     Raises:
         SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong, or the folder holds
@@ -288,13 +294,14 @@ def run_scene(
     check_request(folder, until, overwrite or resume)
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
-    sim = Simulation(scene, device=device, threads=threads)
+    with told_if_long(SETTING_UP, console, quiet):
+        sim = Simulation(scene, device=device, threads=threads)
     if saved is not None:
         checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
     if not quiet:
-        _announce(sim, end, folder, console)
-    with sim.clock("compile"), told_if_long("compiling kernels (once per kind of scene) ...", console, quiet):
+        _announce(sim, end, folder, console, set() if told is None else told)
+    with sim.clock("compile"), told_if_long(COMPILING, console, quiet):
         sim.load_kernels()
     make_folder(folder)
     outputs = Outputs(sim, folder, resume)
@@ -318,21 +325,36 @@ def run_scene(
         with suppress(OutputError) if status != "done" else nullcontext():
             written = record(sim, status, time.perf_counter() - begin, outputs.turning.result())
             write_run_record(folder / "run.json", written)
-    if (scene.output.picture if picture is None else picture) and {"vtk", "vtkhdf"} & set(scene.output.formats):
+    if wants_picture(scene, picture):
         with sim.clock("picture"):
-            from warpdem.drawing.rendering import render
-
-            try:
-                render(folder, folder / "picture.png")
-            except KeyboardInterrupt:
-                raise KeyboardInterrupt("while the picture was drawn, with all other results written") from None
+            draw_picture(folder, folder)
         write_run_record(folder / "run.json", record(sim, status, time.perf_counter() - begin, outputs.turning.result()))
     if not quiet:
         summary.print_summary(sim, console, time.perf_counter() - begin, folder, outputs.turning.result())
     return sim
 
 
-def _announce(sim: Simulation, end: float, folder: Path, console: Console) -> None:
+def wants_picture(scene: Scene, asked: bool | None) -> bool:
+    """Whether a run of ``scene`` ends with a picture: as ``asked``, or None as the scene says; not without frames to draw."""
+    return (scene.output.picture if asked is None else asked) and bool({"vtk", "vtkhdf"} & set(scene.output.formats))
+
+
+def draw_picture(results: Path, folder: Path) -> None:
+    """Draw the last frame of the ``results`` in a folder as picture.png in ``folder``.
+
+    Raises:
+        WarpdemError: as ``warpdem.render``.
+        KeyboardInterrupt: on Ctrl-C, which says that nothing else is lost.
+    """
+    from warpdem.drawing.rendering import render
+
+    try:
+        render(results, folder / "picture.png")
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("while the picture was drawn, with all other results written") from None
+
+
+def _announce(sim: Simulation, end: float, folder: Path, console: Console, told: set[str]) -> None:
     """What is about to be run, to ``end`` [s]."""
     goes_on = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
     steps = max(0, sim.steps_until(end) - sim.step_number)
@@ -340,10 +362,11 @@ def _announce(sim: Simulation, end: float, folder: Path, console: Console) -> No
                   f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
-    for note in sim.notes:
-        console.print(f"note: {note}", markup=False)
-    if count := len(advice.warnings(sim)):
-        console.print(f"{count} warning{'s' if count > 1 else ''}, see warpdem check")
+    warned = advice.warnings(sim)
+    for words in [*sim.notes, *warned]:
+        if words not in told:
+            console.print(summary.warning_text(words) if words in warned else Text(f"note: {words}"))
+    told |= {*sim.notes, *warned}
 
 
 def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, console: Console, quiet: bool) -> None:
@@ -377,9 +400,9 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                     outputs.settle()
                     checkpoint.save(sim, path)
                     saved = now
-                rate = (step - first) / max(now - began, 1e-9)
+                n, rate = len(sim.state), (step - first) / max(now - began, 1e-9)
                 chunk = max(1, int(SECONDS_PER_CHUNK * rate))
-                tell(step, f"t = {sim.time:.4g} of {end:g} s  {rate:.0f} steps/s  {len(sim.state)} grains")
+                tell(step, f"t = {sim.time:.4g} of {end:g} s  {summary.speed_text(1.0 / rate, n)}  {n} grains")
             sim.guards.look()
             outputs.close()
             checkpoint.save(sim, path)

@@ -23,7 +23,7 @@ from warpdem.engine.start import Past, started_from
 from warpdem.engine.start import read as read_start
 from warpdem.engine.state import State
 from warpdem.engine.stepper import Stepper
-from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters
+from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.errors import SceneError, StabilityError
 from warpdem.filling.grain_source import check_start, joined, load_grains
 from warpdem.filling.streams import Feeder, representatives
@@ -59,6 +59,7 @@ class Simulation:
 
     Raises:
         SceneError: if the scene cannot be run: no such device, a bad mesh, overlapping start, time step over its limit.
+        TypeError: if ``scene`` is no Scene.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Simulation:
         *,
         resident: bool | None = None,
     ) -> None:
+        require_scene(scene)
         if scene.phases:
             raise SceneError(f"{scene.source}: phases: a simulation is one of them: take scene.phase(0), or warpdem run")
         self.given = scene = scene if start is None else started_from(scene, start)
@@ -88,13 +90,14 @@ class Simulation:
             past = read_start(scene) if scene.start is not None else None
             self.scene = scene = scene if past is None else past.scene
             self.meshes = load_meshes(scene)
-            mesh_notes(scene, self.meshes, named_diameters(scene))
+            size_warnings(scene, self.meshes, named_diameters(scene))  # refuses before anything is filled
             start = load_grains(scene, self.meshes) if past is None else past.grains
             check_start(start, self.meshes, scene, () if past is None else past.old_walls)
             self.domain = Domain(scene)
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
-            self.notes = mesh_notes(scene, self.meshes, 2.0 * self.expected.radius)
+            size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
+            self.notes = mesh_notes(scene, self.meshes)
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
@@ -138,6 +141,10 @@ class Simulation:
         self._let_in()
         if over := timestep.over_limit(self.dt, self.limits):
             self.guards.notice("time step", over)
+
+    def __repr__(self) -> str:
+        where = f"t = {self.time:.6g} s (step {self.step_number}) on {self.device.alias}"
+        return f"<Simulation of {self.scene.source}: {len(self.state)} grains at {where}>"
 
     def _take_over(self, past: Past) -> None:
         """Memory of contacts, orientation and random numbers of the run that this one starts from."""
@@ -195,7 +202,10 @@ class Simulation:
 
         Raises:
             StabilityError: when the run became unstable; names grain, time and cause.
+            ValueError: if ``count`` is below 0.
         """
+        if count < 0:
+            raise ValueError(f"step({count}): must be 0 or more; time does not run back")
         if self.budget is not None:
             self.budget.begin()
         left = count
@@ -204,8 +214,15 @@ class Simulation:
             self.guards.steps_done()
 
     def run(self, until: float) -> None:
-        """Advance to the first step at or after ``until`` [s]."""
-        self.step(max(0, self.steps_until(until) - self.step_number))
+        """Advance to the first step at or after ``until`` [s].
+
+        Raises:
+            StabilityError: as ``step``.
+            ValueError: if ``until`` is past or no finite time.
+        """
+        if not math.isfinite(until) or (last := self.steps_until(until)) < self.step_number:
+            raise ValueError(f"run(until={until:g}): must be finite and not before the present time, {self.time:.6g} s")
+        self.step(last - self.step_number)
 
     def steps_until(self, time: float) -> int:
         """Number of the first step at or after ``time`` [s]; round-off of the division does not add one."""
@@ -454,6 +471,20 @@ class Simulation:
         digest.update(np.sort(self.state.id.numpy()).tobytes())
         digest.update(np.ascontiguousarray(self.state.record.numpy()[self.state.rank]).tobytes())
         return digest.hexdigest()
+
+
+def require_scene(scene: Scene) -> None:
+    """Refuse what is no scene.
+
+    Raises:
+        TypeError: with the call that makes one, where the name of a file or a table is given.
+    """
+    if isinstance(scene, Scene):
+        return
+    remedy = "Scene.model_validate({...})" if isinstance(scene, dict) else "load_scene(...)"
+    if isinstance(scene, (str, Path)):
+        remedy = f"load_scene({str(scene)!r})"
+    raise TypeError(f"a Scene is needed, not {type(scene).__name__}: give {remedy}")
 
 
 def pick_device(name: str | None):

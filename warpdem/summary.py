@@ -7,12 +7,18 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Column, Table
+from rich.text import Text
 
 from warpdem.engine.plan import coefficient_table
 from warpdem.engine.timestep import contact_time, damped_contact_factor
 from warpdem.measure.dimensionless import Turning
 from warpdem.scene.messages import place_text
 from warpdem.scene.models import is_file
+
+FEW = 100
+"""Grains below which the time of a step is not told per grain."""
+STAGES = {"set-up": "set-up with packing and its kernels", "compile": "kernels of the steps"}
+"""Names of `Simulation.seconds` that do not say by themselves what they hold."""
 
 
 def file_digests(scene) -> dict[str, str]:
@@ -77,6 +83,18 @@ def turning_line(turning: Turning) -> str:
             f"grains at {turning.speed:.3g} m/s in it, up to {turning.radius:.3g} m from the axis")  # fmt: skip
 
 
+def warning_text(words: str) -> Text:
+    """A warning as check and a run print it."""
+    return Text.assemble(("warning", "bold red"), f" {words}")
+
+
+def speed_text(seconds_per_step: float, grains: int) -> str:
+    """Wall time [s] of a step in the unit to compare: per grain, but as it is where a step costs the same for fewer grains."""
+    few = grains < FEW
+    value = seconds_per_step * 1e6 if few else seconds_per_step / grains * 1e9
+    return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
+
+
 def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
     """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
     table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
@@ -84,8 +102,9 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
     table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
     if n and steps:
-        table.add_row("speed", f"{stepping / steps / n * 1e9:.1f} ns per grain and step on {sim.threads.count} threads")
-    stages = ", ".join(f"{k} {v:.2f} s" for k, v in sorted(sim.seconds.items(), key=lambda i: -i[1]) if v >= 0.005)
+        table.add_row("speed", f"{speed_text(stepping / steps, n)} on {sim.threads.count} threads")
+    longest = sorted(sim.seconds.items(), key=lambda i: -i[1])
+    stages = "; ".join(f"{STAGES.get(k, k)} {v:.2f} s" for k, v in longest if v >= 0.005)
     table.add_row("wall time", f"{wall_seconds:.1f} s: {stages}")
     table.add_row("lists", f"{sim.lists.rebuilds} rebuilds, {sim.lists.refreshes} refreshes, skin {sim.lists.skin:.3g} m")
     met = sim.extremes
@@ -106,6 +125,6 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
     for guard, message in sim.noticed.items():
         table.add_row("[bold red]noticed[/]", f"{guard}: {message}")
-    table.add_row("state hash", sim.state_hash())
-    table.add_row("results", str(folder))
     console.print(table)
+    for name, what in (("state hash", sim.state_hash()), ("results", folder)):  # whole, to be copied
+        console.print(f"{name:10} {what}", markup=False, soft_wrap=True)

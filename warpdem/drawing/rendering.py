@@ -41,12 +41,12 @@ def render(
             first one, with one camera and one range of colours.
         out: File to write.
         time: Time of the picture [s], the nearest frame is taken; None for the last one. Not for films.
-        start: A film begins here [s]; None for the first frame.
-        end: A film ends here [s]; None for the last frame.
+        start: A film begins with the frame nearest to this time [s]; None for the first one. For films only, as those below.
+        end: A film ends with the frame nearest to this time [s]; None for the last one.
         speed: Seconds of the run in a second of the film [-], so that 0.1 is ten times slowed down; None for each frame once.
         fps: Pictures in a second of the film [1/s]; None for 25, or fewer where frames are shown once each and so few that the
             film would last less than 2 s.
-        watch: Told after each picture how many are done, and how many there will be.
+        watch: Told at the start of a film and after each of its pictures how many are done, and how many there will be.
         **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
 
     Returns:
@@ -68,6 +68,10 @@ def render(
     suffix = out.suffix.lower()
     if suffix not in (".png", ".mp4"):
         raise WarpdemError(f"{out}: suffix {suffix!r} cannot be drawn; allowed are .png (picture) and .mp4 (film)")
+    others = {"time": time} if suffix == ".mp4" else {"start": start, "end": end, "speed": speed, "fps": fps}
+    if given := [name for name, value in others.items() if value is not None]:
+        kind, instead = ("film", "start and end") if suffix == ".mp4" else ("picture", "time")
+        raise WarpdemError(f"{given[0]} is not a choice of a {kind} ({out.name}), which has {instead}")
     runs = [_results(each) for each in folders]
     if suffix == ".png":
         instants = [_nearest(runs[0], time)]
@@ -77,6 +81,7 @@ def render(
         instants = _film_times(runs[0], start, end, speed, FPS if fps is None else fps)
         if fps is None:
             fps = min(FPS, len(instants) / SHORTEST_FILM) if speed is None else FPS
+        watch(0, len(instants))
     show = Show(runs, instants, chosen)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -121,10 +126,15 @@ def _nearest(results: AnyResults, time: float | None) -> float:
     times = results.times
     if time is None:
         return float(times[-1])
-    slack = 0.5 * float(np.max(np.diff(times), initial=0.0)) + 1e-9 * abs(float(times[-1]))
+    slack = _slack(times)
     if not times[0] - slack <= time <= times[-1] + slack:
         raise WarpdemError(f"time {time:g} s: the results in {results.folder} go from {times[0]:g} to {times[-1]:g} s")
     return float(times[np.argmin(np.abs(times - time))])
+
+
+def _slack(times: np.ndarray) -> float:
+    """How far a time may lie beyond the first and the last frame [s]: frames stand at whole steps, seldom where one asks."""
+    return 0.5 * float(np.max(np.diff(times), initial=0.0)) + 1e-9 * abs(float(times[-1]))
 
 
 def _film_times(results: AnyResults, start: float | None, end: float | None, speed: float | None, fps: float) -> list[float]:
@@ -133,12 +143,14 @@ def _film_times(results: AnyResults, start: float | None, end: float | None, spe
         raise WarpdemError(f"fps {fps!r} and speed {speed!r} must be above 0")
     times = results.times
     begin, last = times[0] if start is None else start, times[-1] if end is None else end
-    shown = times[(times >= begin - 1e-9 * abs(begin)) & (times <= last + 1e-9 * abs(last))]
-    if not len(shown):
+    slack = _slack(times)
+    if not begin <= last or begin > times[-1] + slack or last < times[0] - slack:
         raise WarpdemError(
             f"start {begin:g} s to end {last:g} s: holds no frame; the results in {results.folder} go from {times[0]:g} to "
             f"{times[-1]:g} s"
         )
+    first, final = (int(np.argmin(np.abs(times - time))) for time in (begin, last))
+    shown = times[first : final + 1]
     if speed is None:
         return shown.tolist()
     wanted = np.arange(shown[0], shown[-1] + 0.5 * speed / fps, speed / fps)

@@ -29,6 +29,8 @@ _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
 class _Scenery:
     """One run at one instant, as the files hold it."""
 
+    time: float
+    """Time of the frame in the results [s]: over all phases, where the snapshot has that of its own phase."""
     snapshot: Snapshot
     walls: list[WallMesh]
     grain_fields: dict[str, np.ndarray]
@@ -80,7 +82,7 @@ class Show:
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._look.view == "laboratory" else "frame axes"
             lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
-            panes.append(Pane(f"{name}{self._clock(snapshot.time)}", lines, self._camera.axes))
+            panes.append(Pane(f"{name}{self._clock(scenery.time)}", lines, self._camera.axes))
         return self._legend.draw(image, panes)
 
     def close(self) -> None:
@@ -97,7 +99,7 @@ class Show:
             raise WarpdemError(f"hide {sorted(unknown)[0]!r}: there is no such wall in {run.folder}; there are {names}")
         walls = [wall for wall in there if wall.name not in self._look.hide]
         on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._look.wall_colour else {}
-        return _Scenery(snapshot, walls, run.fields(k), on_walls)
+        return _Scenery(float(run.times[k]), snapshot, walls, run.fields(k), on_walls)
 
     def _wall_scale(self, first: _Scenery, folder: Path) -> Scale | None:
         name = self._look.wall_colour
@@ -118,18 +120,30 @@ class Show:
 
         planes = []
         self._turning = False
+        ends, any_kept = [], False
         for run, instant in itertools.product(self._runs, dict.fromkeys(instants)):
             scenery = self._scenery(run, instant)
             snapshot = scenery.snapshot
             self._turning |= bool(snapshot.frame.parts)
             planes.append((snapshot.frame, [wall for wall in scenery.walls if wall.infinite]))
             meet(snapshot.position, snapshot.frame, snapshot.radius[:, None])
-            self._grains.meet(self._grain_values(scenery)[self._kept(scenery)])
+            kept = self._kept(scenery)
+            any_kept |= bool(kept.any())
+            if len(kept):
+                centres = self._seen(snapshot.position, snapshot.frame)
+                ends += [centres.min(axis=0), centres.max(axis=0)]
+            self._grains.meet(self._grain_values(scenery)[kept])
             for wall in scenery.walls:
                 if not wall.infinite:
                     meet(wall.vertices, snapshot.frame)
                 if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
                     self._on_walls.meet(values)
+        if ends and not any_kept:
+            words = (", ".join(f"{x:.4g}" for x in side) for side in (np.min(ends, axis=0), np.max(ends, axis=0)))
+            raise WarpdemError(
+                f"cut {' and '.join(map(repr, self._look.cut))} leaves no grain: in {self._look.view} axes their centres go "
+                f"from ({next(words)}) to ({next(words)}) m"
+            )
         if not np.all(np.isfinite([low, high])):
             low, high = -np.ones(3), np.ones(3)
         corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(8, 3)
@@ -216,7 +230,10 @@ def _clock(times: np.ndarray) -> Callable[[float], str]:
 def _kind_names(folder: Path, field: Field) -> tuple[str, ...]:
     """Names of the kinds, as far as the run's own record tells them."""
     try:
-        scene = json.loads((folder / "run.json").read_text(encoding="utf-8"))["scene_data"]
+        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        if "phases" in record:
+            record = json.loads((folder / record["phases"][0]["folder"] / "run.json").read_text(encoding="utf-8"))
+        scene = record["scene_data"]
         if field.array == "type":
             return tuple(scene["materials"])
         if field.array == "group":  # numbered as in Scene.groups

@@ -17,6 +17,7 @@ from warpdem.scene.motion import frame_chain
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register
 WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one pack: it reads consecutive memory
+LEFT_OUT = "left out  "  # how a line of Plan.explain begins for what the scene does not need
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ class Plan:
         runs = runs if self.walls else runs[:-1]
         runs += ["steps as one captured graph, which makes its lists itself"] if self.resident else []
         runs += [f"contacts side by side: {self.lanes}", f"memory per contact: {8 * self.memory} B"]
-        return [f"runs      {line}" for line in runs] + [f"left out  {k}: {why}" for k, why in self.left_out.items()]
+        return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
 
 
 def coefficient_table(scene) -> np.ndarray:

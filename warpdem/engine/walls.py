@@ -33,14 +33,8 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
     return meshes
 
 
-def mesh_notes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
-    """What a user should know about the meshes: what was mended or is odd in their files, and odd sizes.
-
-    Every mesh is compared with the grains' ``diameters`` [m]: one in millimetres is a thousand times too large.
-
-    Raises:
-        SceneError: if a mesh and the grains cannot belong together.
-    """
+def mesh_notes(scene, meshes: dict[str, TriangleMesh]) -> list[str]:
+    """What a user should know about the meshes: what was mended or is odd in their files."""
     notes = []
     for number, wall in enumerate(scene.walls):
         if wall.mesh is None:
@@ -48,9 +42,20 @@ def mesh_notes(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) ->
         key, mesh = f"walls[{number}].mesh", meshes[wall.name]
         # borders are meant where a scene says that a mesh is open
         notes += [f"{key}: {mesh.name}: {note}" for note in mesh.notes if not (wall.open and "open edges" in note)]
-        if len(diameters) and (warning := size_warning(mesh.name, mesh.bounds, diameters, f"{scene.source}: {key}")):
-            notes.append(warning)
     return notes
+
+
+def size_warnings(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
+    """Which meshes are of an odd size beside the grains' ``diameters`` [m]: one in millimetres is a thousand times too large.
+
+    Raises:
+        SceneError: if a mesh and the grains cannot belong together.
+    """
+    if not len(diameters):
+        return []
+    walls = [(f"{scene.source}: walls[{k}].mesh", meshes[w.name]) for k, w in enumerate(scene.walls) if w.mesh is not None]
+    found = [size_warning(mesh.name, mesh.bounds, diameters, key) for key, mesh in walls]
+    return [text for text in found if text is not None]
 
 
 def named_diameters(scene) -> np.ndarray:

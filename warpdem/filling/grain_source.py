@@ -114,7 +114,7 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: 
     for number, wall in enumerate(scene.walls):
         if wall.name in known:
             continue
-        seen = _in_body_axes(scene, number, grains.position)
+        seen = in_body_axes(scene, number, grains.position)
         if wall.shape is not None:
             distance[wall.name] = wall.shape.nearest(seen)[1]
             _check_shape(grains, seen, distance[wall.name], wall, f"{scene.source}: walls[{number}]")
@@ -124,7 +124,7 @@ def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: 
     _check_wall_overlaps(grains, distance, scene)
 
 
-def _in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
     """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
     wall, begin = scene.walls[number], np.zeros(1)
     frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
@@ -153,7 +153,7 @@ def _filling(scene, meshes: dict[str, TriangleMesh], group, key: str) -> Filling
     corners = None if box is None else (box.min, box.max)
     if mesh is not None:
         number = [wall.name for wall in scene.walls].index(asked.wall)
-        if not np.array_equal(_in_body_axes(scene, number, corner := mesh.bounds), corner):
+        if not np.array_equal(in_body_axes(scene, number, corner := mesh.bounds), corner):
             raise SceneError(f"{key}.wall: {asked.wall!r} has been moving before time 0; only a wall in place can be filled")
     axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
     space = region(mesh, corners, key, asked.height, up=-(np.asarray(scene.gravity, float) @ axes))
@@ -338,6 +338,16 @@ def _place(grains: Grains0, i: int) -> str:
     return f"grain {grains.id[i]} at ({', '.join(f'{v:.6g}' for v in grains.position[i])}) m"
 
 
+def _entry(grains: Grains0, i: int, scene) -> str:
+    """Grain i by its key and position where the scene lists positions, else by its id."""
+    for number, group in enumerate(scene.grains):
+        if group.positions is not None:
+            row = np.flatnonzero((np.array(group.positions, float) == grains.position[i]).all(axis=1))
+            if len(row):
+                return f"grains[{number}].positions[{row[0]}] ({', '.join(f'{v:.6g}' for v in grains.position[i])}) m"
+    return _place(grains, i)
+
+
 def _check_overlaps(grains: Grains0, scene) -> None:
     share, partner = worst_overlaps(grains.position, grains.radius)
     i = int(np.argmax(share))
@@ -400,7 +410,7 @@ def _check_shape(grains: Grains0, position: np.ndarray, height: np.ndarray, wall
 def _check_closed_meshes(
     grains: Grains0, distance: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
 ) -> None:
-    keys = {wall.name: f"{scene.source}: walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
+    keys = {wall.name: f"walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
     filled = {group.fill.wall for group in scene.grains if group.fill is not None}
     depth = {
         name: -distance[name]
@@ -408,15 +418,19 @@ def _check_closed_meshes(
         if name in distance and mesh.is_closed and mesh.twisted_edges == 0
     }
     containers = {name for name, d in depth.items() if name in filled or 2 * int((d > 0.0).sum()) > len(grains)}
-    contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else None
+    contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else np.zeros(len(grains), bool)
     for name, d in depth.items():
         within = d > 0.0
-        wrong = ~contained & ~within if name in containers else within
-        if wrong.any():
-            i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
-            side, other = ("inside", "outside") if within[i] else ("outside", "inside")
-            others = int((within != within[i]).sum())
-            raise SceneError(
-                f"{keys[name]}: {_place(grains, i)} is {side} the closed mesh {name!r}, {abs(d[i]):.6g} m from its surface, "
-                f"while {others} {'grain is' if others == 1 else 'grains are'} {other}"
-            )
+        astray = ~contained & ~within
+        wrong = astray if name in containers else within
+        if not wrong.any():
+            continue
+        if 2 * int(within.sum()) == len(grains) and astray.any():
+            wrong = astray  # of as many inside as outside, those that nothing holds are likelier to be misplaced
+        i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
+        side, other = ("inside", "outside") if within[i] else ("outside", "inside")
+        others = int((within != within[i]).sum())
+        raise SceneError(
+            f"{scene.source}: {_entry(grains, i, scene)} is {side} the closed mesh {name!r} ({keys[name]}), "
+            f"{abs(d[i]):.6g} m from its surface, while {others} {'grain is' if others == 1 else 'grains are'} {other}"
+        )

@@ -134,7 +134,7 @@ def size_warning(name: str, bounds: np.ndarray, diameters, key: str) -> str | No
         )
     text = (
         f"{key}: {name}: the mesh is {size:.6g} m large and the grains are {diameter:.6g} m in diameter: "
-        f"{ratio:.3g} diameters"
+        f"{float(f'{ratio:.3g}'):g} diameters"
     )
     if SMALLEST_MESH <= ratio <= LARGEST_MESH:
         return f"{text}, usual are {low:g} to {high:g}; {advice}"

@@ -3,6 +3,7 @@
 import copy
 import difflib
 import re
+import shlex
 import tomllib
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ from warpdem.errors import SceneError
 from warpdem.paths import Access, access_of_file
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
+from warpdem.scene.models import is_file, located
 from warpdem.scene.start import NOT_IN_A_PHASE, place_in_phase
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
@@ -82,7 +84,8 @@ def scene_from_dict(
     try:
         scene = Scene(**{**data, "base": Path(base), "access": access or Access(), "source": source})
     except ValidationError as error:
-        raise scene_error(error, source, Scene, origins) from None
+        told = scene_error(error, source, Scene, origins)
+        raise SceneError(f"{told}{_all_refused(data, Path(base), access or Access())}") from None
     missing = list(_missing_files(scene))
     if missing:
         raise SceneError(report(source, missing))
@@ -175,6 +178,23 @@ def _parse_value(text: str, wrong: typing.Callable[[str], SceneError]) -> Any:
             raise wrong(f"the value is not valid TOML: {error}") from None
         return text
     return copy.deepcopy(table["value"]) if len(table) == 1 else text
+
+
+def _all_refused(data: Mapping[str, Any], base: Path, access: Access) -> str:
+    """A last line that names all files of code which the scene may not load, where there are several."""
+    names = dict.fromkeys(name for key in ("contact", "fields", "observers", "phases") for name in _code(data.get(key)))
+    files = list(dict.fromkeys(located(name, base) for name in names if access.plugin_refusal(name, base)))
+    if len(files) < 2:
+        return ""
+    return f"\nif you trust all {len(files)} files say --plugin {shlex.join(files)}, or load_scene(..., plugins={files})"
+
+
+def _code(part: Any) -> Iterator[str]:
+    """Names of files of code within a part of the tables."""
+    if isinstance(part, str) and is_file(part):
+        yield part
+    for inner in part.values() if isinstance(part, Mapping) else part if isinstance(part, list) else ():
+        yield from _code(inner)
 
 
 def _missing_files(scene: Scene) -> Iterator[str]:

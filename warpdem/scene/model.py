@@ -65,16 +65,20 @@ def _model_name(role: str, *others: str) -> Any:
     return Annotated[FileName, AfterValidator(check), Field(json_schema_extra=schema)]
 
 
+def _refusal(name: str, known: Mapping[str, Any]) -> str | None:
+    """Why a scene with this ``base`` and ``access`` may not load a model; None if it may."""
+    return known.get("access", Access()).plugin_refusal(name, known.get("base", Path())) if models.is_file(name) else None
+
+
 def _user_model(role: str, name: str, known: Mapping[str, Any]) -> ModuleType:
     """Module of a model that a scene with this ``base`` and ``access`` names.
 
     Raises:
         SceneError: the file of a user may not be loaded, or is no model of this role.
     """
-    base = known.get("base", Path())
-    if models.is_file(name) and (refusal := known.get("access", Access()).plugin_refusal(name, base)):
+    if refusal := _refusal(name, known):
         raise SceneError(refusal)
-    return models.model(role, models.located(name, base))
+    return models.model(role, models.located(name, known.get("base", Path())))
 
 
 class Material(SceneModel):
@@ -223,7 +227,9 @@ class Wall(SceneModel):
 class Time(SceneModel):
     """Length and step of the run."""
 
-    end: Duration = Field(description="End of the run [s], > 0; it starts at 0.")
+    end: Duration = Field(
+        description="End of the run [s], > 0; the run starts at 0 and ends with the first step at or after this time."
+    )
     step: Annotated[float | Literal["auto"], Quantity("s", gt=0, auto=True)] = Field(
         "auto", description='Time step [s], > 0, or "auto" (default): the largest that the stability limits allow.'
     )
@@ -275,7 +281,7 @@ class Output(SceneModel):
     """What is written, and how often."""
 
     interval: Duration | None = Field(
-        None, description="Time between two frames of the result [s], > 0, default time.end / 50."
+        None, description="Time between two frames of the result [s], > 0, rounded to whole steps, default time.end / 50."
     )
     formats: list[Literal["vtk", "vtkhdf", "usd"]] = Field(
         ["vtk", "usd"],
@@ -476,6 +482,15 @@ class Scene(SceneModel):
         if problems:
             raise wrong(problems)
         return checked
+
+    @field_validator("contact")
+    @classmethod
+    def _laws_may_be_loaded(cls, contact: Contact, info: ValidationInfo) -> Contact:
+        laws = {role: getattr(contact, role) for role in ("normal", "tangential", "rolling")}
+        refused = [((role,), name, _refusal(name, info.data)) for role, name in laws.items() if _refusal(name, info.data)]
+        if refused:
+            raise wrong(refused)
+        return contact
 
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
