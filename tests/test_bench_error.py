@@ -110,6 +110,7 @@ def test_impacts_start_apart_and_are_over_at_the_end():
     assert np.all(problem.figures(sim)[:, 2] > 0), "all grains have bounced"
 
 
+@pytest.mark.slow
 def test_grain_on_the_turning_disk_draws_the_circle_of_rolling():
     """2/7 of the rate of the disk, about the centre at speed/(2/7 rate) beside the start, wherever on the disk."""
     problem = PROBLEMS["turning_disk"]
@@ -134,6 +135,7 @@ def test_figures_of_the_bed_are_those_of_its_contacts():
 # --- a tiny run ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_report_of_a_tiny_run(tmp_path):
     report = bench_error.bench(
         PROBLEMS["free_grain"],

@@ -40,6 +40,7 @@ def report(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_bench_reports_every_bed(report, capsys):
     assert json.loads(json.dumps(report)) == report
     first, second = report["cases"]

@@ -68,6 +68,7 @@ def report(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_bench_reports_every_case(report):
     assert json.loads(json.dumps(report)) == report
     assert {"machine", "versions", "commit", "time", "settings", "cases", "scaling", "models"} <= report.keys()
@@ -84,6 +85,7 @@ def test_bench_reports_every_case(report):
     assert cases["full", 1]["wall_contacts"] == cases["full", 2]["wall_contacts"] > 0
 
 
+@pytest.mark.slow
 def test_comparisons_are_ratios_of_the_medians(report):
     ns = {(c["model"], c["threads"]): c["ns_per_grain_step"]["median"] for c in report["cases"]}
     speed_up = {c["model"]: c["speed_up"] for c in report["scaling"]}

@@ -71,6 +71,7 @@ def test_mutants_are_judged_one_after_the_other_and_taken_back(place):
         assert (place.folder / "kernels/law.py").read_text() == "ONE = 1\nTWO = 2\n"
 
 
+@pytest.mark.slow
 def test_a_test_that_fails_anyway_kills_nothing(place):
     (place.folder / "tests" / "test_broken.py").write_text("def test_broken():\n    assert False\n")
     mutant = mutate.Mutant("name", "kernels/law.py", "TWO = 2", "TWO = 1 + 1", ("tests/test_one.py",))
