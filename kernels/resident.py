@@ -17,8 +17,9 @@ sorted in memory, when a grain left the domain or is no number, and when its spe
     REFRESHES, LATEST          contact lists made, and the steps done at the last
     RENEWALS                   near lists that may still be made before the host sorts the grains
 
-The largest overlap and speed are kept by atomic maxima, which are the same in any order; nothing else is atomic, so two runs
-have equal bits. A value is compared before it is raised: nearly all threads only read.
+The largest overlap and speed are kept by atomic maxima, which are the same in any order; the only other atomics link grains
+into cells, in an order that ``near_rows`` sorts away. So two runs have equal bits. A maximum is compared before it is raised:
+nearly all threads only read.
 """
 
 import functools
@@ -200,6 +201,13 @@ def build(
             clock_out[STALE] = 1
 
     @kernel
+    def go_on(clock_out: wp.array(dtype=wp.int32)):
+        """One thread: whether the contact list is made here; else all is left as the last forces left it, for the host."""
+        clock_out[FRESH] = 1 - clock_out[STALE]
+        if clock_out[STALE] > 0:
+            clock_out[GO] = 0
+
+    @kernel
     def judge(lanes_room: int, shares_room: int, clock_out: wp.array(dtype=wp.int32)):
         """One thread: whether the contact list can be made here, else the host is asked."""
         if clock_out[LANES] > lanes_room or clock_out[SHARES] > shares_room:
@@ -246,6 +254,6 @@ def build(
             reference_out[i, m + 1] = local(placements[m], q)
 
     return Built(
-        pair_forces=pair_forces, wall_forces=wall_forces, move=move, tick=tick, look=look, judge=judge, clear=clear,
-        take_over=take_over, mark=mark, Contacts=Contacts,
+        pair_forces=pair_forces, wall_forces=wall_forces, move=move, tick=tick, look=look, go_on=go_on, judge=judge,
+        clear=clear, take_over=take_over, mark=mark, Contacts=Contacts,
     )  # fmt: skip

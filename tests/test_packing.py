@@ -140,7 +140,9 @@ def test_places_in_a_small_part_of_the_bounding_box_are_found():
 
 
 # with 0.55 of grains of one size the last overlap goes while a grain still pokes out of an edge
-@pytest.mark.parametrize(("diameter", "seed", "fraction"), [(SIZES, 2, 0.45), (0.5e-3, 3, 0.55)])
+@pytest.mark.parametrize(
+    ("diameter", "seed", "fraction"), [(SIZES, 2, 0.45), pytest.param(0.5e-3, 3, 0.55, marks=pytest.mark.slow)]
+)
 def test_sharp_corners_of_a_mesh_hold(diameter, seed, fraction):
     mesh = spike(0.004 / 3.0)
     position, radius = fill(mesh, None, diameter, seed, solid_fraction=fraction)

@@ -358,6 +358,7 @@ def test_range_and_map_decide_the_colour(tmp_path):
     assert seen[0.2] > 3.0 * seen[2.0]
 
 
+@pytest.mark.slow
 def test_presets_look_from_their_sides(tmp_path):
     folder = write(tmp_path, snapshot([[0.3, 0, 0], [0, 0.3, 0], [0, 0, 0.3], [0, 0, 0]], 0.1))
     spread = {}

@@ -51,7 +51,7 @@ def test_exact_drift_is_exact_on_the_rotating_grain(step):
     assert paper_one_grain.error(ROTATING, "exact_drift", step) < 1e-12
 
 
-@pytest.mark.parametrize("problem", [HARMONIC, DAMPED], ids=lambda problem: problem.name)
+@pytest.mark.parametrize("problem", [HARMONIC, pytest.param(DAMPED, marks=pytest.mark.slow)], ids=lambda problem: problem.name)
 def test_oscillators_show_their_orders(problem):
     for scheme, order in problem.orders.items():
         coarse = 2e-3 if scheme == "rk4" else 2e-4
@@ -142,6 +142,7 @@ def small():
     return size, paper_hourglass.settled(paper_hourglass.glass(size), SCENES, 0.002)
 
 
+@pytest.mark.slow
 def test_hourglass_runs_alike_in_both_settings(small):
     size, start = small
     rpm = 1500.0  # half a turn in 20 ms
@@ -154,6 +155,7 @@ def test_hourglass_runs_alike_in_both_settings(small):
     assert numbers["grains"] == 30 and len(numbers["time_s"]) == len(numbers["share_passed"]["frame"]["mean"])
 
 
+@pytest.mark.slow
 def test_mass_counts_in_the_axes_of_the_glass(small):
     """Turned by half a turn at once, grains that stay where they are in the laboratory are in the other bulb."""
     size, start = small
@@ -198,6 +200,7 @@ def test_windows_of_both_settings_start_at_the_angle(tmp_path):
 # --- the tool and what it has recorded -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_tool_writes_a_picture_and_adds_its_numbers(tmp_path):
     (tmp_path / "figures.json").write_text('{"figure 8": {"old": 1}}')
     reproduce_paper.main(["--figure", "3", "--quick", "--out", str(tmp_path)])

@@ -14,7 +14,7 @@ class Renewal:
         self.kernels, self.lists = self.sim.kernels.renewal, self.sim.lists
         self.skin = self.lists.skin
         self.start, self.count, self.slot, self.contact = self.lists.near
-        # where the new list is until it takes its place
+        # where the new list is until it takes its place: arrays that the making of the contact list, next, writes anew
         self.next_start, self.next_count = self.scratch.next_start, launches.select["width"]
         self.next_slot, self.next_contact = launches.select["listed"], self.lists.spare.contact
         self.features, self.first = launches.select["close"], launches.fill["row_start"]

@@ -166,7 +166,7 @@ class Launches:
         self.select, self.fill = lists.select_inputs, {**lists.fill_inputs, "memory": contacts.memory}
 
     def key(self) -> tuple:
-        """What the graph holds by value."""
+        """What the graph holds by value, between two near lists made by the host, which forgets all graphs."""
         control, lists = self.resident.control, self.sim.lists
         arrays = [*self.select.values(), *self.fill.values(), lists.near_reference]
         given = [x.ptr if isinstance(x, wp.array) else x for x in arrays]
@@ -226,13 +226,19 @@ class Launches:
         wp.capture_if(clock[REFRESH : REFRESH + 1], self._select)
 
     def _select(self) -> None:
-        """Which contacts and wall rows there will be, and whether this can be told here."""
+        """Whether lists can be made here; the near list first, where it is out of date."""
         sim, lists, control, clock = self.sim, self.sim.lists, self.resident.control, self.resident.clock
         placements = self.resident.placements
         room = 0.5 * lists.skin - self.reach
         self.launch(self.kernels.look, self.n, self.grains, lists.near_reference, control, self.watched, placements,
                      sim.dt, room, clock)  # fmt: skip
         Renewal(self)()
+        self.launch(self.kernels.go_on, 1, clock)
+        wp.capture_if(clock[FRESH : FRESH + 1], self._list)
+
+    def _list(self) -> None:
+        """Which contacts and wall rows there will be, and whether there is room for them."""
+        sim, lists, clock, placements = self.sim, self.sim.lists, self.resident.clock, self.resident.placements
         self.launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select.values())
         walls = wall_grain = self.scratch.nothing
         if sim.plan.walls:

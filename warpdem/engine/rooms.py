@@ -6,13 +6,17 @@ import warp as wp
 SPARE = 0.125
 """Of the room of lists that a device makes anew, for when they get longer [-]."""
 
+LONGEST = 2**31 - 1
+"""Entries of a list: what 32-bit numbers count."""
+
 
 class Rooms:
     """Arrays by name.
 
     Args:
         device: where they are.
-        exact: what is asked for is all that is wanted; else there is half as much more, for what follows.
+        exact: a device makes lists itself: arrays have the length asked for, and ``capacity`` says what to ask for; else
+            arrays have room for half as much more, and no list is longer than it needs to be.
     """
 
     def __init__(self, device, exact: bool) -> None:
@@ -48,5 +52,5 @@ class Rooms:
         if not self._exact:
             return need
         if need > self._capacities.get(name, -1):
-            self._capacities[name] = int(need * (1.0 + SPARE)) + 64
+            self._capacities[name] = min(int(need * (1.0 + SPARE)) + 64, LONGEST)
         return self._capacities[name]

@@ -20,7 +20,7 @@ def size_classes(radius: np.ndarray) -> np.ndarray:
 
 
 def finest_cell(radius: np.ndarray, classes: np.ndarray, beyond: float) -> float:
-    """Width of the cells of the smallest grains [m]; arguments as of ``SizeGrids.build``."""
+    """Width of the cells of the smallest grains [m]; arguments as of ``grids_for``."""
     return 2.0 * float(radius[classes == classes.max()].max()) + beyond
 
 
