@@ -1,8 +1,8 @@
 """Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
 
 The reach of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
-Near list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on; the room of
-a row goes by the size of its grain, for a grain ten times as large as most touches hundreds.
+Near list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on. On a CPU the
+room of a row goes by the size of its grain, for a grain ten times as large as most touches hundreds; a GPU counts first.
 Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
 by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
 whole packs that it can pass over. A thin second list keeps the branch "touching or not" out of the force

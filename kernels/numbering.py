@@ -1,10 +1,11 @@
-"""Numbering of contacts and wall rows on the device: what the host does with prefix sums when it makes the lists.
+"""Numbering of contacts, rows and slots on the device: what the host does with prefix sums when it makes the lists.
 
 Within a block of grains the contacts that touch fill whole packs first, then the others do; rows of the summation and grains
 beside a wall are numbered straight through. Three launches: sums of each block, starts of the blocks (one thread), starts of
 the grains. Own kernels, because a library's scan asks for memory, which a branch of a captured graph may not.
 
-Arrays of size 0 stand for what is not asked for.
+Arrays of size 0 stand for what is not asked for. Sums beyond what 32 bits count stay at their largest number, for which there
+is never room.
 """
 
 import warp as wp
@@ -12,6 +13,12 @@ import warp as wp
 AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for memory once for all
 Sums = wp.types.vector(4, wp.int32)  # of a block: touching and near contacts, rounded up to packs; shares; grains beside a wall
 Chunk = wp.types.matrix((AT_ONCE, 4), wp.int32)
+
+
+@wp.func
+def capped(sum: wp.int32) -> wp.int32:
+    """A sum of two numbers that are not negative, or the largest number where it wrapped around."""
+    return 2147483647 if sum < 0 else sum
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -59,8 +66,9 @@ def start_blocks(
         for k in range(wp.static(AT_ONCE)):
             if first + k < blocks:
                 sums_out[first + k] = running
-                running += here[k]
-    total_out[0] = running[0] + running[1]
+                for c in range(4):
+                    running[c] = capped(running[c] + here[k, c])
+    total_out[0] = capped(running[0] + running[1])
     total_out[1] = running[2]
     total_out[2] = running[3]
 

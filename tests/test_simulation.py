@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpdem import Scene, SceneError, Simulation, StabilityError
+from warpdem import Scene, SceneError, Simulation, StabilityError, WarpdemError
 from warpdem.runner import run_scene
 
 RADIUS = 1.0e-3
@@ -272,6 +272,24 @@ def test_a_number_that_is_none_is_noticed_and_named():
     sim.state.record.assign(record)
     with pytest.raises(StabilityError, match=r"grain 9 is not finite \(1 of 2 grains\)"):
         sim.step(10)
+
+
+def test_an_interrupted_batch_of_steps_is_not_gone_on_with(monkeypatch):
+    """Its steps are done but not counted: whatever came after would be at the wrong time."""
+    sim = simulate(PAIR)
+    sim.step(3)
+    advance = sim.stepper.advance
+
+    def interrupted(*args, **kwargs):
+        advance(*args, **kwargs)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sim.stepper, "advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sim.step(5)
+    monkeypatch.undo()
+    with pytest.raises(WarpdemError, match="interrupted in the middle of its steps: go on from a checkpoint"):
+        sim.step(1)
 
 
 def test_extremes_are_the_largest_met():

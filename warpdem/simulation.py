@@ -24,7 +24,7 @@ from warpdem.engine.start import read as read_start
 from warpdem.engine.state import State
 from warpdem.engine.stepper import Stepper
 from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
-from warpdem.errors import SceneError, StabilityError
+from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.filling.grain_source import check_start, joined, load_grains
 from warpdem.filling.streams import Feeder, representatives
 from warpdem.guards.watch import Guards
@@ -129,6 +129,7 @@ class Simulation:
             self.stepper = Stepper(self)
         self.step_number = 0
         self._forces_ready = False
+        self._cut_short = False  # an interrupt came between the first step of a batch and its count
         self.steps_done = 0
         self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
         self.feeders = [Feeder(number, scene, self.dt) for number in range(len(scene.streams))]
@@ -234,7 +235,13 @@ class Simulation:
             self._advance(0)
 
     def _advance(self, count: int) -> int:
-        """Make valid lists, evaluate the forces if they are not, and run up to ``count`` steps; returns how many."""
+        """Make valid lists, evaluate the forces if they are not, and run up to ``count`` steps; returns how many.
+
+        Raises:
+            WarpdemError: an interrupt has left the state at a step that was not counted.
+        """
+        if self._cut_short:
+            raise WarpdemError("the simulation was interrupted in the middle of its steps: go on from a checkpoint")
         if len(self.state) and not self._forces_ready:
             self.lists.update(self._grown)
             self._grown = False
@@ -246,8 +253,10 @@ class Simulation:
         else:
             batch = min(batch, self.stepper.row()[1])
             with self.clock("steps"):
+                self._cut_short = True
                 done, moved = self.stepper.advance(batch, not self._forces_ready, hold=batch == due)
         self.step_number += done
+        self._cut_short = False
         self.steps_done += done
         self._forces_ready = not moved and done < due
         if done == due:

@@ -29,3 +29,15 @@ def test_numbers_are_those_of_the_host(n, device):
     for found, expected in zip(out, (touching_start, near_start, row_start), strict=False):
         np.testing.assert_array_equal(found.numpy(), expected)
     np.testing.assert_array_equal(out[3].numpy()[: len(beside)], beside)
+
+
+def test_sums_beyond_32_bits_stay_at_the_largest(device):
+    """Grains within each other have so many neighbours: what wrapped around would seem to fit."""
+    n, most = 6 * CLASS_BLOCK, 2**31 - 1
+    counts = wp.full(n, most // (2 * CLASS_BLOCK), dtype=wp.int32, device=device)
+    nothing = wp.zeros(0, dtype=wp.int32, device=device)
+    sums, total = wp.zeros(6, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
+    inputs = [CLASS_BLOCK, 32, nothing, nothing, counts, nothing, sums]
+    wp.launch(numbering.sum_blocks, dim=6, inputs=inputs, device=device)
+    wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
+    assert total.numpy()[1] == most

@@ -76,6 +76,7 @@ class Lists:
         rebuilds: how often the near list was made.
         refreshes: how often the contact list was made.
         version: how often it was made by the host, in other arrays.
+        totals: lanes of the packs, shares of their rows, grains beside walls.
         near: start, count, slot and contact of the near list, None before the first.
         known: grains that the lists were made for.
         rows: slots beside walls, None without.
@@ -106,6 +107,7 @@ class Lists:
         self._near_room = RowRoom(LEAST_ROOM)
         self.near_reference = None
         self.contact_count = self.row_count = 0
+        self.totals = [0, 0, 0]
         self.force_parity = 1
         self.near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
@@ -189,11 +191,13 @@ class Lists:
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
         sim.stepper.forget()
+        self.select_inputs = self.fill_inputs = None
         known = self.known
         n = self.known = len(kept)
         if n == 0:
             state.reorder(kept)
             self.contact_count = self.row_count = 0
+            self.totals = [0, 0, 0]
             self.near = None
             return
         beyond = sim.plan.gap + self.skin
@@ -367,11 +371,11 @@ class Lists:
 
     # -- made on the device -----------------------------------------------------------------------
 
-    def refreshed_on_device(self, times: int, step: int, totals: np.ndarray) -> None:
+    def refreshed_on_device(self, times: int, step: int, totals: list[int]) -> None:
         """Contact list and wall rows were made anew, at last at ``step``: their number is all that the host keeps of them."""
         self.refreshes += times
         self._last_refresh = step
-        self.contact_count, self.row_count = int(totals[1]) // 2, int(totals[2])
+        self.totals, self.contact_count, self.row_count = totals, totals[1] // 2, totals[2]
 
     def renewed_on_device(self, times: int) -> None:
         """The near list was made anew."""

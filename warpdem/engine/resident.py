@@ -52,8 +52,6 @@ class Resident:
         self.placements = wp.zeros(max(len(sim.schedule.motions), 1), dtype=Placement, device=device)
         self.refreshes = self.renewals = self.captures = 0
         self._scratch: Scratch | None = None
-        self._totals = np.zeros(3, dtype=np.int32)  # lanes of packs, shares, wall rows
-        self._totals_of = -1  # version of the lists that they belong to
         self._graphs: dict[tuple, tuple] = {}
 
     @cached_property
@@ -80,12 +78,9 @@ class Resident:
     def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
         lists = self.sim.lists
-        if self._totals_of != lists.version:
-            self._totals[:] = lists.totals
-            self._totals_of = lists.version
         clock = np.zeros(CLOCK, dtype=np.int32)
         clock[[ROW, LEFT, PARITY, HOLD, GO]] = base, count, parity, hold, count > 0
-        clock[[LANES, SHARES, ROWS]] = self._totals
+        clock[[LANES, SHARES, ROWS]] = lists.totals
         clock[RENEWALS] = lists.renewals_left
         self.clock.assign(clock)
         launches = Launches(self, grains, rows, surface)
@@ -94,13 +89,13 @@ class Resident:
         if count:
             self._run(launches)
         clock = self.clock.numpy()
-        self._totals[:] = clock[[LANES, SHARES, ROWS]]
         renewals = lists.renewals_left - int(clock[RENEWALS])
         self.renewals += renewals
         lists.renewed_on_device(renewals)
         if clock[REFRESHES]:
             self.refreshes += int(clock[REFRESHES])
-            lists.refreshed_on_device(int(clock[REFRESHES]), self.sim.step_number + int(clock[LATEST]), self._totals)
+            latest, totals = self.sim.step_number + int(clock[LATEST]), clock[[LANES, SHARES, ROWS]].tolist()
+            lists.refreshed_on_device(int(clock[REFRESHES]), latest, totals)
         return int(clock[DONE]), bool(clock[STALE])
 
     def _run(self, launches: "Launches") -> None:
