@@ -4,7 +4,8 @@ On a CPU one launch per thread runs many steps and meets the others at a barrier
 launch of a captured graph (``resident``). A scheme of several stages calls the forces between as well, from the memory of the
 step's beginning, and drops what they make of it. A run rests with the forces of its instant evaluated, so reading results
 never computes anything again. It stops before a force call when a grain has moved by more than the lists allow (or is no
-longer finite); then new lists are made and the forces come first.
+longer finite); then new lists are made and the forces come first. It rests at the step whose contacts are deeper than the
+scene allows, whatever the length of the batch.
 """
 
 import functools
@@ -22,6 +23,12 @@ from warpdem.kernels.wall.surface import Surface
 
 AHEAD = 6  # packs between the announcement of a pack's memory and its use
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
+
+
+@wp.func
+def too_deep(extreme: wp.array(dtype=wp.float64), at: int, deepest: wp.array(dtype=wp.float64)) -> bool:
+    """Whether the largest overlap so far, of pairs or at walls, is over the one allowed [-]."""
+    return wp.max(extreme[at], extreme[at + 2]) > deepest[0]
 
 
 @functools.cache
@@ -97,6 +104,7 @@ def build(
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
+        deepest: wp.array(dtype=wp.float64)  # [1]: overlap over the radius at which the run rests [-]
         scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
@@ -304,8 +312,8 @@ def build(
                         meet(control.meeting, target, yield_to)
                     for t in range(threads):
                         stop = wp.max(stop, control.moved[t * wp.static(SPAN)])
-                    if thread == 0:
-                        control.done[0] = s
+                if thread == 0:
+                    control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):
                     force_phase(
                         thread, base + s, 0, grains, packs, rows, surface, control, coefficients, materials,
@@ -314,6 +322,9 @@ def build(
                     if threads > 1:
                         target += threads
                         meet(control.meeting, target, yield_to)
+                    for t in range(threads):
+                        if too_deep(control.extreme, t * wp.static(SPAN), control.deepest):
+                            stop = 1
 
     @kernel
     def pair_forces(

@@ -12,6 +12,7 @@ sorted in memory, when a grain left the domain or is no number, and when its spe
     LEFT, DONE                 steps to do and done
     PARITY, HOLD               of the present step; as in ``run``
     MOVED                      steps of the body after which a grain had moved too far, 0 when none has
+    DEEP                       1 + steps of the body after which a contact was too deep, 0 when none was
     STALE                      the host is next
     LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
     REFRESHES, LATEST          contact lists made, and the steps done at the last
@@ -26,13 +27,13 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.loop import too_deep
 from warpdem.kernels.schedule import Placement, local, past_turn, slip_time, wall_velocity
 from warpdem.kernels.wall.surface import Surface
 
-CLOCK = 17
-GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST, RENEWALS = range(
-    CLOCK
-)
+CLOCK = 18
+(GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, DEEP, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST,
+ RENEWALS) = range(CLOCK)  # fmt: skip
 
 
 @wp.struct
@@ -55,7 +56,7 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 @wp.func
 def forces_due(clock: wp.array(dtype=wp.int32), ahead: int, stage: int) -> bool:
     """Whether the forces ``ahead`` steps from now are wanted; those of a stage belong to the step that begins there."""
-    if clock[MOVED] != 0:
+    if clock[MOVED] != 0 or clock[DEEP] != 0:
         return False
     if stage > 0:
         return ahead < clock[LEFT]
@@ -144,6 +145,11 @@ def build(
         # a thread of this very launch may have seen its grain beyond reach already
         if ahead >= clock_out[LEFT] or (clock_out[MOVED] != 0 and clock_out[MOVED] <= ahead):
             return
+        if clock_out[DEEP] != 0 and (clock_out[DEEP] <= ahead or stage > 0):
+            return
+        if stage == 0 and too_deep(control.extreme, 0, control.deepest):
+            clock_out[DEEP] = ahead + 1
+            return
         if step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach) > 0:
             clock_out[MOVED] = ahead + 1
 
@@ -159,12 +165,16 @@ def build(
         if clock_out[MOVED] > 0:
             done = clock_out[MOVED]
             clock_out[REFRESH] = 1
+        if clock_out[DEEP] > 0:
+            done = clock_out[DEEP] - 1
         clock_out[MOVED] = 0
         clock_out[ROW] = clock_out[ROW] + done
         clock_out[DONE] = clock_out[DONE] + done
         clock_out[LEFT] = clock_out[LEFT] - done
         clock_out[PARITY] = (clock_out[PARITY] + done) & 1
         clock_out[GO] = wp.min(clock_out[LEFT], 1)
+        if clock_out[DEEP] > 0:
+            clock_out[GO] = 0
         if clock_out[REFRESH] > 0:
             for m in range(motions):
                 placement_out[m] = control.placement[(clock_out[ROW] + 1) * wp.static(stages), m]

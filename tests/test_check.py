@@ -55,7 +55,7 @@ def test_each_limit_has_its_time_and_the_share_of_the_step():
     wanted = {
         "rayleigh": sim.limits.rayleigh,
         "contact": sim.limits.contact_time,
-        "packing": sim.limits.packed,
+        "bed": sim.limits.settled,
         "impact": sim.limits.stable,
         "frame": 1.0 / 20.0,
         "fields": 1.0 / fastest,
@@ -66,6 +66,14 @@ def test_each_limit_has_its_time_and_the_share_of_the_step():
     for name, seconds in wanted.items():
         assert rows[name]["seconds"] == pytest.approx(seconds, rel=1e-12), name
         assert rows[name]["share"] == pytest.approx(STEP / seconds, rel=1e-12), name
+
+
+def test_the_packing_of_auto_is_shown_where_auto_chooses():
+    """A step given by hand owes nothing to overlaps of impacts everywhere: what a bed bears is another row."""
+    for step, shown in ((STEP, False), ("auto", True)):
+        rows = {row["key"]: row for row in advice.limit_rows(simulation(time={"end": 0.01, "step": step, "max_speed": 0.1}))}
+        assert ("packing" in rows) is shown
+    assert rows["packing"]["share"] <= rows["packing"]["auto_share"]
 
 
 def test_a_sound_scene_has_no_warnings_and_no_limit_that_is_not_there():
@@ -83,6 +91,11 @@ WARNED = {
     "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.88 of", "auto"]),
     "few steps": ({"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}}, ["steps per contact", "28", "at most"]),
     "soft": ({"time": {"end": 0.01, "step": 1e-6, "max_speed": 4.0}}, ["of the radius", "young_modulus", "max_overlap = 0.1"]),
+    "bed": (
+        {"grains": [{"material": "g", "positions": [[0, 0, 1e-3], [0, 0, 0.9]], "radius": 1e-3}],
+         "time": {"end": 0.01, "step": 6e-5, "max_speed": 0.1}},
+        ["of the bed at rest: its grains chatter, and from 1.5 times the limit", "take at most"],
+    ),
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),
     "fields": ({"fields": [{"model": "drag", "parameters": {"coefficient": 1.0}}]}, ["external fields", "0.95 rad per step"]),
     "restitution": ({"pairs": pairs(0.02)}, ["pairs[0].restitution = 0.02", "0.05 or more"]),

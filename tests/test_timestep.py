@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from warpdem import Scene, SceneError
 from warpdem.engine import timestep
 from warpdem.engine.impact import impact
+from warpdem.engine.plan import coefficient_table
 from warpdem.filling.grain_source import load_grains
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
@@ -42,6 +43,32 @@ def test_smallest_grain_counts():
     limits, small = found(scene(grains=grains)), found(scene())
     for name in ("rayleigh", "contact_time", "packed", "stable"):
         assert getattr(limits, name) == pytest.approx(getattr(small, name), rel=1e-14)
+
+
+@pytest.mark.parametrize("normal", ["hertz", "hooke"])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_limit_of_a_bed_at_rest_is_that_of_a_packing_under_its_weight(normal, friction):
+    """0.6 of the height of the grains is solid; a contact carries p pi d^2/3, under which Hertz's overlap is (F/K)^(2/3)."""
+    pair = {"materials": ["glass", "glass"], "restitution": 0.4, "friction": friction}
+    pair |= {"stiffness": 300.0} if normal == "hooke" else {}
+    contact = {"normal": normal, "tangential": "mindlin" if friction else "none"}
+    limits = found(scene(gravity=[0, 0, -5.0], pairs=[pair], contact=contact))
+    force = 0.6 * DENSITY * 5.0 * (0.1 + 2.0 * RADIUS) * math.pi * (2.0 * RADIUS) ** 2 / 3.0
+    k = 4.0 / 3.0 * YOUNG / (2.0 * (1.0 - POISSON**2)) * math.sqrt(0.5 * RADIUS)
+    overlap = (force / k) ** (2.0 / 3.0)
+    secant, tangent = (300.0, 300.0) if normal == "hooke" else (k * math.sqrt(overlap), 1.5 * k * math.sqrt(overlap))
+    beta = -math.log(0.4) / math.hypot(math.log(0.4), math.pi)
+    _, damping, ratio, ratio_damping, *_ = coefficient_table(scene(pairs=[pair], contact=contact)).reshape(-1)
+    dashpot = damping * math.sqrt(secant * 0.5 * MASS)
+    assert dashpot == pytest.approx((2.0 if normal == "hooke" else math.sqrt(5.0)) * beta * math.sqrt(secant * 0.5 * MASS))
+    across = (ratio * secant, ratio_damping * dashpot) if friction else (0.0, 0.0)
+    assert limits.settled == pytest.approx(timestep.packing_limit((tangent, dashpot), across, 0.5 * MASS), rel=1e-5)
+
+
+def test_a_bed_in_a_turning_frame_is_pressed_by_its_turning_too():
+    still, turning = (found(scene(frame={"axis": [0, 0, 1], "rate": rate})) for rate in (0.0, 100.0))
+    assert turning.settled < 0.8 * still.settled
+    assert found(scene(gravity=[0, 0, 0])).settled == math.inf
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.5, 3.0])

@@ -10,6 +10,7 @@ from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.engine.walls import size_warnings
 from warpdem.filling.grain_source import in_body_axes
+from warpdem.guards.stability import DANGER
 from warpdem.scene.models import model
 from warpdem.scene.motion import Rotation, Translation, frame_chain
 
@@ -45,7 +46,8 @@ def limit_rows(sim) -> list[dict]:
     rows = [
         ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
         ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
-        ("packing", "spectral limit of a dense packing", found.packed, PACKED_SHARE),
+        ("packing", "a packing with the overlaps of impacts everywhere", found.packed, PACKED_SHARE),
+        ("bed", "stability limit of the bed at rest", found.settled, None),
         ("impact", "stability limit of one impact", found.stable, None),
         ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
         ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),
@@ -62,6 +64,7 @@ def limit_rows(sim) -> list[dict]:
             "refused": key in ("impact", "travel"),
         }
         for key, name, value, share in rows
+        if key != "packing" or sim.scene.time.step == "auto"  # the caution of "auto", nothing that a step must keep
     ]
 
 
@@ -77,8 +80,13 @@ def _step(sim) -> Iterator[str]:
     if dt > STABLE_SHARE * found.stable:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.stable:.2g} of the stability limit {found.stable:.3g} s of one impact at "
-            f"{found.max_speed:.3g} m/s, and {dt / found.packed:.2g} of that of a dense packing: take at most "
-            f'{STABLE_SHARE * found.packed:.2g} s, or "auto"'
+            f'{found.max_speed:.3g} m/s: take at most {STABLE_SHARE * found.stable:.2g} s, or "auto"'
+        )
+    if dt > found.settled:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.settled:.3g} times the stability limit {found.settled:.3g} s of the bed at "
+            f"rest: its grains chatter, and from {DANGER:g} times the limit of the contacts that there are the run stops "
+            f'itself; take at most {found.settled:.2g} s, or "auto"'
         )
     if dt > RAYLEIGH_SHARE * found.rayleigh:
         yield (

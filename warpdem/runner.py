@@ -226,7 +226,8 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "steps": sim.step_number,
         "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,
                       "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
-        "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim)},
+        "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim),
+                     "step_over_stability_limit": sim.guards.stability.seen.largest},
         "noticed": sim.noticed,
         "left": {name: {"grains": count, "mass": mass} for name, (count, mass) in sim.left.items()},
         "came": [{"grains": feeder.count, "mass": feeder.mass} for feeder in sim.feeders],
@@ -396,16 +397,18 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                 outputs.write(row=ends or step % row_every == 0, frame=ends or step % frame_every == 0)
                 now = time.perf_counter()
                 if step % save_every == 0 or now - saved > sim.scene.output.checkpoint_wall_time:
-                    sim.guards.look()  # what is saved over the last checkpoint is sound
-                    outputs.settle()
-                    checkpoint.save(sim, path)
+                    if sim.guards.is_sound():  # else the last checkpoint stays, and the next look decides
+                        outputs.settle()
+                        checkpoint.save(sim, path)
                     saved = now
                 n, rate = len(sim.state), (step - first) / max(now - began, 1e-9)
                 chunk = max(1, int(SECONDS_PER_CHUNK * rate))
                 tell(step, f"t = {sim.time:.4g} of {end:g} s  {summary.speed_text(1.0 / rate, n)}  {n} grains")
-            sim.guards.look()
+            if sim.step_number == last:
+                sim.guards.judge()
             outputs.close()
-            checkpoint.save(sim, path)
+            if sim.guards.is_sound():
+                checkpoint.save(sim, path)
     except BaseException:
         with suppress(OutputError):
             outputs.close()

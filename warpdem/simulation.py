@@ -209,9 +209,9 @@ class Simulation:
             raise ValueError(f"step({count}): must be 0 or more; time does not run back")
         if self.budget is not None:
             self.budget.begin()
-        left = count
-        while left > 0:
-            left -= self._advance(left)
+        last = self.step_number + count
+        while self.step_number < last:
+            self._advance(min(last, self.guards.next_look) - self.step_number)
             self.guards.steps_done()
 
     def run(self, until: float) -> None:

@@ -58,6 +58,7 @@ def _about(sim) -> dict:
         "feeders": [feeder.state() for feeder in sim.feeders],
         "next_id": sim._next_id,
         "budget": sim.budget.state() if sim.budget is not None else None,
+        "guards": sim.guards.state(),
     }
 
 
@@ -73,7 +74,7 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
     readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
-    return {**sim.state.by_rank(), **readings, **contact_memory.read(sim.lists)}
+    return {**sim.state.by_rank(), **readings, **contact_memory.read(sim.lists), **sim.guards.arrays()}
 
 
 def _places(sim) -> dict:
@@ -173,4 +174,5 @@ def restore(sim, data: dict) -> None:
     if sim.budget is not None:
         sim.budget.restore(data["budget"])
     contact_memory.restore(sim.lists, data)
+    sim.guards.restore(data)
     sim._forces_ready = True

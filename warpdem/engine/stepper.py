@@ -38,6 +38,7 @@ class Stepper:
         control.share = wp.zeros((slots, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(slots * SPAN, dtype=wp.float64, device=device)
+        control.deepest = wp.array([sim.scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.scratch = wp.zeros((slots * PACK_BLOCK, 9), dtype=sim.kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(sim.scene), dtype=Numbers, device=device)
         control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
@@ -55,6 +56,10 @@ class Stepper:
     def extreme(self) -> np.ndarray:
         """Largest overlap share [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
         return self.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+
+    def pass_over_overlaps(self) -> None:
+        """Rest no longer where contacts are too deep."""
+        self.control.deepest.fill_(np.inf)
 
     def restore(self, extreme: np.ndarray) -> None:
         """Take over the extremes of a checkpoint; schedule and arguments are made anew."""

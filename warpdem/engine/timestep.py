@@ -20,6 +20,11 @@ packings of equal grains with free rotation. Measured: tests/verification/test_s
 
 Stiffnesses are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of
 "auto"; beyond the limit of one contact a given step is refused (a dense packing hardly ever holds such overlaps everywhere).
+What a bed does hold everywhere is its weight: ``settled`` is the limit of a packing whose contacts carry
+
+    F = p pi d^2/3,     p = 0.6 rho (g + Omega^2 r) H        [N], [Pa]
+
+with H the height of the grains at the start; it was 0.7 to 1 times the limit measured in beds at rest.
 
 ``step = "auto"`` is the least of 10 % of the Rayleigh time, contact time / 40, 80 % of the spectral limit of a packing, and
 what frame and fields allow.
@@ -30,7 +35,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.engine.impact import impact
+from warpdem.engine.impact import impact, pressed
 from warpdem.engine.plan import coefficient_table
 from warpdem.engine.travel import longest_step
 from warpdem.errors import SceneError
@@ -41,6 +46,7 @@ PACKED = 6  # contacts per grain: dense frictional packing
 RAYLEIGH_SHARE = 0.1
 PACKED_SHARE = 0.8  # overlaps of impacts everywhere in a packing are caution enough
 CONTACT_STEPS = 40
+BED_FRACTION = 0.6  # of the volume of a bed is solid
 FRAME_ANGLE = 0.02  # [rad] per step
 FIELD_ANGLE = 0.1  # [rad] per step: second order leaves 4e-4 of the motion; a drag is stable up to 1
 
@@ -54,6 +60,8 @@ class Limits:
     """Undamped contact time of the quickest impact at ``max_speed`` [s]."""
     packed: float
     """Spectral limit of a packing whose overlaps are those of an impact at ``max_speed`` [s]."""
+    settled: float
+    """Spectral limit of a packing at rest under the weight of the grains above [s]."""
     stable: float
     """Spectral limit of one contact at that overlap [s]: the largest step that is accepted."""
     frame: float
@@ -177,12 +185,26 @@ def fall_speed(scene, start, meshes: dict) -> float:
     return max(speed, 0.0) + start_speed
 
 
+def weight_per_area(scene, start) -> float:
+    """Pressure at the foot of the grains as they start [Pa], in a frame that turns with what its rate adds to gravity."""
+    if not len(start.id):
+        return 0.0
+    gravity, chain = np.array(scene.gravity), frame_chain(scene)
+    g = float(np.linalg.norm(gravity))
+    along = start.position @ gravity / g if g and not chain.turns else np.linalg.norm(start.position, axis=1)
+    height = float(np.ptp(along)) + 2.0 * float(start.radius.max())
+    pull = g + chain.max_rate**2 * float(np.linalg.norm(start.position, axis=1).max())
+    density = max(list(scene.materials.values())[kind].density for kind in np.unique(start.type))
+    return BED_FRACTION * density * pull * height
+
+
 def limits(scene, start, meshes: dict) -> Limits:
     """Limits of the time step of ``scene`` for the grains it starts with."""
     rate = frame_chain(scene).max_rate
     frame = FRAME_ANGLE / rate if rate > 0 else math.inf
     speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
-    rayleigh = contact = packed = stable = damped = math.inf
+    rayleigh = contact = packed = settled = stable = damped = math.inf
+    weight = weight_per_area(scene, start)
     overlap = 0.0
     law = scene.located(scene.contact.normal)
     materials = list(scene.materials.values())
@@ -213,6 +235,11 @@ def limits(scene, start, meshes: dict) -> Limits:
             normal = met.tangent, dashpot
             tangential = (shear * met.secant, shear_damping * dashpot) if sticks else (0.0, 0.0)
             packed = min(packed, packing_limit(normal, tangential, reduced_mass))
+            if weight > 0.0:
+                secant, slope = pressed(law, base, reduced_radius, weight * math.pi / 3.0 * (2.0 * radius) ** 2)
+                resting = damping * math.sqrt(secant * reduced_mass)
+                across = (shear * secant, shear_damping * resting) if sticks else (0.0, 0.0)
+                settled = min(settled, packing_limit((slope, resting), across, reduced_mass))
             stable = min(stable, contact_limit(normal, tangential, reduced_mass))
             if scene.contact.rolling == "spring" and rolling_friction > 0.0:
                 k_r = 2.25 * met.secant * (rolling_friction * reduced_radius) ** 2
@@ -224,6 +251,7 @@ def limits(scene, start, meshes: dict) -> Limits:
         rayleigh=float(rayleigh),
         contact_time=float(contact),
         packed=float(packed),
+        settled=float(settled),
         stable=float(stable),
         frame=float(frame),
         field=field_limit(scene, start),

@@ -8,6 +8,9 @@ walls or other things do work, only the energy budget (measures.energy) knows ho
 compared with what went through it. A driven scene without that budget is not watched.
 """
 
+import math
+from dataclasses import asdict, dataclass
+
 import numpy as np
 
 from warpdem.guards.words import grain_at, instant
@@ -18,55 +21,72 @@ SHARE = 0.05  # of the energy at hand
 STORED = ("kinetic", "rotational", "elastic")
 
 
+@dataclass(frozen=True)
+class Books:
+    """What the energy at hand is compared with: ``known`` counts grains inserted so far and grains present."""
+
+    known: tuple[int, int] = (-1, -1)
+    least: float = math.inf
+    """Least energy since the grains are these [J]."""
+    largest: float = 0.0
+    """Most of what moves or is stored in springs, or of what went through the budget [J]."""
+
+
 class EnergyGuard:
     """Watches the energy of a simulation."""
 
     def __init__(self, sim) -> None:
         self.sim = sim
         self._driven = driven(sim)
-        self._known = (-1, -1)
-        self._least = np.inf
-        self._largest = 0.0
+        self._books = self._next = Books()
 
-    def look(self) -> None:
-        """Compare the energy with what can be there.
-
-        Raises:
-            StabilityError: there is more.
-        """
+    def look(self) -> str:
+        """What is wrong with the energy, nothing if it is no more than can be there."""
         sim = self.sim
         if self._driven and not sim.plan.energy:
-            return
+            return ""
         energy = sim.energy()
         stored = sum(energy[name] for name in STORED)
-        surplus, at_hand = self._unexplained() if sim.plan.energy else self._risen(sum(energy.values()), stored)
+        surplus = self._unexplained(stored) if sim.plan.energy else self._risen(sum(energy.values()), stored)
+        at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
-            return
+            return ""
         p = sim.particles
         kinetic = p.mass * np.einsum("ij,ij->i", p.velocity_lab, p.velocity_lab)
-        sim.guards.notice(
-            "energy",
+        return (
             f"{instant(sim)}: {surplus:.3g} J appeared from nowhere, more than {SHARE:.0%} of the {at_hand:.3g} J at hand; "
             f"most of it in {grain_at(sim, int(np.argmax(kinetic)))}, at {np.sqrt(kinetic / p.mass).max():.3g} m/s the "
-            f"fastest grain moves. Time step {sim.dt:.3g} s. Take a smaller time.step.",
+            f"fastest grain moves. Time step {sim.dt:.3g} s. Take a smaller time.step."
         )
 
-    def _risen(self, total: float, stored: float) -> tuple[float, float]:
-        """Rise over the least energy so far, and the largest energy of motion and of springs so far [J]."""
-        sim = self.sim
-        known = (sim._next_id, len(sim.state))
-        if known != self._known:
-            self._known, self._least, self._largest = known, total, 0.0
-        self._least, self._largest = min(self._least, total), max(self._largest, stored)
-        return total - self._least, self._largest
+    def remember(self) -> None:
+        """Compare later looks with the last one."""
+        self._books = self._next
 
-    def _unexplained(self) -> tuple[float, float]:
-        """What the budget cannot explain, and what went through it [J]."""
+    def state(self) -> dict:
+        """What is kept between looks."""
+        return asdict(self._books)
+
+    def restore(self, state: dict) -> None:
+        """Take over what ``state`` gave."""
+        self._books = self._next = Books(**{**state, "known": tuple(state["known"])})
+
+    def _risen(self, total: float, stored: float) -> float:
+        """Rise over the least energy so far [J]."""
+        sim, books = self.sim, self._books
+        known = (sim._next_id, len(sim.state))
+        if known != books.known:
+            books = Books(known)
+        self._next = Books(known, min(books.least, total), max(books.largest, stored))
+        return total - self._next.least
+
+    def _unexplained(self, stored: float) -> float:
+        """What the budget cannot explain [J]."""
         budget = self.sim.budget.energy()
         through = [budget["work_walls"], budget["work_fields"], budget["carried_in"]]
         through += [budget[f"dissipated_{name}"] for name in DISSIPATED]
-        self._largest = max(self._largest, sum(self.sim.energy()[name] for name in STORED) + sum(abs(x) for x in through))
-        return budget["integration_error"], self._largest
+        self._next = Books(largest=max(self._books.largest, stored + sum(abs(x) for x in through)))
+        return budget["integration_error"]
 
 
 def driven(sim) -> bool:

@@ -29,31 +29,42 @@ class SideGuard:
         ]
         self._ids = np.zeros(0, dtype=np.int64)
         self._inside = np.zeros((0, len(self._meshes)), dtype=bool)
+        self._next = self._ids, self._inside
         if self._meshes and len(sim.state):
-            self._remember(*self._distances())
+            self._note_sides(*self._distances())
+            self.remember()
 
-    def look(self) -> None:
-        """Compare the side of every grain with the one that it was first seen on.
-
-        Raises:
-            StabilityError: one has passed.
-        """
+    def look(self) -> str:
+        """Which grain is on another side than the one it was first seen on, nothing if none is."""
         sim = self.sim
         if not (self._meshes or self._shapes):
-            return
-        p = sim.particles
+            return ""
+        p, wrong = sim.particles, []
         ids, distance = self._distances()
         known = np.isin(ids, self._ids)
         before = np.searchsorted(self._ids, ids[known])
         for column, number in enumerate(self._meshes):
             inwards = np.where(self._inside[before, column], -1.0, 1.0)
             depth = -distance[known, column] * inwards / p.radius[known]
-            self._tell(np.flatnonzero(known), depth, DEEP, number)
+            wrong.append(self._beyond(np.flatnonzero(known), depth, DEEP, number))
         for number in self._shapes:
             height = sim.scene.walls[number].shape.nearest(self._in_body(p.position, number))[1]
-            self._tell(np.arange(len(ids)), -height / p.radius, 1.0, number)
+            wrong.append(self._beyond(np.arange(len(ids)), -height / p.radius, 1.0, number))
         if self._meshes:
-            self._remember(ids, distance)
+            self._note_sides(ids, distance)
+        return next((message for message in wrong if message), "")
+
+    def remember(self) -> None:
+        """Compare later looks with the sides of the last one."""
+        self._ids, self._inside = self._next
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What is kept between looks: ids, shape (n,), and whether each is inside each closed mesh, shape (n, meshes)."""
+        return {"sides_id": self._ids, "sides_inside": self._inside}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take over what ``arrays`` gave."""
+        self._ids, self._inside = self._next = arrays["sides_id"], arrays["sides_inside"]
 
     def _distances(self) -> tuple[np.ndarray, np.ndarray]:
         """Ids in ascending order, shape (n,), and signed distances from each closed mesh [m], shape (n, meshes)."""
@@ -65,27 +76,26 @@ class SideGuard:
         ]
         return ids, np.stack(found, axis=1) if found else np.zeros((len(ids), 0))
 
-    def _remember(self, ids: np.ndarray, distance: np.ndarray) -> None:
-        """Keep the sides of grains seen before, and note those of new ones."""
+    def _note_sides(self, ids: np.ndarray, distance: np.ndarray) -> None:
+        """The sides of grains seen before stay what they were, those of new ones are noted."""
         inside = distance < 0.0
         known = np.isin(ids, self._ids)
         inside[known] = self._inside[np.searchsorted(self._ids, ids[known])]
-        self._ids, self._inside = ids, inside
+        self._next = ids, inside
 
     def _in_body(self, position: np.ndarray, number: int) -> np.ndarray:
         """Positions (n, 3) [m] in the body axes of wall ``number``."""
         body = self.sim.schedule.bodies(self.sim.time)[number]
         return (position - body[9:12]) @ body[:9].reshape(3, 3)
 
-    def _tell(self, rows: np.ndarray, depth: np.ndarray, allowed: float, number: int) -> None:
-        """Notice the grain that is furthest beyond the wall, ``depth`` in radii."""
+    def _beyond(self, rows: np.ndarray, depth: np.ndarray, allowed: float, number: int) -> str:
+        """Which grain is furthest beyond the wall, ``depth`` in radii; nothing if none is more than ``allowed``."""
         beyond = depth > allowed
         if not beyond.any():
-            return
+            return ""
         sim, worst = self.sim, int(np.argmax(depth))
-        sim.guards.notice(
-            "side",
+        return (
             f"{instant(sim)}: {grain_at(sim, int(rows[worst]))} is on the wrong side of the wall "
             f"{sim.scene.walls[number].name!r}, {depth[worst]:.3g} of its radius beyond ({int(beyond.sum())} of {len(depth)} "
-            f"grains are). Time step {sim.dt:.3g} s. Take a smaller time.step, or a stiffer material.",
+            f"grains are). Time step {sim.dt:.3g} s. Take a smaller time.step, or a stiffer material."
         )

@@ -13,7 +13,7 @@ called too long which is not. The factor is that of the predicted velocity of ex
 schemes are there to be compared, up to where they fail, and are not watched.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -25,6 +25,11 @@ from warpdem.scene.models import model
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
+DANGER = 1.5
+"""Time step over the limit [-] from which on a run is in danger: beds at rest bear 2, and fail at 2.5 to 3."""
+CONFIRM = 20
+"""Steps after which a look that found the time step in danger is confirmed: what three times the limit makes of a bed
+takes longer, the deepest moment of an impact is shorter."""
 
 
 @dataclass(frozen=True)
@@ -138,29 +143,79 @@ def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[floa
     return 2.0 / rate * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z), worst
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What looks have found so far."""
+
+    share: float = 0.0
+    """Time step over the limit, at the last look [-]; 0 where it was far below."""
+    largest: float = 0.0
+    """The most at any look [-]."""
+    step: int = 0
+    """When that was."""
+
+
 class StabilityGuard:
     """Watches the time step of a simulation."""
 
     def __init__(self, sim) -> None:
         self.sim = sim
+        self._seen = self._next = Seen()
 
-    def look(self) -> None:
-        """Compare the time step with the limit of the present contacts.
+    @property
+    def seen(self) -> Seen:
+        """What looks have found so far."""
+        return self._seen
 
-        Raises:
-            StabilityError: it is over it.
-        """
+    @property
+    def told(self) -> str:
+        """The most that the time step was over the limit at a look, in words; nothing if it never was."""
+        seen = self._seen
+        if seen.largest <= 1.0:
+            return ""
+        return (
+            f"up to {seen.largest:.3g} times the stability limit of the contacts at a look (step {seen.step}); "
+            f"from {DANGER:g} times on a run is in danger"
+        )
+
+    @property
+    def in_danger(self) -> bool:
+        """Whether the time step was over ``DANGER`` of the limit at the last look."""
+        return self._seen.share > DANGER
+
+    def look(self) -> str:
+        """What is wrong with the time step: nothing unless it is in danger now and was at the look before."""
+        sim = self.sim
+        share, limit, worst = self._share()
+        seen = self._seen
+        self._next = Seen(share, *max((seen.largest, seen.step), (share, sim.step_number), key=lambda most: most[0]))
+        if share <= DANGER or not self.in_danger:
+            return ""
+        return (
+            f"{instant(sim)}: the time step {sim.dt:.3g} s is {share:.3g} times the stability limit {limit:.3g} s of the "
+            f"present contacts, at two looks in a row; up to {DANGER:g} times a run bears it. The stiffest contacts: "
+            f"{grain_at(sim, worst)}. Take a smaller time.step, or a larger time.max_speed for step = 'auto'."
+        )
+
+    def remember(self) -> None:
+        """Keep what the last look has found."""
+        self._seen = self._next
+
+    def state(self) -> dict:
+        """What is kept between looks."""
+        return asdict(self._seen)
+
+    def restore(self, state: dict) -> None:
+        """Take over what ``state`` gave."""
+        self._seen = self._next = Seen(**state)
+
+    def _share(self) -> tuple[float, float, int]:
+        """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
         sim = self.sim
         if sim.plan.integrator != "exact_drift":
-            return
+            return 0.0, np.inf, 0
         found, p = springs(sim, sim.contacts()), sim.particles
         if not len(found.i) or filter_rates(found, p.mass).max() * sim.dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:
-            return
+            return 0.0, np.inf, 0
         limit, worst = stable_step(found, p.mass, p.inertia)
-        if sim.dt > limit:
-            sim.guards.notice(
-                "stability",
-                f"{instant(sim)}: the time step {sim.dt:.3g} s is over the limit {limit:.3g} s of the contacts that there are, "
-                f"of which {grain_at(sim, worst)} has the stiffest: speeds grow with every step. Take a smaller time.step, "
-                "or a larger time.max_speed for step = 'auto'.",
-            )
+        return float(sim.dt / limit), float(limit), worst

@@ -1,15 +1,19 @@
 """All guards of a run, when each of them looks, and what happens when one sees something.
 
-    overlap      after every batch of steps: from the extremes that the kernels keep
-    travel       at every refresh of the lists (``engine.travel``)
-    not finite   at every refresh of the lists, which a grain that is no longer finite causes at once
+    overlap      the step it happens in: there a batch of steps rests (``kernels.loop``)
+    not finite   the step it happens in, which makes the lists
+    travel       whenever the contact list is made (``engine.travel``)
     lists        whenever they are made
-    time step    at looks, and when the deepest overlap has doubled (``guards.stability``)
+    stability    at looks (``guards.stability``)
     energy       at looks (``guards.energy``)
     side         at looks (``guards.sides``)
 
-Looks come after 1000, 2000, 4000... steps, then every 10 000, and before each checkpoint of a run with files, so that the last
-checkpoint is a good one. They only read. With engine.guards = "record" each guard notes what it saw first, and the run goes on.
+Looks come at steps 0, 100, 200, 400 ... 6400 and every 10 000, and ``stability.CONFIRM`` steps after one that found the time
+step in danger: numbers that follow from the scene alone, so the verdict on a run depends on no clock, thread, output or
+resume. What a guard keeps from one look to the next is part of a checkpoint. A run with files also judges its last step, and
+asks before it saves a checkpoint, without keeping anything: a state that is not sound is not saved over a good one, and
+the run goes on to its next look. Guards only read. With engine.guards = "record" each notes what it saw first, and the run
+goes on.
 """
 
 import numpy as np
@@ -18,12 +22,20 @@ from warpdem.engine.travel import TravelGuard
 from warpdem.errors import StabilityError
 from warpdem.guards.energy import EnergyGuard
 from warpdem.guards.sides import SideGuard
-from warpdem.guards.stability import StabilityGuard
+from warpdem.guards.stability import CONFIRM, StabilityGuard
 from warpdem.guards.words import grain_at, instant
 
-LOOKS = (1_000, 10_000)  # steps before the first look, and most steps between two
+LOOKS = (100, 10_000)  # step of the first look after the start, and steps between two later on
 LIST_ENTRIES = 2**31 - 1  # what 32-bit numbers count
-SHALLOW = 1.0e-3  # deepest overlap over radius up to which the time step waits for the next look [-]
+
+
+def look_after(step: int) -> int:
+    """The first step after ``step`` at which all runs are looked at."""
+    first, most = LOOKS
+    due = first
+    while due <= step and due < most:
+        due *= 2
+    return due if due < most else (step // most + 1) * most
 
 
 class Guards:
@@ -31,6 +43,7 @@ class Guards:
 
     Attributes:
         noticed: what each guard saw first, by its name; empty but with engine.guards = "record".
+        next_look: step of the next look.
     """
 
     def __init__(self, sim) -> None:
@@ -38,8 +51,8 @@ class Guards:
         self.noticed: dict[str, str] = {}
         self.travel, self.energy = TravelGuard(sim), EnergyGuard(sim)
         self.sides, self.stability = SideGuard(sim), StabilityGuard(sim)
-        self._next_look = LOOKS[0]
-        self._deepest = SHALLOW
+        self._looking = {"side": self.sides, "stability": self.stability, "energy": self.energy}
+        self.next_look = sim.step_number
 
     def notice(self, guard: str, message: str) -> None:
         """Stop the run, or note what a guard saw if the scene asks for that.
@@ -52,50 +65,92 @@ class Guards:
         self.noticed.setdefault(guard, message)
 
     def steps_done(self) -> None:
-        """Look at what a batch of steps has made of the run.
+        """Look at what a batch of steps has made of the run: overlaps always, all else at the step of a look.
 
         Raises:
             StabilityError: it cannot be trusted any more.
         """
-        sim = self.sim
-        deepest = self._overlap()
-        if sim.step_number >= self._next_look:
+        self._overlap()
+        if self.sim.step_number >= self.next_look:
             self.look()
-        elif deepest > 2.0 * self._deepest:
-            self._deepest = deepest
-            self.stability.look()
 
     def look(self) -> None:
-        """Look at everything now.
+        """Look at everything now, and keep what the next look compares with.
 
         Raises:
             StabilityError: the run cannot be trusted any more.
         """
-        self._next_look = self.sim.step_number + min(max(self.sim.step_number, LOOKS[0]), LOOKS[1])
-        if len(self.sim.state):
-            self.sides.look()
-            self.stability.look()
-            self.energy.look()
+        self.judge()
+        for guard in self._looking.values():
+            guard.remember()
+        self.next_look = look_after(self.sim.step_number)
+        if self.stability.in_danger:
+            self.next_look = min(self.next_look, self.sim.step_number + CONFIRM)
 
-    def _overlap(self) -> float:
-        """Notice overlaps that no sound run reaches; returns the deepest met over the radius [-]."""
+    def judge(self) -> None:
+        """Look at everything now and keep nothing, so that later looks say what they would have said.
+
+        Raises:
+            StabilityError: the run cannot be trusted any more.
+        """
+        for name, message in self._verdicts().items():
+            self.notice(name, message)
+
+    def is_sound(self) -> bool:
+        """Whether a look now would let the run go on."""
+        return self.sim.scene.engine.guards == "record" or not self._verdicts()
+
+    def _verdicts(self) -> dict[str, str]:
+        """What is wrong now, by guard."""
+        if not len(self.sim.state):
+            return {}
+        found = {name: guard.look() for name, guard in self._looking.items()}
+        return {name: message for name, message in found.items() if message}
+
+    # -- checkpoint -----------------------------------------------------------------------------
+
+    def state(self) -> dict:
+        """What the guards keep between looks besides ``arrays``, fit for JSON."""
+        return {"next_look": self.next_look, "energy": self.energy.state(), "stability": self.stability.state()}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What the guards keep of each grain."""
+        return self.sides.arrays()
+
+    def restore(self, data: dict) -> None:
+        """Take over ``state``, under "guards", and ``arrays`` of a checkpoint; one of an older version has none."""
+        if "guards" not in data:
+            self.next_look = look_after(self.sim.step_number)
+            return
+        state = data["guards"]
+        self.next_look = state["next_look"]
+        self.energy.restore(state["energy"])
+        self.stability.restore(state["stability"])
+        self.sides.restore(data)
+
+    # -- what needs no look ---------------------------------------------------------------------
+
+    def _overlap(self) -> None:
+        """Notice overlaps that no sound run reaches."""
         sim, met = self.sim, self.sim.extremes
         limit = sim.scene.engine.max_overlap
         share = max(met["pair_overlap_share"], met["wall_overlap_share"])
         if share <= limit or "overlap" in self.noticed:
-            return share
+            return
+        sim.stepper.pass_over_overlaps()
         contacts = sim.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."
+        over = self.stability.told
         self.notice(
             "overlap",
             f"{instant(sim)}: {kind} overlap by {share:.3g} of the radius, "
-            f"allowed is engine.max_overlap = {limit:g}. {where} Time step {sim.dt:.3g} s, stability limit "
+            f"allowed is engine.max_overlap = {limit:g}. {where} Time step {sim.dt:.3g} s, "
+            f"{over + '; ' if over else ''}stability limit of an impact "
             f"{sim.limits.stable:.3g} s at {sim.limits.max_speed:.3g} m/s; largest approach speed met "
             f"{max(met['pair_approach_speed'], met['wall_approach_speed']):.3g} m/s. "
             "Take a smaller time.step, or a stiffer material.",
         )
-        return share
 
     def stop_not_finite(self) -> None:
         """Name the first grain whose state is no number.
