@@ -27,7 +27,7 @@ SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads 
 @functools.cache
 def build(
     pairs, touch, Rows, load, acceleration, travelled, integrator, border, orientation, budget, flow, *, stages: int,
-    spins: bool, walls: bool,
+    spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
 
@@ -46,6 +46,7 @@ def build(
         stages: force calls per step.
         spins: grains spin.
         walls: there are wall rows.
+        leave: grains may leave the domain.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -209,6 +210,9 @@ def build(
         row = control.row[call]
         moved = int(0)
         for i in range(first, last, stride):
+            if wp.static(leave):
+                if g.gone(grains.record[i]):
+                    continue
             total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
@@ -236,7 +240,7 @@ def build(
                 far = travelled(
                     i, state, grains.reference, control.placement, control.outlet, (s + 2) * wp.static(stages), dt, reach
                 )
-                moved = wp.max(moved, far)
+                moved = moved | far
         return moved
 
     @wp.func
@@ -303,7 +307,7 @@ def build(
                         target += threads
                         meet(control.meeting, target, yield_to)
                     for t in range(threads):
-                        stop = wp.max(stop, control.moved[t * wp.static(SPAN)])
+                        stop = stop | control.moved[t * wp.static(SPAN)]
                     if thread == 0:
                         control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):

@@ -24,6 +24,7 @@ from warpdem.kernels.schedule import (
     local,
 )
 
+BEYOND, LEFT = 1, 2  # what ``travelled`` says of a grain: beyond what the lists allow, in an outlet
 Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
 
 
@@ -151,7 +152,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """1 when the grain is further than ``reach`` [m] from its reference, is in an outlet, or is not finite."""
+        """BEYOND when the grain is further than ``reach`` [m] from its reference or not finite, LEFT when it is in an outlet."""
         q = g.position(state)
         left = reach
         if wp.static(ahead > 0.0):
@@ -160,14 +161,14 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         if wp.static(in_frame):
             way = border.nearest(q - reference[i, 0])
             if not (wp.dot(way, way) <= left * left):  # so that a broken state, NaN, is noticed here
-                moved = 1
+                moved = wp.static(BEYOND)
         if wp.static(moving > 0):
             for m in range(wp.static(moving)):
                 gone = local(placements[next_row, m], q) - reference[i, m + 1]
                 if not (wp.dot(gone, gone) <= left * left):
-                    moved = 1
+                    moved = wp.static(BEYOND)
         if wp.static(outlets > 0):
-            moved = wp.max(moved, left_domain(q, outlet))
+            moved = moved | (left_domain(q, outlet) * wp.static(LEFT))
         return moved
 
     return Built(travelled=travelled, left_domain=left_domain)

@@ -12,6 +12,7 @@ sorted in memory, when a grain left the domain or is no number, and when its spe
     LEFT, DONE                 steps to do and done
     PARITY, HOLD               of the present step; as in ``run``
     MOVED                      steps of the body after which a grain had moved too far, 0 when none has
+    FAR                        whether it was that, and not only that a grain left the domain
     STALE                      the host is next
     LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
     REFRESHES, LATEST          contact lists made, and the steps done at the last
@@ -26,13 +27,14 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.motion import BEYOND
 from warpdem.kernels.schedule import Placement, local, past_turn, slip_time, wall_velocity
 from warpdem.kernels.wall.surface import Surface
 
-CLOCK = 17
-GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST, RENEWALS = range(
-    CLOCK
-)
+CLOCK = 18
+(
+    GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST, RENEWALS, FAR,
+) = range(CLOCK)  # fmt: skip
 
 
 @wp.struct
@@ -65,7 +67,7 @@ def forces_due(clock: wp.array(dtype=wp.int32), ahead: int, stage: int) -> bool:
 @functools.cache
 def build(
     step, pairs, evaluate, Rows, travel, border, real, *, spins: bool, history: int, stages: int, lanes: int, moving: int,
-    table: bool,
+    table: bool, leave: bool,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -83,6 +85,7 @@ def build(
         lanes: contacts per pack.
         moving: wall motions relative to the frame.
         table: coefficients differ between contacts.
+        leave: grains may leave the domain.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -144,8 +147,11 @@ def build(
         # a thread of this very launch may have seen its grain beyond reach already
         if ahead >= clock_out[LEFT] or (clock_out[MOVED] != 0 and clock_out[MOVED] <= ahead):
             return
-        if step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach) > 0:
+        moved = step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach)
+        if moved > 0:
             clock_out[MOVED] = ahead + 1
+        if (moved & wp.static(BEYOND)) > 0:
+            clock_out[FAR] = 1
 
     @kernel
     def tick(
@@ -180,9 +186,12 @@ def build(
         """
         i = wp.tid()
         state = grains.record[i]
+        if wp.static(leave):
+            if g.gone(state):
+                return
         q = g.position(state)
         at = (clock_out[ROW] + 1) * wp.static(stages)
-        if travel.travelled(i, state, reference, control.placement, control.outlet, at, dt, reach) > 0:
+        if travel.travelled(i, state, reference, control.placement, control.outlet, at, dt, reach) & BEYOND:
             clock_out[NEAR] = 1
         stale = travel.left_domain(q, control.outlet)
         if border.thrown(q) or not wp.isfinite(wp.length_sq(q)):
@@ -216,6 +225,7 @@ def build(
         if clock_out[FRESH] > 0:
             clock_out[REFRESHES] = clock_out[REFRESHES] + 1
             clock_out[LATEST] = clock_out[DONE]
+            clock_out[FAR] = 0
         else:
             clock_out[GO] = 0
 

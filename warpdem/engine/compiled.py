@@ -106,6 +106,7 @@ def _built(plan: Plan) -> Built:
         **spins,
         stages=stages,
         walls=plan.walls,
+        leave=plan.outlets > 0,
     )
     lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
     walls = None
@@ -117,6 +118,7 @@ def _built(plan: Plan) -> Built:
             meshes=meshes,
             shapes=any(shapes),
             gap=plan.gap,
+            leave=plan.outlets > 0,
         )
     graph = again = None
     if plan.resident:
@@ -125,7 +127,7 @@ def _built(plan: Plan) -> Built:
         )
         graph = resident.build(
             step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
-            lanes=plan.lanes, moving=plan.moving, table=plan.table,
+            lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,
         )  # fmt: skip
         again = renewal.build(Rows)
     return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)

@@ -9,6 +9,7 @@ from warpdem.engine.rooms import Rooms
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
+from warpdem.kernels.motion import BEYOND
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
 
@@ -17,6 +18,7 @@ CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 LEAST_ROOM = 12  # room per row of the near list to begin with
+KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are made anew without the others
 RENEWALS = 64  # near lists that a device makes at most before the grains are sorted in memory again
 
 
@@ -83,6 +85,7 @@ class Lists:
         force_parity: parity of the step of the last force call.
         renewals_left: near lists that the device may still make before the host's next.
         margin: gap below which a near pair is in the contact list [m].
+        due: what ``Stepper.advance`` has left to be seen to.
     """
 
     def __init__(self, sim) -> None:
@@ -103,6 +106,7 @@ class Lists:
         self.renewals_left = self._renewals = self._rebuilds_then = 0
         n = len(sim.state)
         self.near = None
+        self.due = 0
         self.known = n
         self._near_room = RowRoom(LEAST_ROOM)
         self.near_reference = None
@@ -125,12 +129,21 @@ class Lists:
     def update(self, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain."""
         sim = self.sim
+        due, self.due = self.due, 0
+        changed = force_rebuild or self.near is None
+        if not changed and not due:
+            return
         record = sim.state.record.numpy()
         position = record[:, grain.POSITION]
-        if not np.isfinite(position).all():
+        if (changed or due & BEYOND) and not np.isfinite(position).all():
             sim.guards.stop_not_finite()
-        kept = sim.stay(position)
-        force_rebuild |= len(kept) < len(position)
+        gone = sim.leaving() if sim.plan.outlets or any(sim.plan.period) else np.zeros(0, dtype=int)
+        if len(gone):
+            self._leave(gone)
+            # the books of energy are kept by contact: what a partner's spring has lost would be told twice
+            force_rebuild |= sim.plan.energy or len(sim.state) < KEPT_SHARE * sim.state.slots
+        if not (changed or force_rebuild or due & BEYOND):
+            return
         steps = sim.step_number - self._last_refresh
         if self.refreshes and not force_rebuild:
             if steps < REFRESH_STEPS[0]:
@@ -144,8 +157,8 @@ class Lists:
         if force_rebuild or self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
             self._adapt_skin()
             with sim.clock("lists"):
-                self._rebuild(placement, kept)
-            if not len(kept):
+                self._rebuild(placement)
+            if not len(sim.state):
                 return
         with sim.clock("refresh"):
             self._refresh(placement)
@@ -155,8 +168,16 @@ class Lists:
         sim = self.sim
         placement = sim.stepper.placements()
         self._last_refresh = self._last_rebuild = sim.step_number
-        self._rebuild(placement, np.arange(len(sim.state)))
+        self._rebuild(placement)
         self._refresh(placement)
+
+    def _leave(self, gone: np.ndarray) -> None:
+        """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
+        sim = self.sim
+        sim.state.leave(gone, sim.kernels.lists.park)
+        if sim.plan.walls:
+            slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=sim.device)
+            wp.launch(sim.kernels.walls.forget_places, len(gone), inputs=[slots, self.rows], device=sim.device)
 
     def _adapt_skin(self) -> None:
         """A wider skin where near lists were made often; once it is right the device makes the next ones alone."""
@@ -173,7 +194,8 @@ class Lists:
         frame, *bodies = np.moveaxis(self.near_reference.numpy(), 1, 0)
         ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
         ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
-        return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0))) for way in ways)
+        here = self.sim.state.here
+        return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0, where=here))) for way in ways)
 
     def _bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
@@ -183,10 +205,11 @@ class Lists:
 
     # -- near list ------------------------------------------------------------------------------
 
-    def _rebuild(self, placement: np.ndarray, kept: np.ndarray) -> None:
-        """New near lists of the grains in slots ``kept``, the others are dropped."""
+    def _rebuild(self, placement: np.ndarray) -> None:
+        """New near lists; those that have left the domain are dropped."""
         sim, lists = self.sim, self.sim.kernels.lists
         state = sim.state
+        kept = np.flatnonzero(state.here)
         record = state.record.numpy()
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
@@ -244,7 +267,7 @@ class Lists:
             sim.guards.lists_fit(self._near_room.entries(classes), count)
 
     def _rebuild_walls(self, placement: np.ndarray, old_place: wp.array) -> None:
-        sim, n = self.sim, len(self.sim.state)
+        sim, n = self.sim, self.sim.state.slots
         near = sim.kernels.walls.near_features
         count = self.rooms.zeros(n, wp.int32)
         nothing = self.rooms.zeros(0, wp.int32)
@@ -268,7 +291,7 @@ class Lists:
 
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
-        state, n = sim.state, len(sim.state)
+        state, n = sim.state, sim.state.slots
         start, count, slot, contact = self.near
         rooms, room = self.rooms, self.rooms.room
         listed = rooms.zeros(slot.shape, wp.int32) if plan.resident else room("listed", slot.shape, wp.int32)
@@ -358,11 +381,11 @@ class Lists:
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
         placements = self.rooms.upload(placement, wp.types.vector(18, wp.float64))
-        sim.threads.split(sim.kernels.walls.close_features, len(sim.state), self.close_inputs(placements)[1:], sim.device)
+        sim.threads.split(sim.kernels.walls.close_features, sim.state.slots, self.close_inputs(placements)[1:], sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
         self.row_count = self.totals[2] = len(near)
         if sim.plan.resident:  # room for the rows that the device finds
-            near = np.pad(near, (0, len(sim.state) - len(near)))
+            near = np.pad(near, (0, sim.state.slots - len(near)))
         rows.grain = self.rooms.keep("wall_grain", near)
 
     def close_inputs(self, placements: wp.array) -> list:
@@ -385,8 +408,13 @@ class Lists:
     # -- reading --------------------------------------------------------------------------------
 
     def real_lanes(self) -> np.ndarray:
-        """Numbers of the lanes that hold a contact and do not merely fill a pack."""
-        return np.flatnonzero(self.slot_i.numpy().ravel() < self.row.shape[0] - 1)
+        """Numbers of the lanes that hold a contact of grains that are there, and do not merely fill a pack."""
+        real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
+        state = self.sim.state
+        if len(state) < state.slots:
+            for side in (self.owner, self.partner):
+                real &= state.here[side.numpy().ravel()]
+        return np.flatnonzero(real)
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""

@@ -11,9 +11,12 @@ from warpdem.engine.neighbours import CLASS_BLOCK
 from warpdem.engine.renewal import Renewal
 from warpdem.engine.travel import share
 from warpdem.kernels import numbering
+from warpdem.kernels.motion import BEYOND
+from warpdem.kernels.motion import LEFT as LEFT_DOMAIN
 from warpdem.kernels.resident import (
     CLOCK,
     DONE,
+    FAR,
     FRESH,
     GO,
     HOLD,
@@ -75,7 +78,7 @@ class Resident:
             self._scratch = Scratch.of(n, self.sim.device)
         return self._scratch
 
-    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
         """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
         lists = self.sim.lists
         clock = np.zeros(CLOCK, dtype=np.int32)
@@ -96,7 +99,8 @@ class Resident:
             self.refreshes += int(clock[REFRESHES])
             latest, totals = self.sim.step_number + int(clock[LATEST]), clock[[LANES, SHARES, ROWS]].tolist()
             lists.refreshed_on_device(int(clock[REFRESHES]), latest, totals)
-        return int(clock[DONE]), bool(clock[STALE])
+        # where the host is next for nothing else, a grain has left
+        return int(clock[DONE]), int(clock[STALE] > 0) * (LEFT_DOMAIN | BEYOND * int(clock[FAR] > 0))
 
     def _run(self, launches: "Launches") -> None:
         """Launch the graph of these arrays, captured at first use; step by step where conditional nodes are unknown."""
@@ -151,7 +155,7 @@ class Launches:
         self.grains, self.rows, self.surface = grains, rows, surface
         sim, lists = self.sim, self.sim.lists
         self.kernels = sim.kernels.resident
-        self.n, self.reach = len(sim.state), lists.reach
+        self.n, self.reach = sim.state.slots, lists.reach
         self.scratch, self.watched = resident.scratch(self.n), resident.watched
         contacts = self.contacts = self.kernels.Contacts()
         for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):

@@ -117,7 +117,7 @@ class Stepper:
         if sim.plan.orientation:
             grains.orientation = sim.state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
-        grains.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
+        grains.store = wp.zeros((sim.state.slots, sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
@@ -137,7 +137,7 @@ class Stepper:
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the plan's budgets have added up per grain up to the present instant, in memory order."""
-        sim, n = self.sim, len(self.sim.state)
+        sim, n = self.sim, self.sim.state.slots
         plan = sim.plan
         out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.sums.items()}
         if "flow" in out:
@@ -151,8 +151,10 @@ class Stepper:
             wp.launch(sim.kernels.loop.read_budget, dim=n, inputs=inputs, device=sim.device)
         return {name: array.numpy() for name, array in out.items()}
 
-    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, bool]:
-        """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces.
+    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, int]:
+        """Run up to ``count`` steps; returns how many were done, and what is to be seen to before the last forces.
+
+        That is a sum of ``kernels.motion``'s BEYOND, the lists are out of date, and LEFT, grains have left the domain.
 
         ``hold`` leaves the forces of the last step to the next call: grains come in there.
         """
@@ -163,12 +165,12 @@ class Stepper:
         run = self.resident.advance if self.resident else self._on_cpu
         return run(base, count, forces_first, hold, sim.step_number & 1, grains, packs, rows, surface)
 
-    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
         """One launch per thread for the whole batch."""
         sim, control, n = self.sim, self.control, self.sim.threads.count
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
-        parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
+        parts = [ranges(m, n) for m in (packs.owner.shape[0], sim.state.slots, sim.lists.row_count)]
         control.share.assign(np.hstack(parts).astype(np.int32))
         control.meeting.zero_()
         control.moved.zero_()
@@ -180,5 +182,5 @@ class Stepper:
 
         sim.threads.together([job(t) for t in range(n)])
         if count == 0:
-            return 0, False
-        return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
+            return 0, 0
+        return int(control.done.numpy()[0]), int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))
