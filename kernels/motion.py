@@ -152,7 +152,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """BEYOND when the grain is further than ``reach`` [m] from its reference or not finite, LEFT when it is in an outlet."""
+        """BEYOND when the grain is further than ``reach`` [m] from its reference or not finite, LEFT when in an outlet."""
         q = g.position(state)
         left = reach
         if wp.static(ahead > 0.0):

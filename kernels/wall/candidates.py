@@ -143,4 +143,6 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(near_features=near_features, close_features=close_features, carry_places=carry_places, forget_places=forget_places)
+    return Built(
+        near_features=near_features, close_features=close_features, carry_places=carry_places, forget_places=forget_places
+    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.rooms import Rooms
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
@@ -116,6 +117,7 @@ class Lists:
         self.near_feature = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self.rooms = Rooms(sim.device, exact=sim.plan.resident)
+        self._newcomers = Newcomers(self)
         self.memory = self.rooms.zeros((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
@@ -126,11 +128,15 @@ class Lists:
         alone = len(self.sim.state) < 2 and not self.sim.plan.walls
         return 1.0e300 if alone else 0.5 * self.margin
 
-    def update(self, force_rebuild: bool = False) -> None:
-        """Make the lists valid for the present positions, without the grains that have left the domain."""
+    def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
+        """Make the lists valid for the present positions, without the grains that have left the domain.
+
+        ``grown``: grains have come in.
+        """
         sim = self.sim
         due, self.due = self.due, 0
-        changed = force_rebuild or self.near is None
+        force_rebuild |= grown and (sim.plan.resident or not self.rebuilds)
+        changed = grown or force_rebuild or self.near is None
         if not changed and not due:
             return
         record = sim.state.record.numpy()
@@ -145,7 +151,7 @@ class Lists:
         if not (changed or force_rebuild or due & BEYOND):
             return
         steps = sim.step_number - self._last_refresh
-        if self.refreshes and not force_rebuild:
+        if self.refreshes and not grown and not force_rebuild:
             if steps < REFRESH_STEPS[0]:
                 self.margin = min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
             elif steps > REFRESH_STEPS[1]:
@@ -154,7 +160,8 @@ class Lists:
         placement = sim.stepper.placements()
         sim.guards.travel.watch(record, placement)
         self.force_parity = (sim.step_number - 1) & 1
-        if force_rebuild or self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+        force_rebuild |= self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin
+        if force_rebuild or (grown and not self._newcomers.add(placement)):
             self._adapt_skin()
             with sim.clock("lists"):
                 self._rebuild(placement)
@@ -175,7 +182,8 @@ class Lists:
         """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
         sim = self.sim
         sim.state.leave(gone, sim.kernels.lists.park)
-        if sim.plan.walls:
+        gone = gone[gone < self.known]  # one that has just come in is in no list
+        if sim.plan.walls and len(gone):
             slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=sim.device)
             wp.launch(sim.kernels.walls.forget_places, len(gone), inputs=[slots, self.rows], device=sim.device)
 
@@ -192,12 +200,12 @@ class Lists:
     def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
         """Largest way of a grain since the near lists were made, in the axes that count [m]."""
         frame, *bodies = np.moveaxis(self.near_reference.numpy(), 1, 0)
+        position, here = position[: self.known], self.sim.state.here[: self.known]
         ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
-        ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
-        here = self.sim.state.here
+        ways += [now - then for now, then in zip(self.bodies(position, placement), bodies, strict=True)]
         return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0, where=here))) for way in ways)
 
-    def _bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
+    def bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
         return [
             (position - p[9:12]) @ p[:9].reshape(3, 3) for p in placement[: self.sim.plan.moving]
@@ -230,7 +238,7 @@ class Lists:
         state.reorder(order)
         old_place = self.rooms.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
         self.near_reference = self.rooms.room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
-        self.near_reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
+        self.near_reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
         self.grids = grids_for(position, radius, classes, beyond, sim.device)
         wp.launch(lists.insert_grains, n, [self.grids, state.record], device=sim.device)
         start, count, slot = self._near_rows(self.grids, classes)
@@ -345,7 +353,7 @@ class Lists:
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
-        self.reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
+        self.reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
         if plan.walls:
             self._refresh_walls(placement)
         self.refreshes += 1

@@ -59,6 +59,7 @@ class State:
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self._all_here(n)
+        self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
     def __len__(self) -> int:
         return self._count
@@ -99,10 +100,17 @@ class State:
     def add(self, start, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
         more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
+        there, n = self.slots, self.slots + more.slots
         for name in self.names:
-            array = getattr(self, name)
-            both = np.concatenate([array.numpy(), getattr(more, name).numpy()])
-            setattr(self, name, wp.array(both, dtype=array.dtype, device=self.device))
+            array, new = getattr(self, name), getattr(more, name)
+            room = self._room.get(name)
+            if room is None or room.ptr != array.ptr or len(room) < n:
+                room = self._room[name] = wp.empty((n + n // 8 + 64, *array.shape[1:]), dtype=array.dtype, device=self.device)
+                wp.copy(room, array, count=array.size)
+            wp.copy(room, new, dest_offset=there * (new.size // len(new)), count=new.size)
+            both = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
+            both._ref = room  # as in Warp's own views: it holds the memory
+            setattr(self, name, both)
         self.group = np.concatenate([self.group, more.group])
         here = np.concatenate([self.here, more.here])
         self._all_here(len(here))
