@@ -17,6 +17,7 @@ from warpdem.kernels.field import Numbers
 from warpdem.kernels.flow import Plane
 from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK
+from warpdem.kernels.path import Flight
 from warpdem.kernels.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
@@ -63,6 +64,7 @@ def build(
         kind: wp.array(dtype=wp.int32)
         orientation: wp.array(dtype=wp.vec4d)
         reference: wp.array2d(dtype=wp.vec3d)
+        flight: wp.array(dtype=Flight)  # of size 0 when no grain is in flight
         row_start: wp.array(dtype=wp.int32)
         row: wp.array(dtype=pairs.Share)
         store: wp.array2d(dtype=wp.vec3d)  # what the integrator keeps between the stages of a step
@@ -93,6 +95,7 @@ def build(
         frame: wp.array(dtype=FrameRow)  # per force call
         field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
+        origin: wp.array(dtype=wp.int32)  # step that the first row belongs to
         outlet: wp.array(dtype=Box)  # where grains leave
         plane: wp.array(dtype=Plane)  # where their flow is measured
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
@@ -238,8 +241,9 @@ def build(
                     grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
                 far = travelled(
-                    i, state, grains.reference, control.placement, control.outlet, (s + 2) * wp.static(stages), dt, reach
-                )
+                    i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
+                    (s + 2) * wp.static(stages), dt, reach,
+                )  # fmt: skip
                 moved = moved | far
         return moved
 

@@ -17,6 +17,7 @@ sorted in memory, when a grain left the domain or is no number, and when its spe
     LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
     REFRESHES, LATEST          contact lists made, and the steps done at the last
     RENEWALS                   near lists that may still be made before the host sorts the grains
+    SOON                       steps done before which the host wants to be asked for a near list; 0: not at all
 
 The largest overlap and speed are kept by atomic maxima, which are the same in any order; the only other atomics link grains
 into cells, in an order that ``near_rows`` sorts away. So two runs have equal bits. A maximum is compared before it is raised:
@@ -27,25 +28,17 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.flight import Watched
 from warpdem.kernels.motion import BEYOND
+from warpdem.kernels.path import Flight, in_flight
 from warpdem.kernels.schedule import Placement, local, past_turn, slip_time, wall_velocity
 from warpdem.kernels.wall.surface import Surface
 
-CLOCK = 18
+CLOCK = 19
 (
     GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, FAR, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST,
-    RENEWALS,
+    RENEWALS, SOON,
 ) = range(CLOCK)  # fmt: skip
-
-
-@wp.struct
-class Watched:
-    """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
-
-    motion: wp.array(dtype=wp.int32)
-    share: wp.array(dtype=wp.float64)  # largest travel per step over the radius [-]
-    low: wp.array(dtype=wp.vec3d)  # [m]
-    high: wp.array(dtype=wp.vec3d)  # [m]
 
 
 @wp.func
@@ -192,7 +185,10 @@ def build(
                 return
         q = g.position(state)
         at = (clock_out[ROW] + 1) * wp.static(stages)
-        if travel.travelled(i, state, reference, control.placement, control.outlet, at, dt, reach) & BEYOND:
+        moved = travel.travelled(
+            i, state, reference, grains.flight, control.placement, control.outlet, control.origin, at, dt, reach
+        )
+        if (moved & BEYOND) > 0:
             clock_out[NEAR] = 1
         stale = travel.left_domain(q, control.outlet)
         if border.thrown(q) or not wp.isfinite(wp.length_sq(q)):
@@ -255,10 +251,13 @@ def build(
 
     @kernel
     def mark(
-        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), reference_out: wp.array2d(dtype=wp.vec3d)
-    ):
-        """Where grains are now: the place from which their way is counted."""
+        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), flight: wp.array(dtype=Flight),
+        reference_out: wp.array2d(dtype=wp.vec3d),
+    ):  # fmt: skip
+        """Where grains are now: the place from which their way is counted. Those in flight have none."""
         i = wp.tid()
+        if in_flight(flight, i):
+            return
         q = g.position(record[i])
         reference_out[i, 0] = q
         for m in range(wp.static(moving)):

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.engine.flights import Flights
 from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.rooms import Rooms
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
+from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, OFF_PATH
 from warpdem.kernels.motion import BEYOND
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
@@ -20,6 +22,7 @@ REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it 
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 LEAST_ROOM = 12  # room per row of the near list to begin with
 KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are made anew without the others
+NOBODY = np.zeros(0, dtype=np.int64)
 RENEWALS = 64  # near lists that a device makes at most before the grains are sorted in memory again
 
 
@@ -115,8 +118,10 @@ class Lists:
         self.totals = [0, 0, 0]
         self.force_parity = 1
         self.near_feature = None
+        self.reference = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self.rooms = Rooms(sim.device, exact=sim.plan.resident)
+        self.flights = Flights(self)
         self._newcomers = Newcomers(self)
         self.memory = self.rooms.zeros((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
@@ -150,25 +155,63 @@ class Lists:
             force_rebuild |= sim.plan.energy or len(sim.state) < KEPT_SHARE * sim.state.slots
         if not (changed or force_rebuild or due & BEYOND):
             return
-        steps = sim.step_number - self._last_refresh
-        if self.refreshes and not grown and not force_rebuild:
-            if steps < REFRESH_STEPS[0]:
-                self.margin = min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
-            elif steps > REFRESH_STEPS[1]:
-                self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
-        self._last_refresh = sim.step_number
         placement = sim.stepper.placements()
         sim.guards.travel.watch(record, placement)
         self.force_parity = (sim.step_number - 1) & 1
-        force_rebuild |= self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin
-        if force_rebuild or (grown and not self._newcomers.add(placement)):
+        force_rebuild |= self.near is None
+        fast = self.flights.slots
+        if not force_rebuild:
+            with sim.clock("lists"):
+                held, fast = self._held()
+                if held and not grown:
+                    return
+                force_rebuild = held is None or (grown and not self._let_in(placement))
+        if not grown and not force_rebuild:
+            self.margin = self.next_margin
+        self._last_refresh = sim.step_number
+        if force_rebuild:
             self._adapt_skin()
             with sim.clock("lists"):
-                self._rebuild(placement)
+                self._rebuild(placement, fast)
             if not len(sim.state):
                 return
         with sim.clock("refresh"):
             self._refresh(placement)
+
+    def _held(self) -> tuple[bool | None, np.ndarray]:
+        """Whether the lists hold, False where only the contact list does not, None where the near list does not.
+
+        Some grains may fly from now on so that they do; and which were meant to, or fly, is told too.
+        """
+        steps, known = self.sim.step_number - self._last_refresh, set(self.flights.slots)
+        since = self.sim.step_number - self._last_rebuild
+        stray = self.flights.stray()
+        due = stray & (BEYOND_NEAR | OFF_PATH)
+        hasty = steps < REFRESH_STEPS[0] or (due.any() and since < REBUILD_STEPS)
+        stray, wanted = self.flights.take(stray, hasty)
+        fast = np.union1d(self.flights.slots, wanted)
+        if (stray & (BEYOND_NEAR | OFF_PATH)).any():
+            return None, fast
+        new = [slot for slot in self.flights.slots if slot not in known]
+        unlisted = len(new) and self.near[1].numpy()[new].any()  # all in the rows of those that fly is listed
+        return not (stray & BEYOND_REACH).any() and not unlisted, fast
+
+    def _let_in(self, placement: np.ndarray) -> bool:
+        """Whether newcomers could be added to the lists as they are."""
+        if not self._newcomers.add(placement):
+            return False
+        flying = self.flights.slots
+        return len(flying) == 0 or len(self.flights.lay(flying)) == len(flying)
+
+    @property
+    def next_margin(self) -> float:
+        """Margin of the next contact list [m], steered by the steps since the last."""
+        steps = self.sim.step_number - self._last_refresh
+        if self.refreshes and steps < REFRESH_STEPS[0]:
+            return min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
+        if self.refreshes and steps > REFRESH_STEPS[1]:
+            return max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
+        return self.margin
 
     def make(self) -> None:
         """Make all lists for the present positions."""
@@ -182,6 +225,7 @@ class Lists:
         """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
         sim = self.sim
         sim.state.leave(gone, sim.kernels.lists.park)
+        self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that has just come in is in no list
         if sim.plan.walls and len(gone):
             slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=sim.device)
@@ -197,14 +241,6 @@ class Lists:
         self.renewals_left = self._renewals
         self.skin, self._last_rebuild, self._rebuilds_then = wider, self.sim.step_number, self.rebuilds
 
-    def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
-        """Largest way of a grain since the near lists were made, in the axes that count [m]."""
-        frame, *bodies = np.moveaxis(self.near_reference.numpy(), 1, 0)
-        position, here = position[: self.known], self.sim.state.here[: self.known]
-        ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
-        ways += [now - then for now, then in zip(self.bodies(position, placement), bodies, strict=True)]
-        return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0, where=here))) for way in ways)
-
     def bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
         return [
@@ -213,8 +249,8 @@ class Lists:
 
     # -- near list ------------------------------------------------------------------------------
 
-    def _rebuild(self, placement: np.ndarray) -> None:
-        """New near lists; those that have left the domain are dropped."""
+    def _rebuild(self, placement: np.ndarray, fast: np.ndarray = NOBODY) -> None:
+        """New near lists; those that have left the domain are dropped, and those in slots ``fast`` fly if they can."""
         sim, lists = self.sim, self.sim.kernels.lists
         state = sim.state
         kept = np.flatnonzero(state.here)
@@ -222,6 +258,7 @@ class Lists:
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
         sim.stepper.forget()
+        self.flights.land()
         self.select_inputs = self.fill_inputs = None
         known = self.known
         n = self.known = len(kept)
@@ -252,6 +289,8 @@ class Lists:
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
+        if len(fast):
+            self.flights.lay(np.flatnonzero(np.isin(order, fast)))
 
     def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
         """Start and count of the row of each grain, and the rows."""
@@ -307,7 +346,7 @@ class Lists:
         split = sim.threads.split
         self.select_inputs = {
             "record": state.record, "id": state.id, "start": start, "count": count, "slot": slot, "margin": self.margin,
-            "listed": listed, "touching": touching, "close": close, "width": width,
+            "flight": self.flights.path, "listed": listed, "touching": touching, "close": close, "width": width,
         }  # fmt: skip
         split(lists.select_contacts, n, [*self.select_inputs.values()], sim.device)
         touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
@@ -354,6 +393,7 @@ class Lists:
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
         self.reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
+        self.flights.unplace()
         if plan.walls:
             self._refresh_walls(placement)
         self.refreshes += 1

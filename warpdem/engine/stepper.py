@@ -43,6 +43,7 @@ class Stepper:
         control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in sim.scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
@@ -81,6 +82,7 @@ class Stepper:
                 self._placements = sim.schedule.placements(first, ahead)
                 self._schedule("placement", self._placements, Placement)
                 self._block = (first, ahead)
+                self.control.origin.assign(np.array([first], dtype=np.int32))
         base = first - self._block[0]
         return base, self._block[1] - base
 
@@ -104,6 +106,11 @@ class Stepper:
         base, _ = self.row()
         return self._placements[(base + 1) * self.stages]
 
+    def placements_ahead(self) -> np.ndarray:
+        """Placements of the wall motions at all force calls of the schedule on the device, shape (calls, motions, 18)."""
+        self.row()
+        return self._placements
+
     def arguments(self):
         """Structs of grains, packs and wall rows for the present lists."""
         lists = self.sim.lists
@@ -117,6 +124,7 @@ class Stepper:
         if sim.plan.orientation:
             grains.orientation = sim.state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
+        grains.flight = lists.flights.path
         grains.store = wp.zeros((sim.state.slots, sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
