@@ -16,6 +16,7 @@ from warpdem.kernels.wall.surface import Surface
 
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
 LEAST_STEPS = 8  # that a path must be good for
+MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
 PAIRS = 4_000_000  # of grains in flight that are looked at for one set of paths
 ROUNDS = 4  # of laying paths, each without those that the one before found too short
 LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
@@ -93,6 +94,11 @@ class Flights:
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, wanted
 
+    def lay_anew(self, wanted: np.ndarray) -> None:
+        """Lay paths against new lists, unless it has helped nothing lately."""
+        if self._failed <= 1 and len(self.lay(wanted)) == len(wanted):
+            self._failed = self._wait = 0
+
     def lay(self, wanted: np.ndarray) -> np.ndarray:
         """Lay paths from the present places for the grains in slots ``wanted``; returns those that fly now, of them."""
         sim, lists = self.sim, self.lists
@@ -124,6 +130,9 @@ class Flights:
             split(kernels.lay, len(wanted), inputs, sim.device)
             found = steps.numpy()
             good = found >= LEAST_STEPS
+            ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
+            if ends > MOST_ENDS:
+                good[:] = False
             if good.all():
                 break
             path[wanted[~good], 11] = -1.0

@@ -290,7 +290,7 @@ class Lists:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
         if len(fast):
-            self.flights.lay(np.flatnonzero(np.isin(order, fast)))
+            self.flights.lay_anew(np.flatnonzero(np.isin(order, fast)))
 
     def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
         """Start and count of the row of each grain, and the rows."""

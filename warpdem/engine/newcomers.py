@@ -107,9 +107,10 @@ class Newcomers:
     def _mark(self, record: np.ndarray, new: np.ndarray, placement: np.ndarray) -> None:
         """From where the ways of newcomers count."""
         lists, position = self.lists, record[new, grain.POSITION]
-        whole = grown(self._whole("near_reference", lists.near_reference), new[-1] + 1)
+        n = int(new[-1]) + 1
+        whole = grown(self._whole("near_reference", lists.near_reference), n)
         whole.numpy()[new] = np.stack([position, *lists.bodies(position, placement)], axis=1)
-        self._kept["near_reference"], lists.near_reference = whole, first_rows(whole, new[-1] + 1)
+        self._kept["near_reference"], lists.near_reference = whole, first_rows(whole, n)
 
     def _whole(self, name: str, view: wp.array) -> wp.array:
         """The array with room that ``view`` is the first rows of, or itself."""
@@ -119,7 +120,7 @@ class Newcomers:
     def _beside_walls(self, new: np.ndarray, placement: np.ndarray) -> None:
         """Slots of newcomers beside walls, behind those of the others."""
         lists, sim, device = self.lists, self.sim, self.sim.device
-        rows, n, used = lists.rows, new[-1] + 1, int(lists.rows.first.numpy()[new[0]])
+        rows, n, used = lists.rows, int(new[-1]) + 1, int(lists.rows.first.numpy()[new[0]])
         near, nothing = sim.kernels.walls.near_features, lists.rooms.zeros(0, wp.int32)
         placements = lists.rooms.upload(placement, wp.types.vector(18, wp.float64))
         shared = [sim.state.record, 0.5 * lists.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
