@@ -7,6 +7,9 @@
 Position in frame axes; velocity and spin are absolute, resolved in frame axes, and belong to the middle of the last step
 (design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
 friction the record ends after the acceleration.
+
+A grain that has left the domain keeps its place in memory until the lists are made anew, at rest at x = GONE, where it meets
+nobody: none is carried so far, and a place that moves lands on this very number by no chance worth a thought.
 """
 
 import functools
@@ -15,6 +18,7 @@ import warp as wp
 from warpdem.kernels import Built
 
 WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin
+GONE = 1048583.0  # x of what has left [m]: the law stays finite so far apart, in float32 too
 POSITION, RADIUS, VELOCITY, SPIN = slice(0, 3), 3, slice(4, 7), slice(10, 13)  # places in the record
 
 
@@ -26,6 +30,11 @@ def build(spins: bool):
     @wp.func
     def position(g: Record) -> wp.vec3d:
         return wp.vec3d(g[0], g[1], g[2])
+
+    @wp.func
+    def gone(g: Record) -> bool:
+        """Whether the grain has left the domain."""
+        return g[0] == wp.float64(wp.static(GONE))
 
     @wp.func
     def placed(g: Record, q: wp.vec3d) -> Record:
@@ -81,6 +90,7 @@ def build(spins: bool):
     return Built(
         Record=Record,
         position=position,
+        gone=gone,
         placed=placed,
         velocity=velocity,
         acceleration=acceleration,

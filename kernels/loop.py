@@ -18,6 +18,7 @@ from warpdem.kernels.field import Numbers
 from warpdem.kernels.flow import Plane
 from warpdem.kernels.motion import Box
 from warpdem.kernels.pairs import BLOCK
+from warpdem.kernels.path import Flight
 from warpdem.kernels.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
@@ -34,7 +35,7 @@ def too_deep(extreme: wp.array(dtype=wp.float64), at: int, deepest: wp.array(dty
 @functools.cache
 def build(
     pairs, touch, Rows, load, acceleration, travelled, integrator, border, orientation, budget, flow, *, stages: int,
-    spins: bool, walls: bool,
+    spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
 
@@ -53,6 +54,7 @@ def build(
         stages: force calls per step.
         spins: grains spin.
         walls: there are wall rows.
+        leave: grains may leave the domain.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -69,6 +71,7 @@ def build(
         kind: wp.array(dtype=wp.int32)
         orientation: wp.array(dtype=wp.vec4d)
         reference: wp.array2d(dtype=wp.vec3d)
+        flight: wp.array(dtype=Flight)  # of size 0 when no grain is in flight
         row_start: wp.array(dtype=wp.int32)
         row: wp.array(dtype=pairs.Share)
         store: wp.array2d(dtype=wp.vec3d)  # what the integrator keeps between the stages of a step
@@ -99,6 +102,7 @@ def build(
         frame: wp.array(dtype=FrameRow)  # per force call
         field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
+        origin: wp.array(dtype=wp.int32)  # step that the first row belongs to
         outlet: wp.array(dtype=Box)  # where grains leave
         plane: wp.array(dtype=Plane)  # where their flow is measured
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
@@ -217,6 +221,9 @@ def build(
         row = control.row[call]
         moved = int(0)
         for i in range(first, last, stride):
+            if wp.static(leave):
+                if g.gone(grains.record[i]):
+                    continue
             total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
@@ -242,9 +249,10 @@ def build(
                     grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
                 far = travelled(
-                    i, state, grains.reference, control.placement, control.outlet, (s + 2) * wp.static(stages), dt, reach
-                )
-                moved = wp.max(moved, far)
+                    i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
+                    (s + 2) * wp.static(stages), dt, reach,
+                )  # fmt: skip
+                moved = moved | far
         return moved
 
     @wp.func
@@ -311,7 +319,7 @@ def build(
                         target += threads
                         meet(control.meeting, target, yield_to)
                     for t in range(threads):
-                        stop = wp.max(stop, control.moved[t * wp.static(SPAN)])
+                        stop = stop | control.moved[t * wp.static(SPAN)]
                 if thread == 0:
                     control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):

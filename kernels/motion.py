@@ -12,6 +12,7 @@ import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.pairs import share_width
+from warpdem.kernels.path import Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.schedule import (
     FrameRow,
     Placement,
@@ -24,6 +25,7 @@ from warpdem.kernels.schedule import (
     local,
 )
 
+BEYOND, LEFT = 1, 2  # what ``travelled`` says of a grain: beyond what the lists allow, in an outlet
 Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
 
 
@@ -114,11 +116,12 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 
 @functools.cache
-def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float):
-    """Return ``travelled``, and ``left_domain`` of the outlets.
+def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int):
+    """Return ``travelled``, what it is made of, and ``left_domain`` of the outlets.
 
     Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
     where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
+    A grain in flight (``flight``) has no reference but a path.
 
     Args:
         border: periodic images, of ``border.build``.
@@ -127,6 +130,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         moving: number of wall motions relative to the frame (they come first among the placements).
         in_frame: ways in frame axes count: a wall rests there, or none moves.
         ahead: steps at the present velocity that the lists must hold beyond the present place.
+        stages: force calls per step.
     """
     g = grain.build(spins)
 
@@ -141,33 +145,69 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         return inside
 
     @wp.func
+    def left_of(state: g.Record, reach: wp.float64, dt: wp.float64) -> wp.float64:
+        """How much of ``reach`` [m] a grain may have gone: a stage looks ahead of its place."""
+        left = reach
+        if wp.static(ahead > 0.0):
+            left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+        return left
+
+    @wp.func
+    def way_from(
+        i: int, state: g.Record, reference: wp.array2d(dtype=wp.vec3d), placements: wp.array2d(dtype=Placement), row: int
+    ) -> wp.float64:  # fmt: skip
+        """Square of the way from its reference [m2], the longest of those in the axes that count; NaN of a broken state."""
+        q = g.position(state)
+        square = wp.float64(0.0)
+        if wp.static(in_frame):
+            way = border.nearest(q - reference[i, 0])
+            square = wp.dot(way, way)
+        if wp.static(moving > 0):
+            for m in range(wp.static(moving)):
+                gone = local(placements[row, m], q) - reference[i, m + 1]
+                longer = wp.dot(gone, gone)
+                if not (longer <= square):
+                    square = longer
+        return square
+
+    @wp.func
+    def holds(path: Flight, state: g.Record, now: wp.float64, dt: wp.float64) -> bool:
+        """Whether a grain is on its path at step ``now``."""
+        t = (now - path[10]) * dt
+        way = border.nearest(g.position(state) - place_at(path, t))
+        left = path[9]
+        if wp.static(ahead > 0.0):
+            off = wp.length(g.velocity(state) - velocity_at(path, t)) + wp.length(bend(path)) * dt
+            left = wp.max(left - off * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+        return now <= path[11] and wp.dot(way, way) <= left * left
+
+    @wp.func
     def travelled(
         i: int,
         state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
+        flight: wp.array(dtype=Flight),
         placements: wp.array2d(dtype=Placement),
         outlet: wp.array(dtype=Box),
+        origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
         reach: wp.float64,
     ) -> int:
-        """1 when the grain is further than ``reach`` [m] from its reference, is in an outlet, or is not finite."""
-        q = g.position(state)
-        left = reach
-        if wp.static(ahead > 0.0):
-            left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+        """BEYOND when the grain is further than ``reach`` [m] from its reference, or off its path, or not finite.
+
+        And LEFT when it is in an outlet.
+        """
+        left = left_of(state, reach, dt)
         moved = int(0)
-        if wp.static(in_frame):
-            way = border.nearest(q - reference[i, 0])
-            if not (wp.dot(way, way) <= left * left):  # so that a broken state, NaN, is noticed here
-                moved = 1
-        if wp.static(moving > 0):
-            for m in range(wp.static(moving)):
-                gone = local(placements[next_row, m], q) - reference[i, m + 1]
-                if not (wp.dot(gone, gone) <= left * left):
-                    moved = 1
+        if not (way_from(i, state, reference, placements, next_row) <= left * left):  # so that NaN is noticed here
+            moved = wp.static(BEYOND)
+            if in_flight(flight, i):
+                now = wp.float64(origin[0] + next_row // wp.static(stages) - 1)
+                if holds(flight[i], state, now, dt):
+                    moved = 0
         if wp.static(outlets > 0):
-            moved = wp.max(moved, left_domain(q, outlet))
+            moved = moved | (left_domain(g.position(state), outlet) * wp.static(LEFT))
         return moved
 
-    return Built(travelled=travelled, left_domain=left_domain)
+    return Built(travelled=travelled, left_domain=left_domain, left_of=left_of, way_from=way_from, holds=holds)

@@ -14,6 +14,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.path import Flight, in_flight
 from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 
@@ -62,6 +63,14 @@ def build(
             else:
                 high = middle
         return low
+
+    @kernel
+    def park(slot: wp.array(dtype=wp.int32), grains_out: wp.array(dtype=g.Record)):
+        """Put grains that have left the domain out of the way, each at a place of its own (``grain``)."""
+        i = slot[wp.tid()]
+        at = wp.vec3d(wp.float64(wp.static(grain.GONE)), wp.float64(16.0) * wp.float64(i), wp.float64(0.0))
+        rest = wp.vec3d()
+        grains_out[i] = g.record(at, grains_out[i][3], rest, rest, rest, rest)
 
     @kernel
     def insert_grains(grids: SizeGrids, grains: wp.array(dtype=g.Record)):
@@ -161,12 +170,13 @@ def build(
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         margin: wp.float64,
+        flight: wp.array(dtype=Flight),
         listed_out: wp.array(dtype=wp.int32),
         touching_count_out: wp.array(dtype=wp.int32),
         near_count_out: wp.array(dtype=wp.int32),
         listed_count_out: wp.array(dtype=wp.int32),
     ):
-        """Which pairs are closer than the margin; both grains decide alike, bit for bit.
+        """Which pairs are closer than the margin, or in flight; both grains decide alike, bit for bit.
 
         ``listed_out`` holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if they touch.
         """
@@ -175,6 +185,7 @@ def build(
         touching = int(0)
         near = int(0)
         listed = int(0)
+        flying = in_flight(flight, i)
         for e in range(start[i], start[i] + count[i]):
             j = slot[e]
             other = grains[j]
@@ -183,7 +194,7 @@ def build(
             reach = me[3] + other[3] + wp.float64(wp.static(gap))
             far = reach + margin
             entry = int(-1)
-            if square < far * far:
+            if square < far * far or flying or in_flight(flight, j):
                 entry = 2 * listed
                 listed += 1
                 if square < reach * reach:
@@ -293,6 +304,7 @@ def build(
         put_constants(p, k, owner[p, k], partner[p, k], grains, inverse, kind, coefficients, constants_out)
 
     return Built(
+        park=park,
         insert_grains=insert_grains,
         near_rows=near_rows,
         carry_contacts=carry_contacts,

@@ -10,7 +10,10 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built
-from warpdem.kernels.resident import NEAR, PARITY, RENEWALS, STALE
+from warpdem.kernels.path import Flight
+from warpdem.kernels.resident import DONE, NEAR, PARITY, RENEWALS, SOON, STALE
+
+HASTY = 16  # steps between two near lists below which the host is to look for a remedy
 
 
 @functools.cache
@@ -20,8 +23,12 @@ def build(Rows):
 
     @kernel
     def ask(clock_out: wp.array(dtype=wp.int32)):
-        """One thread: whether the near list may be made here, where it is out of date, else the host is asked."""
-        if clock_out[NEAR] > 0 and (clock_out[STALE] > 0 or clock_out[RENEWALS] < 1):
+        """One thread: whether the near list may be made here, where it is out of date, else the host is asked.
+
+        As it is before step SOON: a few fast grains may fly along paths (``flight``).
+        """
+        soon = clock_out[DONE] < clock_out[SOON]
+        if clock_out[NEAR] > 0 and (clock_out[STALE] > 0 or clock_out[RENEWALS] < 1 or soon):
             clock_out[NEAR] = 0
             clock_out[STALE] = 1
 
@@ -35,6 +42,8 @@ def build(Rows):
             clock_out[STALE] = 1
         clock_out[NEAR] = 1 - clock_out[STALE]
         clock_out[RENEWALS] = clock_out[RENEWALS] - clock_out[NEAR]
+        if clock_out[NEAR] > 0 and clock_out[SOON] > 0:
+            clock_out[SOON] = clock_out[DONE] + wp.static(HASTY)
 
     @kernel
     def put_in_place(
@@ -48,9 +57,14 @@ def build(Rows):
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
         contact_out: wp.array(dtype=wp.int32),
+        flight_out: wp.array(dtype=Flight),
     ):
-        """The new rows take the place of the others."""
+        """The new rows take the place of the others. The paths were laid against those, and end."""
         i = wp.tid()
+        if flight_out.shape[0] > 0:
+            path = flight_out[i]
+            path[11] = wp.float64(-1.0)
+            flight_out[i] = path
         start_out[i] = start[i]
         if i + 1 == count.shape[0]:
             start_out[i + 1] = start[i + 1]

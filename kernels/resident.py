@@ -12,11 +12,13 @@ sorted in memory, when a grain left the domain or is no number, and when its spe
     LEFT, DONE                 steps to do and done
     PARITY, HOLD               of the present step; as in ``run``
     MOVED                      steps of the body after which a grain had moved too far, 0 when none has
+    FAR                        whether it was that, and not only that a grain left the domain
     DEEP                       1 + steps of the body after which a contact was too deep, 0 when none was
     STALE                      the host is next
     LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
     REFRESHES, LATEST          contact lists made, and the steps done at the last
     RENEWALS                   near lists that may still be made before the host sorts the grains
+    SOON                       steps done before which the host wants to be asked for a near list; 0: not at all
 
 The largest overlap and speed are kept by atomic maxima, which are the same in any order; the only other atomics link grains
 into cells, in an order that ``near_rows`` sorts away. So two runs have equal bits. A maximum is compared before it is raised:
@@ -27,23 +29,18 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.flight import Watched
 from warpdem.kernels.loop import too_deep
+from warpdem.kernels.motion import BEYOND
+from warpdem.kernels.path import Flight, in_flight
 from warpdem.kernels.schedule import Placement, local, past_turn, slip_time, wall_velocity
 from warpdem.kernels.wall.surface import Surface
 
-CLOCK = 18
-(GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, DEEP, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST,
- RENEWALS) = range(CLOCK)  # fmt: skip
-
-
-@wp.struct
-class Watched:
-    """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
-
-    motion: wp.array(dtype=wp.int32)
-    share: wp.array(dtype=wp.float64)  # largest travel per step over the radius [-]
-    low: wp.array(dtype=wp.vec3d)  # [m]
-    high: wp.array(dtype=wp.vec3d)  # [m]
+CLOCK = 20
+(
+    GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, FAR, DEEP, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST,
+    RENEWALS, SOON,
+) = range(CLOCK)  # fmt: skip
 
 
 @wp.func
@@ -66,7 +63,7 @@ def forces_due(clock: wp.array(dtype=wp.int32), ahead: int, stage: int) -> bool:
 @functools.cache
 def build(
     step, pairs, evaluate, Rows, travel, border, real, *, spins: bool, history: int, stages: int, lanes: int, moving: int,
-    table: bool,
+    table: bool, leave: bool,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -84,6 +81,7 @@ def build(
         lanes: contacts per pack.
         moving: wall motions relative to the frame.
         table: coefficients differ between contacts.
+        leave: grains may leave the domain.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -150,8 +148,11 @@ def build(
         if stage == 0 and too_deep(control.extreme, 0, control.deepest):
             clock_out[DEEP] = ahead + 1
             return
-        if step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach) > 0:
+        moved = step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach)
+        if moved > 0:
             clock_out[MOVED] = ahead + 1
+        if (moved & wp.static(BEYOND)) > 0:
+            clock_out[FAR] = 1
 
     @kernel
     def tick(
@@ -190,9 +191,15 @@ def build(
         """
         i = wp.tid()
         state = grains.record[i]
+        if wp.static(leave):
+            if g.gone(state):
+                return
         q = g.position(state)
         at = (clock_out[ROW] + 1) * wp.static(stages)
-        if travel.travelled(i, state, reference, control.placement, control.outlet, at, dt, reach) > 0:
+        moved = travel.travelled(
+            i, state, reference, grains.flight, control.placement, control.outlet, control.origin, at, dt, reach
+        )
+        if (moved & BEYOND) > 0:
             clock_out[NEAR] = 1
         stale = travel.left_domain(q, control.outlet)
         if border.thrown(q) or not wp.isfinite(wp.length_sq(q)):
@@ -226,6 +233,7 @@ def build(
         if clock_out[FRESH] > 0:
             clock_out[REFRESHES] = clock_out[REFRESHES] + 1
             clock_out[LATEST] = clock_out[DONE]
+            clock_out[FAR] = 0
         else:
             clock_out[GO] = 0
 
@@ -254,10 +262,13 @@ def build(
 
     @kernel
     def mark(
-        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), reference_out: wp.array2d(dtype=wp.vec3d)
-    ):
-        """Where grains are now: the place from which their way is counted."""
+        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), flight: wp.array(dtype=Flight),
+        reference_out: wp.array2d(dtype=wp.vec3d),
+    ):  # fmt: skip
+        """Where grains are now: the place from which their way is counted. Those in flight have none."""
         i = wp.tid()
+        if in_flight(flight, i):
+            return
         q = g.position(record[i])
         reference_out[i, 0] = q
         for m in range(wp.static(moving)):

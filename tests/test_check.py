@@ -207,6 +207,41 @@ def test_steps_are_warned_of_from_eight_tenths_of_the_limit_of_one_impact():
         assert ("of the stability limit" in text) is warned, text
 
 
+UP = [0, 0, 1]
+TUBE = {"cylinder": {"point": [0, 0, -0.05], "axis": UP, "radius": 0.02, "length": 0.1}}
+FLOOR = {"plane": {"point": [0, 0, -0.05], "normal": UP}}
+BOWL = {"cone": {"apex": [0, 0, -0.05], "axis": UP, "half_angle": 0.6, "end": 0.1}}
+HOPPER = {"cone": {**BOWL["cone"], "start": 0.03}}
+DRUM = {"cylinder": {"point": [-0.02, 0, 0], "axis": [1, 0, 0], "radius": 0.03, "length": 0.04}}
+SIDES = [{"plane": {"point": [-0.02 * n, 0, 0], "normal": [n, 0, 0]}} for n in (1, -1)]
+ENDLESS = {"cylinder": {"point": [0, 0, 0], "axis": UP, "radius": 0.03}}
+
+
+@pytest.mark.parametrize(
+    ("shapes", "open_below"),
+    [
+        ([HOPPER], True), ([HOPPER, TUBE], True), ([TUBE], True), (SIDES, True), ([DRUM, SIDES[0]], True), ([ENDLESS], True),
+        ([{"cone": {"apex": [0, 0, 0.1], "axis": [0, 0, -1], "half_angle": 0.6}}], True),
+        ([{"plane": {"point": [0, 0, 0.1], "normal": [0, 0, -1]}}], True),
+        ([HOPPER, FLOOR], False), ([TUBE, FLOOR], False), ([BOWL], False), ([TUBE, BOWL], False), ([DRUM, *SIDES], False),
+        ([{"cone": {"apex": [0, 0, -0.05], "axis": UP, "half_angle": 0.6}}], False),
+        ([{"cylinder": {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.03}}], False),
+        ([{"sphere": {"centre": [0, 0, 0], "radius": 0.03}}], False),
+        ([{"plane": {"point": [0, 0, -0.05], "normal": [1, 0, 1]}}], False),
+        ([{"cone": {**BOWL["cone"], "start": 1e-3}}], False),  # a mouth narrower than a grain
+    ],
+)  # fmt: skip
+def test_analytic_walls_with_a_way_out_are_warned_of(shapes, open_below):
+    walls = [{"name": f"wall{k}", "material": "g", **shape} for k, shape in enumerate(shapes)]
+    text = said(walls=walls)
+    assert ("leave a way out below" in text) is open_below, text
+    if open_below:
+        assert "'wall0'" in text and "[borders] or [[outlets]]" in text
+        below = {"name": "below", "box": {"min": [-1, -1, -2], "max": [1, 1, -1]}}
+        assert "way out" not in said(walls=walls, outlets=[below])
+        assert "way out" not in said(walls=walls, borders={"z": {"min": -1, "kind": "open"}})
+
+
 def test_open_mesh_without_borders_is_a_warning(tmp_path):
     box = trimesh.creation.box((0.02, 0.02, 0.02))
     box.update_faces(box.face_normals[:, 2] < 0.5)

@@ -9,6 +9,7 @@ import psutil
 from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.engine.walls import size_warnings
+from warpdem.engine.way_out import way_out
 from warpdem.filling.grain_source import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.scene.models import model
@@ -72,7 +73,7 @@ def warnings(sim) -> list[str]:
     """What to look at before the run, most dangerous first."""
     found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
     found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
-    return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_machine(sim)]
+    return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_ways_out(sim), *_machine(sim)]
 
 
 def _step(sim) -> Iterator[str]:
@@ -244,6 +245,18 @@ def _walls(sim) -> Iterator[str]:
                 f"walls[{number}].mesh = {wall.mesh!r} is open along {border:.3g} m ({mesh.open_edges} edges), wide enough for "
                 f"a grain of {smallest:.3g} m: what leaves falls on for ever; close the mesh, or add [borders] or [[outlets]]"
             )
+
+
+def _ways_out(sim) -> Iterator[str]:
+    radius, scene = sim.expected.radius, sim.scene
+    if not len(radius) or scene.borders or scene.outlets:
+        return
+    smallest = 2.0 * float(radius.min())
+    if names := way_out(scene, smallest):
+        yield (
+            f"walls {', '.join(repr(name) for name in names)} leave a way out below for a grain of {smallest:.3g} m: "
+            "what leaves falls on for ever; close it with a floor, or add [borders] or [[outlets]]"
+        )
 
 
 def _machine(sim) -> Iterator[str]:

@@ -249,7 +249,7 @@ class Simulation:
         due = min(events, default=self.step_number + count + 1) - self.step_number
         batch = min(count, due)
         if len(self.state) == 0:
-            done, moved = batch, False
+            done, moved = batch, 0
         else:
             batch = min(batch, self.stepper.row()[1])
             with self.clock("steps"):
@@ -258,18 +258,20 @@ class Simulation:
         self.step_number += done
         self._cut_short = False
         self.steps_done += done
+        self.lists.due |= moved
         self._forces_ready = not moved and done < due
         if done == due:
             self._let_in()
         return done
 
-    def stay(self, position: np.ndarray) -> np.ndarray:
-        """Slots [-] of the grains at ``position`` [m] (n, 3) that are still in the domain, shape (m,); the others are counted.
+    def leaving(self) -> np.ndarray:
+        """Slots [-] of the grains that are not in the domain any more, shape (m,); they are counted.
 
         Raises:
             StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
         """
-        if (thrown := self.domain.thrown(position)).any():
+        position, here = self.state.record.numpy()[:, grain.POSITION], self.state.here
+        if any(self.domain.period) and (thrown := self.domain.thrown(position) & here).any():
             i = int(np.flatnonzero(thrown)[0])
             speed = float(np.linalg.norm(self.state.record.numpy()[i, grain.VELOCITY]))
             raise StabilityError(
@@ -277,30 +279,31 @@ class Simulation:
                 f"whole periodic domain in one step of {self.dt:.3g} s, at {speed:.3g} m/s. Take a smaller time.step."
             )
         where = self.domain.left_by(position)
-        gone = where >= 0
+        gone = (where >= 0) & here
         if gone.any():
             ids, mass = self.state.id.numpy(), 1.0 / self.state.inverse.numpy()[:, 0]
             for number in np.unique(where[gone]):
-                name, through = self.domain.names[number], where == number
+                name, through = self.domain.names[number], np.flatnonzero(gone & (where == number))
+                through = through[np.argsort(ids[through])]
                 if self.domain.stops[number]:
-                    first = int(np.flatnonzero(through)[np.argmin(ids[through])])
+                    first = int(through[0])
                     place = ", ".join(f"{x:.4g}" for x in position[first])
                     raise StabilityError(
                         f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {ids[first]} at ({place}) m is "
                         f"beyond the border {name}, which the scene says stops the run"
                     )
-                self.left[name][0] += int(through.sum())
+                self.left[name][0] += len(through)
                 self.left[name][1] += float(mass[through].sum())
             if self.budget is not None:
                 self.budget.left(np.flatnonzero(gone))
-        return np.flatnonzero(~gone)
+        return np.flatnonzero(gone)
 
     def _let_in(self) -> None:
         """Add what the streams bring at the present step, before its forces are called."""
         for feeder in self.feeders:
             if not feeder.is_event(self.step_number):
                 continue
-            record = self.state.record.numpy()
+            record = self.state.record.numpy()[self.state.here]
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
             position, radius = feeder.bring(self.step_number, *there, self.domain.nearest)
             n = len(radius)
@@ -317,7 +320,7 @@ class Simulation:
                 came = replace(came, velocity=velocity, spin=spin)
             self.state.add(came, self.density)
             if self.budget is not None:
-                self.budget.came(np.arange(len(self.state) - n, len(self.state)))
+                self.budget.came(np.arange(self.state.slots - n, self.state.slots))
             self._next_id += n
             self._grown, self._forces_ready = True, False
 
@@ -438,7 +441,7 @@ class Simulation:
     def _read(self) -> tuple[wp.array, wp.array, wp.array]:
         """What ``readings`` gives, in memory order on the device: force and torque together, velocity, spin."""
         self._prepare()
-        n = len(self.state)
+        n = self.state.slots
         load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
         velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=self.device) for _ in range(2))
         if n:
@@ -477,7 +480,7 @@ class Simulation:
     def state_hash(self) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal hashes."""
         digest = hashlib.sha256(str(self.step_number).encode())
-        digest.update(np.sort(self.state.id.numpy()).tobytes())
+        digest.update(self.state.id.numpy()[self.state.rank].tobytes())
         digest.update(np.ascontiguousarray(self.state.record.numpy()[self.state.rank]).tobytes())
         return digest.hexdigest()
 

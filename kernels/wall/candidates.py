@@ -14,8 +14,11 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float):
-    """Return the kernels for walls with ``meshes`` and with analytic ``shapes``; ``gap`` as in ``pairs.build``."""
+def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
+    """Return the kernels for walls with ``meshes`` and with analytic ``shapes``; ``gap`` as in ``pairs.build``.
+
+    Where grains may ``leave`` the domain, those that have are beside no wall.
+    """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
@@ -53,6 +56,10 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
     ):
         i = first + wp.tid()
         state = grains[i]
+        if wp.static(leave):
+            if g.gone(state):
+                count_out[i] = 0
+                return
         q = g.position(state)
         radius = state[3]
         reach = radius + wp.float64(wp.static(gap)) + travel
@@ -95,7 +102,11 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
         radius = state[3]
         at = rows.first[i]
         n = int(0)
-        for e in range(at, rows.first[i + 1]):
+        last = rows.first[i + 1]
+        if wp.static(leave):
+            if g.gone(state):
+                last = at
+        for e in range(at, last):
             f = near_feature[e]
             body = local(placements[surface.motion[surface.wall[f]]], q)
             n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + travel, surface, rows.feature)
@@ -103,6 +114,14 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
         if n == 0:
             rows.place_count[0, i] = 0
             rows.place_count[1, i] = 0
+
+    @kernel
+    def forget_places(slot: wp.array(dtype=wp.int32), rows: Rows):
+        """Grains that have left the domain touch nothing any more."""
+        i = slot[wp.tid()]
+        rows.candidates[i] = 0
+        for generation in range(rows.place_count.shape[0]):
+            rows.place_count[generation, i] = 0
 
     @kernel
     def carry_places(
@@ -124,4 +143,6 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)
+    return Built(
+        near_features=near_features, close_features=close_features, carry_places=carry_places, forget_places=forget_places
+    )

@@ -10,6 +10,7 @@ from warpdem.kernels import (
     border,
     budget,
     dissipation,
+    flight,
     flow,
     law,
     loop,
@@ -33,7 +34,7 @@ def compile_plan(plan: Plan, device=None) -> Built:
 
     Returns:
         Namespace with ``loop`` (the step), ``resident`` and ``renewal`` (the GPU's, or None), ``lists`` (neighbours),
-        ``walls`` (candidate kernels or None), ``Rows``.
+        ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -89,8 +90,9 @@ def _built(plan: Plan) -> Built:
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(
-        images, **spins, moving=plan.moving, in_frame=plan.in_frame, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0
-    )
+        images, **spins, moving=plan.moving, in_frame=plan.in_frame, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0,
+        stages=stages,
+    )  # fmt: skip
     step = loop.build(
         pair_pack,
         touch,
@@ -106,6 +108,7 @@ def _built(plan: Plan) -> Built:
         **spins,
         stages=stages,
         walls=plan.walls,
+        leave=plan.outlets > 0,
     )
     lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
     walls = None
@@ -117,7 +120,12 @@ def _built(plan: Plan) -> Built:
             meshes=meshes,
             shapes=any(shapes),
             gap=plan.gap,
+            leave=plan.outlets > 0,
         )
+    paths = flight.build(
+        travel, images, closest_on_feature, Rows, **spins, moving=plan.moving, meshes=meshes, shapes=any(shapes), gap=plan.gap,
+        stages=stages, shortest=min((length for length in plan.period if length), default=0.0),
+    )  # fmt: skip
     graph = again = None
     if plan.resident:
         evaluate = thread_contact.build(
@@ -125,7 +133,7 @@ def _built(plan: Plan) -> Built:
         )
         graph = resident.build(
             step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
-            lanes=plan.lanes, moving=plan.moving, table=plan.table,
+            lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,
         )  # fmt: skip
         again = renewal.build(Rows)
-    return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack)
+    return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack, paths=paths)

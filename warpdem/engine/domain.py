@@ -50,8 +50,14 @@ class Domain:
         """Number of the box that each position (n, 3) [m] is in, -1 if none; shape (n,)."""
         out = np.full(len(position), -1)
         for number in reversed(range(len(self.boxes))):
-            low, high = self.boxes[number, :3], self.boxes[number, 3:]
-            out[((position >= low) & (position < high)).all(axis=1)] = number
+            inside = None
+            for k in range(3):
+                low, high = self.boxes[number, [k, k + 3]]
+                for end, side in ((low, np.greater_equal), (high, np.less)):
+                    if np.isfinite(end):
+                        within = side(position[:, k], end)
+                        inside = within if inside is None else inside & within
+            out[inside] = number
         return out
 
     def wrapped(self, position: np.ndarray) -> np.ndarray:

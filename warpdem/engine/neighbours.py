@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.engine.flights import Flights
+from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.rooms import Rooms
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
+from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, OFF_PATH
+from warpdem.kernels.motion import BEYOND
 from warpdem.kernels.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
 
@@ -17,6 +21,8 @@ CLASS_BLOCK = 256  # grains whose contacts are sorted by class together
 REBUILD_STEPS = 120  # steps between rebuilds below which the skin grows (if it may)
 MARGIN_SHARES = (0.02, 0.5)  # of the skin: bounds of the margin
 LEAST_ROOM = 12  # room per row of the near list to begin with
+KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are made anew without the others
+NOBODY = np.zeros(0, dtype=np.int64)
 RENEWALS = 64  # near lists that a device makes at most before the grains are sorted in memory again
 
 
@@ -83,6 +89,7 @@ class Lists:
         force_parity: parity of the step of the last force call.
         renewals_left: near lists that the device may still make before the host's next.
         margin: gap below which a near pair is in the contact list [m].
+        due: what ``Stepper.advance`` has left to be seen to.
     """
 
     def __init__(self, sim) -> None:
@@ -103,6 +110,7 @@ class Lists:
         self.renewals_left = self._renewals = self._rebuilds_then = 0
         n = len(sim.state)
         self.near = None
+        self.due = 0
         self.known = n
         self._near_room = RowRoom(LEAST_ROOM)
         self.near_reference = None
@@ -110,8 +118,11 @@ class Lists:
         self.totals = [0, 0, 0]
         self.force_parity = 1
         self.near_feature = None
+        self.reference = None
         self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
         self.rooms = Rooms(sim.device, exact=sim.plan.resident)
+        self.flights = Flights(self)
+        self._newcomers = Newcomers(self)
         self.memory = self.rooms.zeros((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
@@ -122,41 +133,103 @@ class Lists:
         alone = len(self.sim.state) < 2 and not self.sim.plan.walls
         return 1.0e300 if alone else 0.5 * self.margin
 
-    def update(self, force_rebuild: bool = False) -> None:
-        """Make the lists valid for the present positions, without the grains that have left the domain."""
+    def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
+        """Make the lists valid for the present positions, without the grains that have left the domain.
+
+        ``grown``: grains have come in.
+        """
         sim = self.sim
+        due, self.due = self.due, 0
+        force_rebuild |= grown and (sim.plan.resident or not self.rebuilds)
+        changed = grown or force_rebuild or self.near is None
+        if not changed and not due:
+            return
         record = sim.state.record.numpy()
         position = record[:, grain.POSITION]
-        if not np.isfinite(position).all():
+        if (changed or due & BEYOND) and not np.isfinite(position).all():
             sim.guards.stop_not_finite()
-        kept = sim.stay(position)
-        force_rebuild |= len(kept) < len(position)
-        steps = sim.step_number - self._last_refresh
-        if self.refreshes and not force_rebuild:
-            if steps < REFRESH_STEPS[0]:
-                self.margin = min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
-            elif steps > REFRESH_STEPS[1]:
-                self.margin = max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
-        self._last_refresh = sim.step_number
+        gone = sim.leaving() if sim.plan.outlets or any(sim.plan.period) else np.zeros(0, dtype=int)
+        if len(gone):
+            self._leave(gone)
+            # the books of energy are kept by contact: what a partner's spring has lost would be told twice
+            force_rebuild |= sim.plan.energy or len(sim.state) < KEPT_SHARE * sim.state.slots
+        if not (changed or force_rebuild or due & BEYOND):
+            return
         placement = sim.stepper.placements()
         sim.guards.travel.watch(record, placement)
         self.force_parity = (sim.step_number - 1) & 1
-        if force_rebuild or self.near is None or self._travelled(position, placement) + self.reach > 0.5 * self.skin:
+        force_rebuild |= self.near is None
+        fast = self.flights.slots
+        if not force_rebuild:
+            with sim.clock("lists"):
+                held, fast = self._held()
+                if held and not grown:
+                    return
+                force_rebuild = held is None or (grown and not self._let_in(placement))
+        if not grown and not force_rebuild:
+            self.margin = self.next_margin
+        self._last_refresh = sim.step_number
+        if force_rebuild:
             self._adapt_skin()
             with sim.clock("lists"):
-                self._rebuild(placement, kept)
-            if not len(kept):
+                self._rebuild(placement, fast)
+            if not len(sim.state):
                 return
         with sim.clock("refresh"):
             self._refresh(placement)
+
+    def _held(self) -> tuple[bool | None, np.ndarray]:
+        """Whether the lists hold, False where only the contact list does not, None where the near list does not.
+
+        Some grains may fly from now on so that they do; and which were meant to, or fly, is told too.
+        """
+        steps, known = self.sim.step_number - self._last_refresh, set(self.flights.slots)
+        since = self.sim.step_number - self._last_rebuild
+        stray = self.flights.stray()
+        due = stray & (BEYOND_NEAR | OFF_PATH)
+        hasty = steps < REFRESH_STEPS[0] or (due.any() and since < REBUILD_STEPS)
+        stray, wanted = self.flights.take(stray, hasty)
+        fast = np.union1d(self.flights.slots, wanted)
+        if (stray & (BEYOND_NEAR | OFF_PATH)).any():
+            return None, fast
+        new = [slot for slot in self.flights.slots if slot not in known]
+        unlisted = len(new) and self.near[1].numpy()[new].any()  # all in the rows of those that fly is listed
+        return not (stray & BEYOND_REACH).any() and not unlisted, fast
+
+    def _let_in(self, placement: np.ndarray) -> bool:
+        """Whether newcomers could be added to the lists as they are."""
+        if not self._newcomers.add(placement):
+            return False
+        flying = self.flights.slots
+        return len(flying) == 0 or len(self.flights.lay(flying)) == len(flying)
+
+    @property
+    def next_margin(self) -> float:
+        """Margin of the next contact list [m], steered by the steps since the last."""
+        steps = self.sim.step_number - self._last_refresh
+        if self.refreshes and steps < REFRESH_STEPS[0]:
+            return min(1.4 * self.margin, MARGIN_SHARES[1] * self.skin)
+        if self.refreshes and steps > REFRESH_STEPS[1]:
+            return max(self.margin / 1.4, MARGIN_SHARES[0] * self.skin)
+        return self.margin
 
     def make(self) -> None:
         """Make all lists for the present positions."""
         sim = self.sim
         placement = sim.stepper.placements()
         self._last_refresh = self._last_rebuild = sim.step_number
-        self._rebuild(placement, np.arange(len(sim.state)))
+        self._rebuild(placement)
         self._refresh(placement)
+
+    def _leave(self, gone: np.ndarray) -> None:
+        """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
+        sim = self.sim
+        sim.state.leave(gone, sim.kernels.lists.park)
+        self.flights.leave(gone)
+        gone = gone[gone < self.known]  # one that has just come in is in no list
+        if sim.plan.walls and len(gone):
+            slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=sim.device)
+            wp.launch(sim.kernels.walls.forget_places, len(gone), inputs=[slots, self.rows], device=sim.device)
 
     def _adapt_skin(self) -> None:
         """A wider skin where near lists were made often; once it is right the device makes the next ones alone."""
@@ -168,14 +241,7 @@ class Lists:
         self.renewals_left = self._renewals
         self.skin, self._last_rebuild, self._rebuilds_then = wider, self.sim.step_number, self.rebuilds
 
-    def _travelled(self, position: np.ndarray, placement: np.ndarray) -> float:
-        """Largest way of a grain since the near lists were made, in the axes that count [m]."""
-        frame, *bodies = np.moveaxis(self.near_reference.numpy(), 1, 0)
-        ways = [self.sim.domain.nearest(position - frame)] if self.sim.plan.in_frame else []
-        ways += [now - then for now, then in zip(self._bodies(position, placement), bodies, strict=True)]
-        return max(float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0))) for way in ways)
-
-    def _bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
+    def bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
         return [
             (position - p[9:12]) @ p[:9].reshape(3, 3) for p in placement[: self.sim.plan.moving]
@@ -183,14 +249,16 @@ class Lists:
 
     # -- near list ------------------------------------------------------------------------------
 
-    def _rebuild(self, placement: np.ndarray, kept: np.ndarray) -> None:
-        """New near lists of the grains in slots ``kept``, the others are dropped."""
+    def _rebuild(self, placement: np.ndarray, fast: np.ndarray = NOBODY) -> None:
+        """New near lists; those that have left the domain are dropped, and those in slots ``fast`` fly if they can."""
         sim, lists = self.sim, self.sim.kernels.lists
         state = sim.state
+        kept = np.flatnonzero(state.here)
         record = state.record.numpy()
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         old_id = wp.clone(state.id)
         sim.stepper.forget()
+        self.flights.land()
         self.select_inputs = self.fill_inputs = None
         known = self.known
         n = self.known = len(kept)
@@ -207,7 +275,7 @@ class Lists:
         state.reorder(order)
         old_place = self.rooms.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
         self.near_reference = self.rooms.room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
-        self.near_reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
+        self.near_reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
         self.grids = grids_for(position, radius, classes, beyond, sim.device)
         wp.launch(lists.insert_grains, n, [self.grids, state.record], device=sim.device)
         start, count, slot = self._near_rows(self.grids, classes)
@@ -221,6 +289,8 @@ class Lists:
         if sim.plan.walls:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
+        if len(fast):
+            self.flights.lay_anew(np.flatnonzero(np.isin(order, fast)))
 
     def _near_rows(self, grids, classes: np.ndarray) -> tuple[wp.array, wp.array, wp.array]:
         """Start and count of the row of each grain, and the rows."""
@@ -244,7 +314,7 @@ class Lists:
             sim.guards.lists_fit(self._near_room.entries(classes), count)
 
     def _rebuild_walls(self, placement: np.ndarray, old_place: wp.array) -> None:
-        sim, n = self.sim, len(self.sim.state)
+        sim, n = self.sim, self.sim.state.slots
         near = sim.kernels.walls.near_features
         count = self.rooms.zeros(n, wp.int32)
         nothing = self.rooms.zeros(0, wp.int32)
@@ -268,7 +338,7 @@ class Lists:
 
     def _refresh(self, placement: np.ndarray) -> None:
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
-        state, n = sim.state, len(sim.state)
+        state, n = sim.state, sim.state.slots
         start, count, slot, contact = self.near
         rooms, room = self.rooms, self.rooms.room
         listed = rooms.zeros(slot.shape, wp.int32) if plan.resident else room("listed", slot.shape, wp.int32)
@@ -276,7 +346,7 @@ class Lists:
         split = sim.threads.split
         self.select_inputs = {
             "record": state.record, "id": state.id, "start": start, "count": count, "slot": slot, "margin": self.margin,
-            "listed": listed, "touching": touching, "close": close, "width": width,
+            "flight": self.flights.path, "listed": listed, "touching": touching, "close": close, "width": width,
         }  # fmt: skip
         split(lists.select_contacts, n, [*self.select_inputs.values()], sim.device)
         touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
@@ -322,7 +392,8 @@ class Lists:
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
         position = state.record.numpy()[:, grain.POSITION]
         self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
-        self.reference.assign(np.stack([position, *self._bodies(position, placement)], axis=1))
+        self.reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
+        self.flights.unplace()
         if plan.walls:
             self._refresh_walls(placement)
         self.refreshes += 1
@@ -358,11 +429,11 @@ class Lists:
     def _refresh_walls(self, placement: np.ndarray) -> None:
         sim, rows = self.sim, self.rows
         placements = self.rooms.upload(placement, wp.types.vector(18, wp.float64))
-        sim.threads.split(sim.kernels.walls.close_features, len(sim.state), self.close_inputs(placements)[1:], sim.device)
+        sim.threads.split(sim.kernels.walls.close_features, sim.state.slots, self.close_inputs(placements)[1:], sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
         self.row_count = self.totals[2] = len(near)
         if sim.plan.resident:  # room for the rows that the device finds
-            near = np.pad(near, (0, len(sim.state) - len(near)))
+            near = np.pad(near, (0, sim.state.slots - len(near)))
         rows.grain = self.rooms.keep("wall_grain", near)
 
     def close_inputs(self, placements: wp.array) -> list:
@@ -385,8 +456,13 @@ class Lists:
     # -- reading --------------------------------------------------------------------------------
 
     def real_lanes(self) -> np.ndarray:
-        """Numbers of the lanes that hold a contact and do not merely fill a pack."""
-        return np.flatnonzero(self.slot_i.numpy().ravel() < self.row.shape[0] - 1)
+        """Numbers of the lanes that hold a contact of grains that are there, and do not merely fill a pack."""
+        real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
+        state = self.sim.state
+        if len(state) < state.slots:
+            for side in (self.owner, self.partner):
+                real &= state.here[side.numpy().ravel()]
+        return np.flatnonzero(real)
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""

@@ -67,9 +67,10 @@ class Renewal:
         self._near_rows(self.next_start)
         inputs = 0, id, *fresh, self.scratch.nothing, id, *old, self.next_contact
         self.launch(sim.kernels.lists.carry_contacts, self.n, *inputs)
-        self.launch(self.kernels.put_in_place, self.n, *fresh, self.next_contact, *old)
+        self.launch(self.kernels.put_in_place, self.n, *fresh, self.next_contact, *old, self.lists.flights.path)
         if sim.plan.walls:
             self._near_features(1)
             self.launch(self.kernels.move_places, self.n, self.first, resident.clock, self.rows)
             self.launch(self.kernels.settle_places, self.n, self.first, resident.clock, self.rows)
-        self.launch(sim.kernels.resident.mark, self.n, sim.state.record, resident.placements, self.lists.near_reference)
+        marked = sim.state.record, resident.placements, self.lists.flights.path, self.lists.near_reference
+        self.launch(sim.kernels.resident.mark, self.n, *marked)

@@ -2,18 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from warpdem.engine.neighbours import CLASS_BLOCK
 from warpdem.engine.renewal import Renewal
-from warpdem.engine.travel import share
 from warpdem.kernels import numbering
+from warpdem.kernels.motion import BEYOND
+from warpdem.kernels.motion import LEFT as LEFT_DOMAIN
 from warpdem.kernels.resident import (
     CLOCK,
     DONE,
+    FAR,
     FRESH,
     GO,
     HOLD,
@@ -27,8 +28,8 @@ from warpdem.kernels.resident import (
     ROW,
     ROWS,
     SHARES,
+    SOON,
     STALE,
-    Watched,
 )
 from warpdem.kernels.schedule import Placement
 
@@ -54,17 +55,6 @@ class Resident:
         self._scratch: Scratch | None = None
         self._graphs: dict[tuple, tuple] = {}
 
-    @cached_property
-    def watched(self) -> Watched:
-        """Mesh walls of the travel guard."""
-        watched, guard, device = Watched(), self.sim.guards.travel, self.sim.device
-        meshes, motion = guard.meshes, guard.motion
-        watched.motion = wp.array([motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
-        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
-        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        return watched
-
     def forget(self) -> None:
         """Let go of the graphs and their arrays: the host makes others."""
         self._graphs.clear()
@@ -75,13 +65,14 @@ class Resident:
             self._scratch = Scratch.of(n, self.sim.device)
         return self._scratch
 
-    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
         """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
         lists = self.sim.lists
         clock = np.zeros(CLOCK, dtype=np.int32)
         clock[[ROW, LEFT, PARITY, HOLD, GO]] = base, count, parity, hold, count > 0
         clock[[LANES, SHARES, ROWS]] = lists.totals
         clock[RENEWALS] = lists.renewals_left
+        clock[SOON] = lists.flights.wanted_before()
         self.clock.assign(clock)
         launches = Launches(self, grains, rows, surface)
         if forces_first:
@@ -96,7 +87,8 @@ class Resident:
             self.refreshes += int(clock[REFRESHES])
             latest, totals = self.sim.step_number + int(clock[LATEST]), clock[[LANES, SHARES, ROWS]].tolist()
             lists.refreshed_on_device(int(clock[REFRESHES]), latest, totals)
-        return int(clock[DONE]), bool(clock[STALE])
+        # where the host is next for nothing else, a grain has left
+        return int(clock[DONE]), int(clock[STALE] > 0) * (LEFT_DOMAIN | BEYOND * int(clock[FAR] > 0))
 
     def _run(self, launches: "Launches") -> None:
         """Launch the graph of these arrays, captured at first use; step by step where conditional nodes are unknown."""
@@ -151,8 +143,8 @@ class Launches:
         self.grains, self.rows, self.surface = grains, rows, surface
         sim, lists = self.sim, self.sim.lists
         self.kernels = sim.kernels.resident
-        self.n, self.reach = len(sim.state), lists.reach
-        self.scratch, self.watched = resident.scratch(self.n), resident.watched
+        self.n, self.reach = sim.state.slots, lists.reach
+        self.scratch, self.watched = resident.scratch(self.n), self.sim.guards.travel.watched
         contacts = self.contacts = self.kernels.Contacts()
         for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):
             setattr(contacts, name, getattr(lists, name))
@@ -259,5 +251,6 @@ class Launches:
         self.launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill.values())
         if sim.plan.memory:
             self.launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
-        self.launch(self.kernels.mark, n, self.grains.record, self.resident.placements, self.grains.reference)
+        marked = self.grains.record, self.resident.placements, self.grains.flight, self.grains.reference
+        self.launch(self.kernels.mark, n, *marked)
         self.forces(0)

@@ -1,4 +1,8 @@
-"""The grains of a run on the device: moving state, constants, and their order in memory."""
+"""The grains of a run on the device: moving state, constants, and their order in memory.
+
+A grain that has left the domain keeps its slot until the lists are made anew (``kernels.grain``): nobody has to be told where
+the others are now. ``rank`` passes it over, and so does all that is read by it.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -23,6 +27,8 @@ class State:
         id: grain ids, shape (n,), int64.
         kind: material index, shape (n,), int32.
         group: number of the group, shape (n,), int32, on the host: only results show it.
+        slots: length of the arrays: the grains, and those that have left since the lists were made.
+        here: whether the grain in each slot is still there, shape (slots,), on the host.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.budget``), shape (n, width each).
     """
@@ -52,17 +58,34 @@ class State:
         self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device) if orientation else None
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
-        self._rank: np.ndarray | None = None
+        self._all_here(n)
+        self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
     def __len__(self) -> int:
-        return self.record.shape[0]
+        return self._count
+
+    def _all_here(self, slots: int) -> None:
+        self.slots = self._count = slots
+        self.here = np.ones(slots, dtype=bool)
+        self._rank: np.ndarray | None = None
 
     @property
     def rank(self) -> np.ndarray:
-        """Memory slots in ascending order of id, shape (n,), on the host."""
+        """Memory slots of the grains in ascending order of id, shape (n,), on the host."""
         if self._rank is None:
-            self._rank = np.argsort(self.id.numpy(), kind="stable")
+            order = np.argsort(self.id.numpy(), kind="stable")
+            self._rank = order if self._count == self.slots else order[self.here[order]]
         return self._rank
+
+    def leave(self, gone: np.ndarray, park) -> None:
+        """Take the grains in slots ``gone`` out of the domain; ``park`` is the kernel of ``neighbours.build``."""
+        slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=self.device)
+        wp.launch(park, len(gone), inputs=[slots, self.record], device=self.device)
+        here = self.here.copy()  # what was copied aside for writers keeps the old one
+        here[gone] = False
+        self.here, self._count = here, int(here.sum())
+        if self._rank is not None:
+            self._rank = self._rank[here[self._rank]]
 
     @property
     def names(self) -> list[str]:
@@ -77,15 +100,24 @@ class State:
     def add(self, start, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
         more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
+        there, n = self.slots, self.slots + more.slots
         for name in self.names:
-            array = getattr(self, name)
-            both = np.concatenate([array.numpy(), getattr(more, name).numpy()])
-            setattr(self, name, wp.array(both, dtype=array.dtype, device=self.device))
+            array, new = getattr(self, name), getattr(more, name)
+            room = self._room.get(name)
+            if room is None or room.ptr != array.ptr or len(room) < n:
+                room = self._room[name] = wp.empty((n + n // 8 + 64, *array.shape[1:]), dtype=array.dtype, device=self.device)
+                wp.copy(room, array, count=array.size)
+            wp.copy(room, new, dest_offset=there * (new.size // len(new)), count=new.size)
+            both = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
+            both._ref = room  # as in Warp's own views: it holds the memory
+            setattr(self, name, both)
         self.group = np.concatenate([self.group, more.group])
-        self._rank: np.ndarray | None = None
+        here = np.concatenate([self.here, more.here])
+        self._all_here(len(here))
+        self.here, self._count = here, int(here.sum())
 
     def reorder(self, order: np.ndarray) -> None:
-        """Put the grains into ``order``: slot s gets what was in slot order[s]."""
+        """Put the grains into ``order``: slot s gets what was in slot order[s]; none of those that have left is among them."""
         index = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
         for name in self.names:
             array = getattr(self, name)
@@ -96,7 +128,7 @@ class State:
             else:
                 setattr(self, name, picked)
         self.group = self.group[order]
-        self._rank: np.ndarray | None = None
+        self._all_here(len(order))
 
     def by_id(self, columns: slice | int) -> np.ndarray:
         """Columns of the record in ascending order of id, a fresh copy."""
@@ -111,4 +143,4 @@ class State:
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
             setattr(self, name, wp.array(values, dtype=array.dtype, device=self.device))
         self.group = np.asarray(data["group"], dtype=np.int32)
-        self._rank = None
+        self._all_here(len(self.group))

@@ -44,6 +44,7 @@ class Stepper:
         control.outlet = wp.array(sim.domain.boxes, dtype=Box, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in sim.scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
@@ -86,6 +87,7 @@ class Stepper:
                 self._placements = sim.schedule.placements(first, ahead)
                 self._schedule("placement", self._placements, Placement)
                 self._block = (first, ahead)
+                self.control.origin.assign(np.array([first], dtype=np.int32))
         base = first - self._block[0]
         return base, self._block[1] - base
 
@@ -109,6 +111,11 @@ class Stepper:
         base, _ = self.row()
         return self._placements[(base + 1) * self.stages]
 
+    def placements_ahead(self) -> np.ndarray:
+        """Placements of the wall motions at all force calls of the schedule on the device, shape (calls, motions, 18)."""
+        self.row()
+        return self._placements
+
     def arguments(self):
         """Structs of grains, packs and wall rows for the present lists."""
         lists = self.sim.lists
@@ -122,7 +129,8 @@ class Stepper:
         if sim.plan.orientation:
             grains.orientation = sim.state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
-        grains.store = wp.zeros((len(sim.state), sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
+        grains.flight = lists.flights.path
+        grains.store = wp.zeros((sim.state.slots, sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
@@ -142,7 +150,7 @@ class Stepper:
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the plan's budgets have added up per grain up to the present instant, in memory order."""
-        sim, n = self.sim, len(self.sim.state)
+        sim, n = self.sim, self.sim.state.slots
         plan = sim.plan
         out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.sums.items()}
         if "flow" in out:
@@ -156,8 +164,10 @@ class Stepper:
             wp.launch(sim.kernels.loop.read_budget, dim=n, inputs=inputs, device=sim.device)
         return {name: array.numpy() for name, array in out.items()}
 
-    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, bool]:
-        """Run up to ``count`` steps; returns how many were done and whether the lists ran out before the last forces.
+    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, int]:
+        """Run up to ``count`` steps; returns how many were done, and what is to be seen to before the last forces.
+
+        That is a sum of ``kernels.motion``'s BEYOND, the lists are out of date, and LEFT, grains have left the domain.
 
         ``hold`` leaves the forces of the last step to the next call: grains come in there.
         """
@@ -168,12 +178,12 @@ class Stepper:
         run = self.resident.advance if self.resident else self._on_cpu
         return run(base, count, forces_first, hold, sim.step_number & 1, grains, packs, rows, surface)
 
-    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
+    def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
         """One launch per thread for the whole batch."""
         sim, control, n = self.sim, self.control, self.sim.threads.count
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
-        parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
+        parts = [ranges(m, n) for m in (packs.owner.shape[0], sim.state.slots, sim.lists.row_count)]
         control.share.assign(np.hstack(parts).astype(np.int32))
         control.meeting.zero_()
         control.moved.zero_()
@@ -185,5 +195,5 @@ class Stepper:
 
         sim.threads.together([job(t) for t in range(n)])
         if count == 0:
-            return 0, False
-        return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
+            return 0, 0
+        return int(control.done.numpy()[0]), int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))

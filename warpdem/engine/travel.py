@@ -8,10 +8,13 @@ need no such limit. Watched at every refresh of the lists; a grain that goes so 
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
+import warp as wp
 
 from warpdem.kernels import grain
+from warpdem.kernels.flight import Watched
 
 CLOSED, OPEN = 0.2, 0.1  # radii per step
 
@@ -38,6 +41,16 @@ class TravelGuard:
             for number, wall in enumerate(sim.scene.walls)
             if wall.mesh is not None
         ]
+
+    @cached_property
+    def watched(self) -> Watched:
+        """The meshes for the device."""
+        watched, device, meshes = Watched(), self.sim.device, self.meshes
+        watched.motion = wp.array([self.motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
+        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
+        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        return watched
 
     def watch(self, record: np.ndarray, placements: np.ndarray) -> None:
         """Look at the last step of all grains; ``record`` as in ``kernels.grain``, ``placements`` (motions, 18) as they are.

@@ -92,10 +92,11 @@ class Budget:
             return
         sim = self.sim
         self._carry(slots, -1.0)
-        contacts = observers.read_contacts(sim, since=1)
         ids = sim.state.id.numpy()[slots]
-        theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
-        self.carried[0] -= sum(float(e[theirs].sum()) for e in observers.elastic_energies(sim, contacts).values())
+        if sim.plan.energy:
+            contacts = observers.read_contacts(sim, since=1)
+            theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
+            self.carried[0] -= sum(float(e[theirs].sum()) for e in observers.elastic_energies(sim, contacts).values())
         order = slots[np.argsort(ids)]
         for name, sums in self.gone.items():
             sums[:] = np.add(sums, self._laboratory(name, getattr(sim.state, name).numpy()[order].sum(axis=0))).tolist()

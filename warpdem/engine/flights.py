@@ -1,0 +1,197 @@
+"""Which grains are in flight: fast ones on whose account the lists would be made anew though nothing is near them.
+
+What a flight is and why the lists hold, ``kernels.flight`` says. Paths are laid on the host's account, when the lists are about
+to be made anew sooner than usual, for the grains that have gone farthest; where that helps nothing, it is tried less and less
+often. Where every wall moves, lists follow the walls and know no place in frame axes: then nobody flies.
+"""
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels import grain
+from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, HALFWAY, NEAR_HALFWAY, OFF_PATH
+from warpdem.kernels.path import Flight
+from warpdem.kernels.renewal import HASTY
+from warpdem.kernels.wall.surface import Surface
+
+ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
+LEAST_STEPS = 8  # that a path must be good for
+MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
+PAIRS = 4_000_000  # of grains in flight that are looked at for one set of paths
+ROUNDS = 4  # of laying paths, each without those that the one before found too short
+LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
+LONGEST = 2**30  # steps
+
+
+class Flights:
+    """The grains in flight of a simulation.
+
+    Attributes:
+        path: path of each grain, ``kernels.path.Flight``; of size 0 when nobody flies.
+        slots: of those in flight.
+        laid: how often paths were laid.
+    """
+
+    def __init__(self, lists) -> None:
+        self.lists, self.sim = lists, lists.sim
+        self._none = wp.zeros(0, dtype=Flight, device=self.sim.device)
+        self._failed = self._wait = 0
+        self.laid = 0
+        self.land()
+
+    def land(self) -> None:
+        """Nobody flies any more: the lists are made anew."""
+        self.path, self.slots = self._none, np.zeros(0, dtype=np.int64)
+
+    def wanted_before(self) -> int:
+        """Steps before which a device shall not make a near list by itself."""
+        return HASTY if self._possible and not self._wait else 0
+
+    @property
+    def _possible(self) -> bool:
+        return self.sim.plan.in_frame
+
+    def stray(self) -> np.ndarray:
+        """How far each grain that the lists know has gone, sums of what ``kernels.flight.stray`` finds, shape (n,)."""
+        sim, lists, n = self.sim, self.lists, self.lists.known
+        out = lists.rooms.room("stray", (n,), wp.int32)
+        row, now = self._instant()
+        room = max(0.5 * (lists.skin - max(lists.margin, lists.next_margin)), 0.0)
+        inputs = [
+            sim.state.record, lists.reference, lists.near_reference, self.path, sim.stepper.control.placement, row, now, sim.dt,
+            lists.reach, room, out,
+        ]  # fmt: skip
+        sim.threads.split(sim.kernels.paths.stray, n, inputs, sim.device)
+        return out.numpy()
+
+    def _instant(self) -> tuple[int, float]:
+        """Row of the placements at present, and the step."""
+        base, _ = self.sim.stepper.row()
+        return (base + 1) * self.sim.stepper.stages, float(self.sim.step_number)
+
+    def take(self, stray: np.ndarray, hasty: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Let those fly that have gone far, if it helps.
+
+        Args:
+            stray: what ``stray`` gave, shape (n,).
+            hasty: whether lists would be made anew sooner than usual.
+
+        Returns:
+            ``stray`` without those that fly, and the slots of all that were meant to fly.
+        """
+        must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
+        lost = bool((stray & OFF_PATH).any())
+        self._wait = max(self._wait - 1, 0)
+        nobody = np.zeros(0, dtype=np.int64)
+        if not self._possible or not must.any() or not (lost or (hasty and not self._wait)):
+            return stray, nobody
+        wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
+        flying = self.lay(wanted)
+        stray = stray.copy()
+        stray[flying] = 0
+        helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
+        self._failed = 0 if helped else self._failed + 1
+        self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
+        return stray, wanted
+
+    def lay_anew(self, wanted: np.ndarray) -> None:
+        """Lay paths against new lists, unless it has helped nothing lately."""
+        if self._failed <= 1 and len(self.lay(wanted)) == len(wanted):
+            self._failed = self._wait = 0
+
+    def lay(self, wanted: np.ndarray) -> np.ndarray:
+        """Lay paths from the present places for the grains in slots ``wanted``; returns those that fly now, of them."""
+        sim, lists = self.sim, self.lists
+        others = np.setdiff1d(self.slots, wanted)
+        if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > PAIRS:
+            return np.zeros(0, dtype=np.int64)
+        self.laid += 1
+        n = lists.known
+        path = np.full((n, 12), -1.0) if self.path.shape[0] != n else self.path.numpy().reshape(n, 12).copy()
+        path[wanted] = self._from_here(wanted)
+        self.path = wp.array(path, dtype=Flight, device=sim.device)
+        blocks = -(-n // BLOCK)
+        low, high = (lists.rooms.room(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
+        row, now = self._instant()
+        longest, swiftest = self._walls_ahead()
+        walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
+        if sim.plan.walls:
+            walls = [sim.walls.surface, *sim.walls.mesh_arrays[:2]]
+        rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
+        state, split, kernels = sim.state.record, sim.threads.split, sim.kernels.paths
+        for _ in range(ROUNDS):
+            split(kernels.enclose, blocks, [state, lists.near_reference, self.path, low, high], sim.device)
+            slots, all_slots = (lists.rooms.upload(s.astype(np.int32), wp.int32) for s in (wanted, np.union1d(wanted, others)))
+            steps = lists.rooms.zeros(len(wanted), wp.int32)
+            inputs = [
+                slots, all_slots, now, longest, state, lists.near_reference, self.path, low, high, *lists.near[:3], lists.skin,
+                rows, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
+            ]  # fmt: skip
+            split(kernels.lay, len(wanted), inputs, sim.device)
+            found = steps.numpy()
+            good = found >= LEAST_STEPS
+            ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
+            if ends > MOST_ENDS:
+                good[:] = False
+            if good.all():
+                break
+            path[wanted[~good], 11] = -1.0
+            wanted = wanted[good]
+            self.path = wp.array(path, dtype=Flight, device=sim.device)
+            if not len(wanted):
+                break
+        else:
+            path[wanted, 11] = -1.0
+            wanted, found = wanted[:0], found[:0]
+        if len(wanted):
+            path[wanted, 11] = now + found - (2 if sim.stepper.stages > 1 else 0)  # its stages look ahead
+        self.slots = np.flatnonzero(path[:, 11] >= 0.0)
+        self.path = wp.array(path, dtype=Flight, device=sim.device) if len(self.slots) else self._none
+        self.unplace()
+        return wanted
+
+    def _from_here(self, slots: np.ndarray) -> np.ndarray:
+        """Paths of free fall, without end, shape (k, 12)."""
+        sim = self.sim
+        record = sim.state.record.numpy()[slots]
+        place, velocity = record[:, grain.POSITION], record[:, grain.VELOCITY]
+        row = sim.schedule.rows(sim.step_number, 0)[0]
+        fall = np.tile(row[2:5], (len(slots), 1))
+        ahead = place + sim.dt * (velocity + sim.dt * fall)  # its place at the next step, if nothing holds it
+        ahead = ahead + ahead @ row[5:14].reshape(3, 3).T + row[14:17]
+        velocity = (ahead - place) / sim.dt - 0.5 * sim.dt * fall
+        numbers = np.tile([ALLOWANCE * self.lists.skin, float(sim.step_number), 1.0e300], (len(slots), 1))
+        return np.concatenate([place, velocity, fall, numbers], axis=1)
+
+    def _walls_ahead(self) -> tuple[int, wp.array]:
+        """Steps for which the walls' places are known, and how fast each motion is until then."""
+        sim, stages = self.sim, self.sim.stepper.stages
+        speeds, longest = np.zeros((max(len(sim.schedule.motions), 1), 2)), LONGEST
+        if sim.plan.moving:
+            row, _ = self._instant()
+            there = sim.stepper.placements_ahead()[row::stages, : sim.plan.moving]
+            longest = len(there) - 1
+            turn, shift = there[..., :9].reshape(*there.shape[:2], 3, 3), there[..., 9:12]
+            step = turn[1:] @ np.swapaxes(turn[:-1], -1, -2)
+            spin = np.sqrt(((step - np.eye(3)) ** 2).sum(axis=(-1, -2)))
+            way = shift[1:] - (step @ shift[:-1, ..., None])[..., 0]
+            speeds[: sim.plan.moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / sim.dt
+            speeds[: sim.plan.moving, 1] = spin.max(axis=0, initial=0.0) / sim.dt
+        return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=sim.device)
+
+    def unplace(self) -> None:
+        """Those that fly have no reference but their path."""
+        lists, slots = self.lists, self.slots
+        if len(slots):
+            where = lists.rooms.upload(slots.astype(np.int32), wp.int32)
+            for reference in (lists.near_reference, lists.reference):
+                if reference is not None and reference.shape[0] == lists.known:
+                    wp.launch(self.sim.kernels.paths.unplace, len(slots), inputs=[where, reference], device=self.sim.device)
+
+    def leave(self, gone: np.ndarray) -> None:
+        """Grains in slots ``gone`` have left the domain."""
+        if np.isin(gone, self.slots).any():
+            self.slots = np.setdiff1d(self.slots, gone)
+            path = self.path.numpy().reshape(-1, 12).copy()
+            path[gone, 11] = -1.0
+            self.path.assign(path)
