@@ -69,16 +69,23 @@ def run(
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
     """
+    from warpdem.claim import FolderTaken
     from warpdem.run_phases import run as run_all
     from warpdem.runner import default_folder, named_folder
     from warpdem.scene.file import load_scene
 
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
-    folder = out or (named_folder(scene) if resume else default_folder(scene))
     try:
-        run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite, quiet=quiet,
-                picture=picture)  # fmt: skip
+        while True:
+            folder = out or (named_folder(scene) if resume else default_folder(scene))
+            try:
+                run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
+                        quiet=quiet, picture=picture)  # fmt: skip
+                break
+            except FolderTaken as taken:
+                if out or resume or taken.folder != folder:
+                    raise  # else another run has just taken the folder that was free: the next one
     except KeyboardInterrupt as stop:
         if not stop.args:  # nothing was run yet
             raise

@@ -16,11 +16,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from warpdem.errors import OutputError, SceneError
+from warpdem.errors import SceneError
 from warpdem.runner import CHECKPOINT
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
 from warpdem.scene.models import nearest
+from warpdem.write_tables import not_written
 
 PARTS = ("Shown", "Must come out", "Seen in", "Takes")
 """Words that begin a part of a scene's first comment."""
@@ -118,18 +119,23 @@ def copy(name: str, folder: Path) -> Path:
         OutputError: The folder cannot be written.
     """
     file, target = scene_named(name).file, folder / f"{name}.toml"
-    if folder.exists():
+    named = [Path(path) for _, path in load_scene(file).files()]
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir()  # one of two that are started at once makes it
+    except FileExistsError:
         begun = any((folder / RESULTS).rglob(CHECKPOINT))
         command = shlex.join(["warpdem", "run", str(target), "--out", str(folder / RESULTS), *["--resume"] * begun])
         again = f", or {'go on with' if begun else 'run'} what is there: {command}" if target.exists() else ""
-        raise SceneError(f"--out {folder}: is there already; take another folder{again}")
-    named = [Path(path) for _, path in load_scene(file).files()]
+        raise SceneError(f"--out {folder}: is there already; take another folder{again}") from None
+    except OSError as error:
+        raise not_written(folder, error) from error
     try:
         for path in (Path(file.name), *named):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file.parent / path, folder / path)
     except OSError as error:
-        raise OutputError(f"--out {folder}: cannot be written ({error.strerror})") from error
+        raise not_written(folder, error) from error
     return target
 
 
