@@ -10,12 +10,12 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.drawing.look import Look
-from warpdem.errors import WarpdemError
+from warpdem.process import answer
 
 app = App(
     name="warpdem",
     help="Discrete element method for granular flow in rotating and moving equipment.",
-    suppress_keyboard_interrupt=False,  # main() tells how to go on
+    suppress_keyboard_interrupt=False,  # answer() tells how to go on
     default_parameter=Parameter(negative_iterable=()),  # no --empty-set, which an option left out says as well
 )
 
@@ -256,16 +256,8 @@ def demo(
 
 
 def main() -> None:
-    """Entry point: exit codes 0 done, 2 wrong scene or argument, 3 run stopped itself, 130 interrupted."""
-    try:
-        app()
-    except WarpdemError as error:
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"error: {error}")
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt as stop:  # before a run has begun there is nothing to continue
-        said = "; ".join(map(str, stop.args))
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"interrupted {said}".rstrip())
-        sys.exit(130)
+    """The command, for programs that have imported this; exit codes as ``warpdem.process.answer``."""
+    answer(lambda: app)
 
 
 if __name__ == "__main__":

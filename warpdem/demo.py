@@ -4,6 +4,8 @@ A scene of the gallery begins with comment lines: a sentence, then what is shown
 seen, and how long it takes.
 """
 
+import errno
+import os
 import re
 import shlex
 import shutil
@@ -16,12 +18,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from warpdem.errors import SceneError
+from warpdem.errors import OutputError, SceneError
 from warpdem.runner import CHECKPOINT
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
 from warpdem.scene.models import nearest
-from warpdem.write_tables import not_written
 
 PARTS = ("Shown", "Must come out", "Seen in", "Takes")
 """Words that begin a part of a scene's first comment."""
@@ -123,19 +124,21 @@ def copy(name: str, folder: Path) -> Path:
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()  # one of two that are started at once makes it
-    except FileExistsError:
+    except FileExistsError as error:
+        if not folder.exists():  # it is one above that is no folder
+            raise OutputError(f"--out {folder}: cannot be written ({os.strerror(errno.ENOTDIR)})") from error
         begun = any((folder / RESULTS).rglob(CHECKPOINT))
         command = shlex.join(["warpdem", "run", str(target), "--out", str(folder / RESULTS), *["--resume"] * begun])
         again = f", or {'go on with' if begun else 'run'} what is there: {command}" if target.exists() else ""
         raise SceneError(f"--out {folder}: is there already; take another folder{again}") from None
     except OSError as error:
-        raise not_written(folder, error) from error
+        raise OutputError(f"--out {folder}: cannot be written ({error.strerror})") from error
     try:
         for path in (Path(file.name), *named):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file.parent / path, folder / path)
     except OSError as error:
-        raise not_written(folder, error) from error
+        raise OutputError(f"--out {folder}: cannot be written ({error.strerror})") from error
     return target
 
 

@@ -4,11 +4,8 @@ import json
 import math
 import os
 import platform
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,6 +17,7 @@ from warpdem import advice, summary
 from warpdem.claim import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError, SceneError, StabilityError
+from warpdem.interrupts import held_back
 from warpdem.measure import measures, observation
 from warpdem.measure.dimensionless import Turning, TurningNumbers
 from warpdem.output.background import Background
@@ -243,22 +241,6 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
     }  # fmt: skip
 
 
-@contextmanager
-def _interrupts() -> Iterator[Callable[[], bool]]:
-    """Hold Ctrl-C and SIGTERM back; the function given tells whether one came."""
-    came: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
-    try:
-        yield lambda: bool(came)
-    finally:
-        for s, handler in zip(signals, before, strict=True):
-            signal.signal(s, handler)
-
-
 def run_scene(
     scene: Scene,
     folder: Path | str,
@@ -396,7 +378,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
     path = outputs.folder / CHECKPOINT
     try:
-        with progress_bar(console, quiet, max(last, 1)) as tell, _interrupts() as interrupted:
+        with progress_bar(console, quiet, max(last, 1)) as tell, held_back() as interrupted:
             if not resumed:
                 outputs.write(row=True, frame=True)
                 outputs.settle()
