@@ -1,7 +1,18 @@
-"""``python -m warpdem`` is the command ``warpdem``, which begins here: its libraries load within ``main``."""
+"""``python -m warpdem`` is the command ``warpdem``, which begins here: all that takes time is imported within ``main``."""
 
-from warpdem import interrupts
-from warpdem.process import answer
+import os
+import signal
+import sys
+
+
+def _leave(*_) -> None:
+    """Answer Ctrl-C before there is anything that has to end in order."""
+    os.write(2, b"interrupted\n")
+    os._exit(130)
+
+
+if "warpdem.process" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _leave)  # until `answer` takes over
 
 
 def _command():
@@ -12,6 +23,9 @@ def _command():
 
 def main() -> None:
     """Entry point of the command; leaves with the exit codes of ``warpdem.process.answer``."""
+    from warpdem import interrupts
+    from warpdem.process import answer
+
     try:
         answer(_command)
     finally:

@@ -81,7 +81,8 @@ def answer(load: Callable[[], Callable[[], object]]) -> None:
         if out.error is not None and not code:
             gone = out.error.errno == errno.EPIPE
             code = CLOSED_PIPE if gone else NOT_WRITTEN
-            said = "" if gone else f"error: standard output cannot be written ({_reason(out.error)}); what goes to files is not affected"
+            said = f"error: standard output cannot be written ({_reason(out.error)}); what goes to files is not affected"
+            said = "" if gone else said
         errors.write(f"{said}\n" if said else "")
         errors.flush()
     if code:
