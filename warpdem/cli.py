@@ -239,6 +239,7 @@ def demo(
         quiet: As in run.
     """
     from warpdem.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.start_warp import start_warp
 
     console = Console(highlight=False)
     if name is None:
@@ -248,6 +249,7 @@ def demo(
         print_about(name, console)
         return
     folder = out or Path(name)
+    start_warp()  # what cannot run at all leaves no copy
     scene = copy(name, folder)
     run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
         picture=picture, quiet=quiet)  # fmt: skip

@@ -19,6 +19,9 @@ NOT_WRITTEN = 3
 CLOSED_PIPE = 141
 """Exit code when the reader of standard output has gone, as of a program that SIGPIPE ends."""
 
+UNNAMED = "a file of results, of compiled kernels (WARP_CACHE_PATH) or a temporary one (TMPDIR)"
+"""What the system may mean by an error that names no file."""
+
 
 class Stream:
     """Standard output or standard error; what cannot be written there is dropped, and ends no run.
@@ -102,8 +105,8 @@ def _ended(load: Callable[[], Callable[[], object]]) -> tuple[int | str | None, 
             except OSError as error:
                 if came:
                     raise KeyboardInterrupt from None
-                named = f"{error.filename}: " if error.filename is not None else ""
-                return NOT_WRITTEN, f"error: {named}cannot be read or written ({_reason(error)})"
+                named = UNNAMED if error.filename is None else error.filename
+                return NOT_WRITTEN, f"error: {named}: cannot be read or written ({_reason(error)})"
             except Exception:
                 if came:  # a library made another error of the interrupt
                     raise KeyboardInterrupt from None
