@@ -62,7 +62,7 @@ def run(
         out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
             for a result stage.
         device: cpu or cuda:0; a GPU if there is one.
-        threads: CPU threads; all cores if not given.
+        threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
         resume: Go on from the checkpoint in the folder.

@@ -44,11 +44,11 @@ class Stepper:
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in sim.scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
-        control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
+        control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        control.ways = wp.array(barrier.ways_to_wait(), dtype=wp.uint64, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
         self._arguments = None
         self._arguments_of = -1  # version of the lists that they belong to
-        self._yield_to = wp.uint64(barrier.yield_address())
         self.resident = Resident(sim, control) if sim.plan.resident else None
 
     @property
@@ -165,17 +165,20 @@ class Stepper:
 
     def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """One launch per thread for the whole batch."""
-        sim, control, n = self.sim, self.control, self.sim.threads.count
+        sim, control = self.sim, self.control
+        n = sim.threads.at_work(len(sim.state))
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
         parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
-        control.share.assign(np.hstack(parts).astype(np.int32))
+        share = np.zeros(control.share.shape, dtype=np.int32)
+        share[:n] = np.hstack(parts)
+        control.share.assign(share)
         control.meeting.zero_()
         control.moved.zero_()
         shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
 
         def job(thread: int):
-            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared, self._yield_to]
+            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=sim.device)
 
         sim.threads.together([job(t) for t in range(n)])
