@@ -12,12 +12,13 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from warpdem.claim import claimed
+from warpdem.engine import checkpoint
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
 from warpdem.runner import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
-from warpdem.summary import scene_hash
+from warpdem.summary import file_digests, scene_hash
 from warpdem.write_tables import replaced, write_run_record
 
 INDICES = ("result.pvd", "contacts.pvd")
@@ -85,6 +86,8 @@ def _run(
                 one = started_from(one, folders[k - 1] / CHECKPOINT, scene.continues(k))
             end = one.time.end if until is None else min(one.time.end, until - begin)
             if resume and _is_done(there, end) and k + 1 < asked:
+                files = file_digests(one)
+                checkpoint.refuse_other(checkpoint.read(there / CHECKPOINT), one, files, scene_hash(one, files))
                 continue
             going = resume and (k == 0 or (there / CHECKPOINT).exists())
             sim = run_scene(one, there, until=end, resume=going, overwrite=True, picture=False, **said)
