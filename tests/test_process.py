@@ -1,4 +1,4 @@
-"""The command as a process: signals at any moment, a standard output that cannot be written; words and exit codes, no traceback."""
+"""The command as a process: signals at any moment, an output that cannot be written; words and exit codes, no traceback."""
 
 import json
 import os
@@ -12,7 +12,7 @@ import pytest
 
 from warpdem import interrupts
 from warpdem.errors import OutputError, SceneError
-from warpdem.process import answer
+from warpdem.process import UNNAMED, answer
 
 SCENE = """
 [materials.glass]
@@ -105,9 +105,11 @@ def test_what_prints_nothing_needs_no_output(folder):
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_signal_before_the_first_step_is_answered_in_a_line(folder, name):
     """While libraries load, the run is set up, or kernels compile: no traceback, and no folder is left."""
-    waits = "import time, warpdem.simulation as s; s.Simulation.__init__ = lambda *_, **__: (print('set up', flush=True), time.sleep(60))"
-    code = f"{waits}; import sys; sys.argv = ['warpdem', *{RUN!r}]; from warpdem.__main__ import main; main()"
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    waits = "lambda *_, **__: (print('set up', flush=True), time.sleep(60))"
+    code = f"import sys, time, warpdem.simulation; warpdem.simulation.Simulation.__init__ = {waits}; "
+    code += f"sys.argv = ['warpdem', *{RUN!r}]; from warpdem.__main__ import main; main()"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=folder, **pipes)
     assert process.stdout.readline() == "set up\n"
     assert (folder / "out").exists()
     process.send_signal(getattr(signal, name))
@@ -188,8 +190,7 @@ def fails(error):
         (OutputError("disk"), 3, "error: disk\n"),
         (KeyboardInterrupt("at t = 1 s", "go on"), 130, "interrupted at t = 1 s; go on\n"),
         (PermissionError(13, "Permission denied", "file"), 3, "error: file: cannot be read or written (Permission denied)\n"),
-        (OSError(28, "No space left on device"), 3, "error: a file of results, of compiled kernels (WARP_CACHE_PATH) or a "
-                                                    "temporary one (TMPDIR): cannot be read or written (No space left on device)\n"),
+        (OSError(28, "No space left"), 3, f"error: {UNNAMED}: cannot be read or written (No space left)\n"),
         (SystemExit(7), 7, ""),
     ],
 )  # fmt: skip

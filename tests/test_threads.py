@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels import barrier
+
 from warpdem.threads import GRAINS_PER_THREAD, Threads, ask_for_short_slices, available_threads, ranges, threads_for
 
 

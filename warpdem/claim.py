@@ -131,8 +131,9 @@ def _claim(folder: Path) -> tuple[Claim, list[Path]]:
                 raise FileNotFoundError  # its owner has just removed it
             _write_owner(descriptor)
             return Claim(folder, descriptor), made
-        except FileNotFoundError:  # removed meanwhile by a run that ended, or was refused
+        except FileNotFoundError as error:  # removed meanwhile by a run that ended, or was refused
             _close(descriptor)
+            last = error
         except BaseException as error:
             _close(descriptor)
             for path in reversed(made):
@@ -141,7 +142,7 @@ def _claim(folder: Path) -> tuple[Claim, list[Path]]:
             if isinstance(error, OSError):
                 raise not_written(folder, error) from error
             raise
-    raise OutputError(f"{folder}: cannot be written (it is made and removed by others all the time)")
+    raise not_written(folder, last)
 
 
 def _make(folder: Path, made: list[Path]) -> None:
