@@ -59,13 +59,13 @@ class Threads:
 
     def __init__(self, count: int, as_pays: bool = False) -> None:
         self.count = count
-        self._as_pays = as_pays
+        self.as_pays = as_pays
         names = {"thread_name_prefix": "warpdem", "initializer": ask_for_short_slices}
         self._pool = ThreadPoolExecutor(count, **names) if count > 1 else None
 
     def at_work(self, grains: int) -> int:
         """Threads for a batch of steps of so many grains."""
-        return max(1, min(self.count, grains // GRAINS_PER_THREAD)) if self._as_pays else self.count
+        return max(1, min(self.count, grains // GRAINS_PER_THREAD)) if self.as_pays else self.count
 
     def together(self, jobs: Sequence[Callable[[], None]]) -> None:
         """Run all jobs at the same time; all must be running for barriers to open.

@@ -1,8 +1,11 @@
 """Launching steps: the array structs of the present lists, and one batch of steps on CPU threads or a GPU."""
 
+import time
+
 import numpy as np
 import warp as wp
 
+from warpdem.engine.pace import Pace
 from warpdem.engine.plan import field_numbers
 from warpdem.engine.resident import Resident
 from warpdem.kernels import barrier
@@ -50,6 +53,7 @@ class Stepper:
         self._arguments = None
         self._arguments_of = -1  # version of the lists that they belong to
         self.resident = Resident(sim, control) if sim.plan.resident else None
+        self.pace = Pace()
 
     @property
     def extreme(self) -> np.ndarray:
@@ -166,7 +170,8 @@ class Stepper:
     def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, bool]:
         """One launch per thread for the whole batch."""
         sim, control = self.sim, self.control
-        n = sim.threads.at_work(len(sim.state))
+        most = sim.threads.at_work(len(sim.state))
+        n = self.pace.threads(most) if sim.threads.as_pays else most
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
         parts = [ranges(m, n) for m in (packs.owner.shape[0], len(sim.state), sim.lists.row_count)]
@@ -181,7 +186,11 @@ class Stepper:
             inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=sim.device)
 
+        wall, used = time.perf_counter(), time.process_time()
         sim.threads.together([job(t) for t in range(n)])
         if count == 0:
             return 0, False
-        return int(control.done.numpy()[0]), bool(control.moved.numpy()[::SPAN].any())
+        done = int(control.done.numpy()[0])
+        if most > 1:
+            self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
+        return done, bool(control.moved.numpy()[::SPAN].any())
