@@ -112,6 +112,7 @@ def build(
         scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
+        ways: wp.array(dtype=wp.uint64)  # to wait for the others
 
     @wp.func
     def pair_phase(
@@ -288,7 +289,6 @@ def build(
         materials: int,
         dt: wp.float64,
         reach: wp.float64,
-        yield_to: wp.uint64,
     ):
         at = thread * wp.static(SPAN)
         target = int(0)
@@ -306,18 +306,18 @@ def build(
                             if stage < wp.static(stages - 1):
                                 if threads > 1:
                                     target += threads
-                                    meet(control.meeting, target, yield_to)
+                                    meet(control.meeting, target, control.ways)
                                 force_phase(
                                     thread, base + s - 1, stage + 1, grains, packs, rows, surface, control, coefficients,
                                     materials, (parity + s - 1) & 1, dt, at,
                                 )  # fmt: skip
                                 if threads > 1:
                                     target += threads
-                                    meet(control.meeting, target, yield_to)
+                                    meet(control.meeting, target, control.ways)
                     control.moved[at] = moved
                     if threads > 1:
                         target += threads
-                        meet(control.meeting, target, yield_to)
+                        meet(control.meeting, target, control.ways)
                     for t in range(threads):
                         stop = stop | control.moved[t * wp.static(SPAN)]
                 if thread == 0:
@@ -329,7 +329,7 @@ def build(
                     )  # fmt: skip
                     if threads > 1:
                         target += threads
-                        meet(control.meeting, target, yield_to)
+                        meet(control.meeting, target, control.ways)
                     for t in range(threads):
                         if too_deep(control.extreme, t * wp.static(SPAN), control.deepest):
                             stop = 1

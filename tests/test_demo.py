@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -128,6 +129,18 @@ def test_copy_overwrites_nothing_and_knows_its_scenes(tmp_path):
     assert not (tmp_path / "other").exists()
     with pytest.raises(OutputError, match=r"--out .*: cannot be written \(Not a directory\)"):
         demo.copy("disk", folder / "disk.toml" / "below")
+
+
+def test_of_two_copies_at_once_one_is_made(tmp_path):
+    def copy(_) -> bool:
+        try:
+            return bool(demo.copy("disk", tmp_path / "mine"))
+        except SceneError as error:
+            assert "is there already" in str(error)
+            return False
+
+    with ThreadPoolExecutor(4) as pool:
+        assert sorted(pool.map(copy, range(4))) == [False] * 3 + [True]
 
 
 def test_command_copies_and_runs(warpdem, tmp_path):

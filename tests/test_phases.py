@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import SceneError, Simulation, StabilityError
+from warpdem.claim import FolderTaken, claimed
 from warpdem.drawing.rendering import render
 from warpdem.engine import checkpoint
 from warpdem.run_phases import run as run_all
@@ -142,6 +143,27 @@ def test_resume_goes_on_in_any_phase(done, tmp_path, cut):
         assert record(tmp_path / "out" / name)["state_hash"] == record(whole / name)["state_hash"]
         assert record(tmp_path / "out" / name)["status"] == "done"
     assert record(tmp_path / "out")["status"] == "done"
+
+
+def test_resume_of_other_phases_is_refused_before_what_is_not_begun(tmp_path):
+    """A phase that is done is not run again: its scene must be the one asked for all the same."""
+    run(scene(), tmp_path / "out", until=40 * STEP)
+    other = scene(lambda data: data["pairs"][0].update(friction=0.4))
+    with pytest.raises(SceneError, match=r"1-fall/checkpoint.h5: belongs to another scene.* other values of pairs;"):
+        run(other, tmp_path / "out", resume=True)
+    assert not (tmp_path / "out" / "2-turn").exists()
+    run(scene(lambda data: data["output"].update(checkpoint_wall_time=5)), tmp_path / "out", resume=True)
+    assert record(tmp_path / "out")["status"] == "done"
+
+
+def test_phases_claim_their_folder_and_leave_none_when_refused(tmp_path):
+    with claimed(tmp_path / "out"), pytest.raises(FolderTaken, match="another run is writing there"):
+        run_all(scene(), tmp_path / "out", device="cpu", threads=1, overwrite=True)
+    for folder in (tmp_path / "out", tmp_path / "out" / "2-turn"):
+        assert not folder.exists()
+    with pytest.raises(SceneError, match="not on this machine"):
+        run_all(scene(), tmp_path / "out", device="cuda:77", quiet=True)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_phase_that_stops_itself_is_told(tmp_path):

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import time
 from contextlib import ExitStack
@@ -19,11 +20,12 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
+from warpdem.claim import FolderTaken, claimed
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
 from warpdem.output.write_vtk import read_results
 from warpdem.progress import told_if_long
-from warpdem.runner import check_request, default_folder, history_columns, make_folder, named_folder, run_scene
+from warpdem.runner import check_request, default_folder, history_columns, named_folder, run_scene
 from warpdem.summary import print_summary, scene_hash, speed_text, steps_per_contact
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -280,7 +282,7 @@ def test_full_disk_at_a_checkpoint_keeps_the_one_before(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir() if ".part" in path.name] == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_leave_a_checkpoint_of_the_present_step(done, tmp_path, monkeypatch, number):
     step = Simulation.step
 
@@ -299,6 +301,61 @@ def test_signals_leave_a_checkpoint_of_the_present_step(done, tmp_path, monkeypa
     again, _ = run(scene(), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
     assert (tmp_path / "history.csv").read_text() == (done[0] / "history.csv").read_text()
+
+
+def test_a_terminal_that_closes_ends_no_run_under_nohup(done, tmp_path, monkeypatch):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    step = Simulation.step
+
+    def closed(sim, count=1):
+        step(sim, count)
+        os.kill(os.getpid(), signal.SIGHUP)
+
+    monkeypatch.setattr(Simulation, "step", closed)
+    try:
+        assert run(scene(), tmp_path)[0].state_hash() == done[1].state_hash()
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+GOES_ON = {
+    "checkpoint_wall_time": {"output": {**OFTEN, "checkpoint_wall_time": 7.0}},
+    "checkpoint_interval": {"output": {**OFTEN, "checkpoint_interval": 1e-3}},
+    "picture": {"output": {**OFTEN, "picture": True}},
+    "skin": {"engine": {"max_overlap": 0.3, "skin": 3e-4}},
+    "guards": {"engine": {"max_overlap": 0.3, "guards": "record"}},
+    "max_overlap": {"engine": {"max_overlap": 0.35}},
+}
+
+
+@pytest.mark.parametrize("case", GOES_ON)
+def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch, case):
+    monkeypatch.setattr("warpdem.drawing.rendering.render", Mock())
+    run(scene(output=OFTEN), tmp_path, until=2e-3)
+    again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
+    assert again.state_hash() == done[1].state_hash()
+    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.scene_hash
+
+
+OTHER_RESULTS = {
+    "output.interval": {"output": {**OFTEN, "interval": 1e-3}},
+    "output.history_interval": {"output": {**OFTEN, "history_interval": 1e-3}},
+    "output.formats": {"output": {**OFTEN, "formats": ["vtk"]}},
+    "output.wall_loads": {"output": {**OFTEN, "wall_loads": False}},
+    "output.orientation": {"output": {**OFTEN, "orientation": True}},
+    "engine.precision": {"engine": {"max_overlap": 0.3, "precision": "mixed"}},
+    "time.end": {"time": {"end": 7e-3, "step": 1e-5, "max_speed": 1}},
+}
+
+
+@pytest.mark.parametrize("key", OTHER_RESULTS)
+def test_what_changes_results_is_refused_at_resume_by_its_key(tmp_path, key):
+    run(scene(output=OFTEN), tmp_path, until=1e-4)
+    with pytest.raises(SceneError, match=f"other values of {key}; nothing was changed") as refused:
+        run(scene(**{"output": {**OFTEN, "picture": True}, **OTHER_RESULTS[key]}), tmp_path, resume=True)
+    assert ("the part before is there already" in str(refused.value)) == key.startswith("output.")
+    assert ("--until" in str(refused.value)) == (key == "time.end")
 
 
 def test_output_does_not_change_a_bit(done, tmp_path):
@@ -337,7 +394,7 @@ def test_folder_of_a_result_stage_is_named_after_its_run(tmp_path, monkeypatch):
 def test_folder_with_results_is_refused(tmp_path):
     check_request(tmp_path / "new", None, overwrite=False)
     assert not (tmp_path / "new").exists()
-    make_folder(tmp_path / "new")
+    (tmp_path / "new").mkdir()
     (tmp_path / "new" / "run.json").touch()
     with pytest.raises(SceneError, match="holds the results of a run"):
         check_request(tmp_path / "new", None, overwrite=False)
@@ -346,8 +403,67 @@ def test_folder_with_results_is_refused(tmp_path):
     for below in (tmp_path / "file" / "below", tmp_path / "file"):
         with pytest.raises(SceneError, match=r"cannot be written \(.*file is no folder"):
             check_request(below, None, overwrite=False)
-        with pytest.raises(OutputError, match="cannot be written"):
-            make_folder(below)
+
+
+def held(folder, at, monkeypatch):
+    """Have ``at`` called with what happens while a run is set up in ``folder``."""
+    real = Simulation.__init__
+
+    def while_set_up(sim, *arguments, **keys):
+        at()
+        real(sim, *arguments, **keys)
+
+    monkeypatch.setattr(Simulation, "__init__", while_set_up)
+
+
+@pytest.mark.parametrize("keys", [{}, {"overwrite": True}, {"resume": True}])
+def test_a_folder_is_claimed_before_anything_is_computed(tmp_path, monkeypatch, keys):
+    refused = []
+
+    def second():
+        assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
+        monkeypatch.undo()
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(FolderTaken, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
+            run(scene(), Path("out/bed"), **keys)
+        refused.append(True)
+
+    monkeypatch.chdir(tmp_path)
+    held(tmp_path, second, monkeypatch)
+    run(scene(), Path("out/bed"), until=1e-4)
+    assert refused == [True]
+    assert ".running" not in os.listdir("out/bed")
+    assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
+
+
+def test_a_run_that_is_refused_leaves_no_folder(tmp_path):
+    with pytest.raises(SceneError, match="not on this machine"):
+        run_scene(scene(), tmp_path / "some" / "where", device="cuda:77", quiet=True)
+    assert os.listdir(tmp_path) == []
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(SceneError, match="not on this machine"):
+        run_scene(scene(), tmp_path / "mine", device="cuda:77", quiet=True)
+    assert os.listdir(tmp_path) == ["mine"] and os.listdir(tmp_path / "mine") == []
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_a_folder_that_is_removed_stops_the_run_and_is_left_to_others(tmp_path, monkeypatch, anew):
+    step, folder = Simulation.step, tmp_path / "out"
+    with ExitStack() as other:
+
+        def removed(sim, count=1):
+            step(sim, count)
+            if 200 < sim.step_number and not (tmp_path / "done").exists():
+                (tmp_path / "done").touch()
+                shutil.rmtree(folder)
+                if anew:
+                    other.enter_context(claimed(folder))
+
+        monkeypatch.setattr(Simulation, "step", removed)
+        said = "now belongs to another run" if anew else "was removed during the run"
+        with pytest.raises(OutputError, match=said):
+            run(scene(output=OFTEN), folder)
+        assert not anew or [name for name in os.listdir(folder) if name != "run.json"] == [".running"]
 
 
 def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeypatch):

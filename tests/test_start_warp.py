@@ -5,6 +5,7 @@ import os
 import pytest
 
 from warpdem import start_warp
+from warpdem.errors import WarpdemError
 
 LINE = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver. GPU execution will not be available.\n"
 
@@ -46,6 +47,45 @@ def test_warp_starts_without_a_standard_error(monkeypatch):
         patched.setattr(start_warp.wp, "init", lambda: started.append(True))
         start_warp.start_warp.__wrapped__()
     assert started == [True]
+
+
+@pytest.fixture
+def no_cache(monkeypatch):
+    """Warp as it is before it starts, with the environment alone to tell where its kernels go."""
+    monkeypatch.setattr(start_warp.wp.config, "kernel_cache_dir", None)
+
+    def begin(path):
+        monkeypatch.setenv("WARP_CACHE_PATH", str(path))
+
+        def init():
+            start_warp.wp.config.kernel_cache_dir = folder = os.path.join(os.environ["WARP_CACHE_PATH"], "1.0")
+            os.makedirs(folder, exist_ok=True)
+
+        monkeypatch.setattr(start_warp.wp, "init", init)
+        start_warp.start_warp.__wrapped__()
+
+    return begin
+
+
+def test_a_folder_of_kernels_that_cannot_be_made_is_named(no_cache, tmp_path):
+    (tmp_path / "file").touch()
+    said = r"WARP_CACHE_PATH: compiled kernels cannot be kept in .*file/below/1.0 \(Not a directory\); set .*WARP_CACHE_PATH"
+    with pytest.raises(WarpdemError, match=said) as refused:
+        no_cache(tmp_path / "file" / "below")
+    assert refused.value.exit_code == 2
+    no_cache(tmp_path / "good")  # the next try looks anew
+
+
+def test_a_folder_of_kernels_without_right_to_write_must_hold_some(no_cache, tmp_path, monkeypatch):
+    def refuse(*_, dir=None, **__):
+        raise PermissionError(13, "Permission denied", dir)
+
+    monkeypatch.setattr(start_warp.tempfile, "TemporaryFile", refuse)  # root may write anywhere
+    with pytest.raises(WarpdemError, match=r"cannot be kept in .* \(Permission denied\)"):
+        no_cache(tmp_path)
+    (tmp_path / "1.0" / "wp_some_kernel_12ab").mkdir()
+    (tmp_path / "1.0" / "wp_some_kernel_12ab" / "wp_some_kernel.o").touch()
+    no_cache(tmp_path)
 
 
 def test_descriptors_are_given_back(monkeypatch, capfd):

@@ -9,7 +9,6 @@ warpdem.render("hourglass/results", "film.mp4")         # of a run: warpdem demo
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from warpdem.scene.model import Scene
     from warpdem.simulation import Simulation
 
-__version__ = version("warpdem")
+    __version__: str
 
 __all__ = [
     "Scene",
@@ -58,7 +57,12 @@ Until then the command has begun, which answers Ctrl-C in its own words.
 
 
 def __getattr__(name: str):
-    """Import a name of ``LATER``."""
+    """Import a name of ``LATER``, or look up the version."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        globals()[name] = found = version("warpdem")
+        return found
     if name not in LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = thing = getattr(import_module(f"{__name__}.{LATER[name]}"), name)

@@ -1,5 +1,36 @@
-"""``python -m warpdem`` is the command ``warpdem``."""
+"""``python -m warpdem`` is the command ``warpdem``, which begins here: all that takes time is imported within ``main``."""
 
-from warpdem.cli import main
+import os
+import signal
+import sys
 
-main()
+
+def _leave(*_) -> None:
+    """Answer Ctrl-C before there is anything that has to end in order."""
+    os.write(2, b"interrupted\n")
+    os._exit(130)
+
+
+if "warpdem.process" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _leave)  # until `answer` takes over
+
+
+def _command():
+    from warpdem.cli import app
+
+    return app
+
+
+def main() -> None:
+    """Entry point of the command; leaves with the exit codes of ``warpdem.process.answer``."""
+    from warpdem import interrupts
+    from warpdem.process import answer
+
+    try:
+        answer(_command)
+    finally:
+        interrupts.ignore()  # while Python ends
+
+
+if __name__ == "__main__":
+    main()

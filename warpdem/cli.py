@@ -10,12 +10,12 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.drawing.look import Look
-from warpdem.errors import WarpdemError
+from warpdem.process import answer
 
 app = App(
     name="warpdem",
     help="Discrete element method for granular flow in rotating and moving equipment.",
-    suppress_keyboard_interrupt=False,  # main() tells how to go on
+    suppress_keyboard_interrupt=False,  # answer() tells how to go on
     default_parameter=Parameter(negative_iterable=()),  # no --empty-set, which an option left out says as well
 )
 
@@ -62,23 +62,30 @@ def run(
         out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
             for a result stage.
         device: cpu or cuda:0; a GPU if there is one.
-        threads: CPU threads; all cores if not given.
+        threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
         resume: Go on from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
     """
+    from warpdem.claim import FolderTaken
     from warpdem.run_phases import run as run_all
     from warpdem.runner import default_folder, named_folder
     from warpdem.scene.file import load_scene
 
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
-    folder = out or (named_folder(scene) if resume else default_folder(scene))
     try:
-        run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite, quiet=quiet,
-                picture=picture)  # fmt: skip
+        while True:
+            folder = out or (named_folder(scene) if resume else default_folder(scene))
+            try:
+                run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
+                        quiet=quiet, picture=picture)  # fmt: skip
+                break
+            except FolderTaken as taken:
+                if out or resume or taken.folder != folder:
+                    raise  # else another run has just taken the folder that was free: the next one
     except KeyboardInterrupt as stop:
         if not stop.args:  # nothing was run yet
             raise
@@ -232,6 +239,7 @@ def demo(
         quiet: As in run.
     """
     from warpdem.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.start_warp import start_warp
 
     console = Console(highlight=False)
     if name is None:
@@ -241,6 +249,7 @@ def demo(
         print_about(name, console)
         return
     folder = out or Path(name)
+    start_warp()  # what cannot run at all leaves no copy
     scene = copy(name, folder)
     run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
         picture=picture, quiet=quiet)  # fmt: skip
@@ -249,16 +258,8 @@ def demo(
 
 
 def main() -> None:
-    """Entry point: exit codes 0 done, 2 wrong scene or argument, 3 run stopped itself, 130 interrupted."""
-    try:
-        app()
-    except WarpdemError as error:
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"error: {error}")
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt as stop:  # before a run has begun there is nothing to continue
-        said = "; ".join(map(str, stop.args))
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"interrupted {said}".rstrip())
-        sys.exit(130)
+    """The command, for programs that have imported this; exit codes as ``warpdem.process.answer``."""
+    answer(lambda: app)
 
 
 if __name__ == "__main__":

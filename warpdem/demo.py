@@ -4,6 +4,8 @@ A scene of the gallery begins with comment lines: a sentence, then what is shown
 seen, and how long it takes.
 """
 
+import errno
+import os
 import re
 import shlex
 import shutil
@@ -118,12 +120,19 @@ def copy(name: str, folder: Path) -> Path:
         OutputError: The folder cannot be written.
     """
     file, target = scene_named(name).file, folder / f"{name}.toml"
-    if folder.exists():
+    named = [Path(path) for _, path in load_scene(file).files()]
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir()  # one of two that are started at once makes it
+    except FileExistsError as error:
+        if not folder.exists():  # it is one above that is no folder
+            raise OutputError(f"--out {folder}: cannot be written ({os.strerror(errno.ENOTDIR)})") from error
         begun = any((folder / RESULTS).rglob(CHECKPOINT))
         command = shlex.join(["warpdem", "run", str(target), "--out", str(folder / RESULTS), *["--resume"] * begun])
         again = f", or {'go on with' if begun else 'run'} what is there: {command}" if target.exists() else ""
-        raise SceneError(f"--out {folder}: is there already; take another folder{again}")
-    named = [Path(path) for _, path in load_scene(file).files()]
+        raise SceneError(f"--out {folder}: is there already; take another folder{again}") from None
+    except OSError as error:
+        raise OutputError(f"--out {folder}: cannot be written ({error.strerror})") from error
     try:
         for path in (Path(file.name), *named):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)

@@ -11,12 +11,14 @@ from xml.etree import ElementTree
 
 from rich.console import Console
 
+from warpdem.claim import claimed
+from warpdem.engine import checkpoint
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
-from warpdem.runner import CHECKPOINT, check_request, draw_picture, make_folder, run_scene, wants_picture
+from warpdem.runner import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
-from warpdem.summary import scene_hash
+from warpdem.summary import file_digests, scene_hash
 from warpdem.write_tables import replaced, write_run_record
 
 INDICES = ("result.pvd", "contacts.pvd")
@@ -60,7 +62,15 @@ def run(
         return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **said)
     folder = Path(folder)
     check_request(folder, until, overwrite or resume)
-    make_folder(folder)
+    with claimed(folder):
+        refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
+        return _run(scene, folder, until, resume, picture, said)
+
+
+def _run(
+    scene: Scene, folder: Path, until: float | None, resume: bool, picture: bool | None, said: dict
+) -> Simulation:
+    """``run`` of phases in a folder that no other run writes into; ``said`` are the other keys of ``run_scene``."""
     folders = [folder / f"{k + 1}-{phase.name}" for k, phase in enumerate(scene.phases)]
     begins = [sum(scene.phase(j).time.end for j in range(k)) for k in range(len(folders))]
     asked = len(folders) if until is None else sum(begin < until for begin in begins)
@@ -76,6 +86,8 @@ def run(
                 one = started_from(one, folders[k - 1] / CHECKPOINT, scene.continues(k))
             end = one.time.end if until is None else min(one.time.end, until - begin)
             if resume and _is_done(there, end) and k + 1 < asked:
+                files = file_digests(one)
+                checkpoint.refuse_other(checkpoint.read(there / CHECKPOINT), one, files, scene_hash(one, files))
                 continue
             going = resume and (k == 0 or (there / CHECKPOINT).exists())
             sim = run_scene(one, there, until=end, resume=going, overwrite=True, picture=False, **said)
@@ -87,7 +99,10 @@ def run(
         status = "interrupted"
         raise
     finally:
-        _write_record(scene, folder, folders, begins, status)
+        if status in ("failed", "interrupted") and not any((there / "run.json").exists() for there in folders):
+            (folder / "run.json").unlink(missing_ok=True)  # refused before anything was computed
+        else:
+            _write_record(scene, folder, folders, begins, status)
         for name in INDICES:
             _join(folder, name, folders, begins)
     if wants_picture(one, picture):

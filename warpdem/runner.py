@@ -4,11 +4,8 @@ import json
 import math
 import os
 import platform
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -17,8 +14,10 @@ from rich.console import Console
 from rich.text import Text
 
 from warpdem import advice, summary
+from warpdem.claim import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError, SceneError, StabilityError
+from warpdem.interrupts import held_back
 from warpdem.measure import measures, observation
 from warpdem.measure.dimensionless import Turning, TurningNumbers
 from warpdem.output.background import Background
@@ -30,7 +29,7 @@ from warpdem.scene.motion import largest_rates
 from warpdem.simulation import Simulation
 from warpdem.snapshot import WallMesh
 from warpdem.usd.stage import USD_SUFFIXES
-from warpdem.write_tables import HistoryWriter, not_written, write_run_record
+from warpdem.write_tables import HistoryWriter, write_run_record
 
 HISTORY_COLUMNS = (
     "time [s]", "frame_angle [rad]", "grains [-]", "kinetic [J]", "rotational [J]", "elastic [J]", "potential [J]",
@@ -49,10 +48,10 @@ def named_folder(scene_path: Path) -> Path:
 
 
 def default_folder(scene_path: Path) -> Path:
-    """``out/NAME``, or ``out/NAME-2``, ``out/NAME-3``... when there are results already."""
+    """``out/NAME``, or ``out/NAME-2``, ``out/NAME-3``... when there are results already, or another run is writing there."""
     base = named_folder(scene_path)
     folder, number = base, 1
-    while (folder / "run.json").exists():
+    while (folder / "run.json").exists() or is_taken(folder):
         number += 1
         folder = base.with_name(f"{base.name}-{number}")
     return folder
@@ -63,26 +62,26 @@ def check_request(folder: Path, until: float | None, overwrite: bool) -> None:
 
     Raises:
         SceneError: if ``folder`` holds a run and ``overwrite`` is false, or cannot be written; if ``until`` [s] is not above 0.
+        FolderTaken: a SceneError: another run is writing into ``folder``, or has left its results there.
     """
     if until is not None and not 0.0 < until < math.inf:
         raise SceneError(f"--until {until:g}: the time at which the run ends must be above 0 [s]")
-    if (folder / "run.json").exists() and not overwrite:
-        raise SceneError(f"--out {folder}: holds the results of a run; take another one, or say --overwrite (overwrite=True)")
+    refuse_taken(folder)
+    refuse_results(folder, overwrite)
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
         raise SceneError(f"--out {folder}: cannot be written ({there} is no folder to write in)")
 
 
-def make_folder(folder: Path) -> None:
-    """Make ``folder`` if it is not there.
+def refuse_results(folder: Path, overwrite: bool) -> None:
+    """Refuse to write over the results of another run.
 
     Raises:
-        OutputError: the system refuses.
+        FolderTaken: if ``folder`` holds a run and ``overwrite`` is false.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise not_written(folder, error) from error
+    if (folder / "run.json").exists() and not overwrite:
+        said = f"--out {folder}: holds the results of a run; take another one, or say --overwrite (overwrite=True)"
+        raise FolderTaken(folder, said)
 
 
 def history_columns(scene: Scene) -> list[str]:
@@ -141,8 +140,8 @@ def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resu
 class Outputs:
     """All files of a run but the pictures."""
 
-    def __init__(self, sim: Simulation, folder: Path, resume: bool = False) -> None:
-        self.sim, self.folder = sim, folder
+    def __init__(self, sim: Simulation, folder: Path, resume: bool = False, claim: Claim | None = None) -> None:
+        self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         self.writers = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in sim.scene.output.formats]
         grid = sim.scene.measures.grid
@@ -156,10 +155,12 @@ class Outputs:
         """Write a row of the history and a frame of the present instant, while the run goes on.
 
         Raises:
-            OutputError: what came before could not be written.
+            OutputError: what came before could not be written, or the folder is no longer that of this run.
         """
         if not (row or frame):
             return
+        if self.claim is not None:
+            self.claim.check()
         with self.sim.clock("output"):
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
             network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
@@ -182,8 +183,10 @@ class Outputs:
         """Wait until all rows and frames are written: what is saved next counts on them.
 
         Raises:
-            OutputError: one could not be written.
+            OutputError: one could not be written, or the folder is no longer that of this run.
         """
+        if self.claim is not None:
+            self.claim.check()
         with self.sim.clock("output"):
             self.background.settle()
 
@@ -239,22 +242,6 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
     }  # fmt: skip
 
 
-@contextmanager
-def _interrupts() -> Iterator[Callable[[], bool]]:
-    """Hold Ctrl-C and SIGTERM back; the function given tells whether one came."""
-    came: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
-    try:
-        yield lambda: bool(came)
-    finally:
-        for s, handler in zip(signals, before, strict=True):
-            signal.signal(s, handler)
-
-
 def run_scene(
     scene: Scene,
     folder: Path | str,
@@ -286,13 +273,24 @@ def run_scene(
 
     Raises:
         SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong, or the folder holds
-            the results of a run and neither ``resume`` nor ``overwrite`` is said.
+            the results of a run and neither ``resume`` nor ``overwrite`` is said, or another run is writing there.
         StabilityError: if the run stops itself; results and the last good checkpoint stay.
         OutputError: if a result cannot be written; results so far and the last good checkpoint stay.
-        KeyboardInterrupt: on Ctrl-C and SIGTERM, with a checkpoint of the present step.
+        KeyboardInterrupt: on Ctrl-C, SIGTERM and SIGHUP, with a checkpoint of the present step.
     """
     folder, console = Path(folder), console or Console()
     check_request(folder, until, overwrite or resume)
+    with claimed(folder) as claim:
+        refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
+        return _run(scene, claim, device, threads, until, resume, quiet, picture, console, told)
+
+
+def _run(
+    scene: Scene, claim: Claim, device: str | None, threads: int | None, until: float | None, resume: bool, quiet: bool,
+    picture: bool | None, console: Console, told: set[str] | None,
+) -> Simulation:  # fmt: skip
+    """``run_scene`` in a folder that no other run writes into."""
+    folder = claim.folder
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
     with told_if_long(SETTING_UP, console, quiet):
@@ -304,8 +302,8 @@ def run_scene(
         _announce(sim, end, folder, console, set() if told is None else told)
     with sim.clock("compile"), told_if_long(COMPILING, console, quiet):
         sim.load_kernels()
-    make_folder(folder)
-    outputs = Outputs(sim, folder, resume)
+    claim.check()
+    outputs = Outputs(sim, folder, resume, claim)
     if not resume:
         (folder / CHECKPOINT).unlink(missing_ok=True)  # one of a run before would not fit what is written now
     write_run_record(folder / "run.json", {"status": "running", "scene": scene.source})
@@ -381,7 +379,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
     path = outputs.folder / CHECKPOINT
     try:
-        with progress_bar(console, quiet, max(last, 1)) as tell, _interrupts() as interrupted:
+        with progress_bar(console, quiet, max(last, 1)) as tell, held_back() as interrupted:
             if not resumed:
                 outputs.write(row=True, frame=True)
                 outputs.settle()

@@ -40,7 +40,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.start_warp import start_warp
-from warpdem.threads import Threads, available_threads
+from warpdem.threads import Threads, available_threads, threads_for
 
 
 class Simulation:
@@ -49,7 +49,7 @@ class Simulation:
     Args:
         scene: validated scene.
         device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one.
-        threads: CPU threads; None takes all available cores.
+        threads: CPU threads; None takes as many as pay for the number of grains, up to all available cores.
         start: checkpoint of another run to start from in place of the scene's grains, as the scene's key start.
         resident: many steps as one captured graph on one thread; None takes it on a GPU and not on a CPU, where it shows that
             the GPU's launches give the CPU's bits.
@@ -85,7 +85,6 @@ class Simulation:
         self.seconds: dict[str, float] = {}
         if threads is not None and threads < 1:
             raise SceneError(f"threads = {threads}: at least 1 is needed")
-        self.threads = Threads((threads or available_threads()) if self.device.is_cpu else 1)
         with self.clock("set-up"):
             past = read_start(scene) if scene.start is not None else None
             self.scene = scene = scene if past is None else past.scene
@@ -125,6 +124,8 @@ class Simulation:
             )
             table = coefficient_table(scene) if self.plan.table else self._only_coefficients(self.expected)
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)
+            count = threads or (available_threads() if scene.streams else threads_for(len(start.id)))
+            self.threads = Threads(count if self.device.is_cpu else 1, as_pays=threads is None)
             self.lists = Lists(self)
             self.stepper = Stepper(self)
         self.step_number = 0

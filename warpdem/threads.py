@@ -1,15 +1,47 @@
 """A small pool that runs one launch per CPU thread (Warp itself runs a CPU launch on one)."""
 
+import ctypes
 import os
+import platform
+import struct
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 
 import warp as wp
 
+from warpdem.cores import available_cores
+
+GRAINS_PER_THREAD = 24
+"""Grains from which on one more thread pays: below them threads wait for each other longer than they work."""
+SLICE = 100_000  # [ns], the least that Linux grants
+SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call
+
 
 def available_threads() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Cores that this process may use; see ``warpdem.cores``."""
+    return available_cores()
+
+
+def threads_for(grains: int) -> int:
+    """Threads that pay for so many grains, up to the cores that this process may use."""
+    return max(1, min(available_threads(), grains // GRAINS_PER_THREAD))
+
+
+def ask_for_short_slices() -> None:
+    """Let this thread run soon after it is woken, where other work wants its core too.
+
+    It gets no more time than others by that, only sooner, in shorter slices. Linux (6.12 or later) would else let it wait for
+    the end of another program's slice, a millisecond or more, at each meeting of the threads. Systems that do not know this
+    leave all as it is.
+    """
+    number = SCHED_SETATTR.get(platform.machine())
+    with suppress(OSError, AttributeError):
+        if number is None or platform.system() != "Linux" or os.sched_getscheduler(0) != os.SCHED_OTHER:
+            return
+        nice = os.getpriority(os.PRIO_PROCESS, 0)
+        wanted = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE, 0, 0)  # struct sched_attr
+        ctypes.CDLL(None).syscall(number, 0, wanted, 0)
 
 
 def ranges(count: int, parts: int) -> list[tuple[int, int]]:
@@ -18,11 +50,22 @@ def ranges(count: int, parts: int) -> list[tuple[int, int]]:
 
 
 class Threads:
-    """Runs launches side by side; ctypes releases the interpreter's lock during each."""
+    """Runs launches side by side; ctypes releases the interpreter's lock during each.
 
-    def __init__(self, count: int) -> None:
+    Args:
+        count: threads.
+        as_pays: use only as many of them for a batch of steps as pay for its grains.
+    """
+
+    def __init__(self, count: int, as_pays: bool = False) -> None:
         self.count = count
-        self._pool = ThreadPoolExecutor(count, thread_name_prefix="warpdem") if count > 1 else None
+        self.as_pays = as_pays
+        names = {"thread_name_prefix": "warpdem", "initializer": ask_for_short_slices}
+        self._pool = ThreadPoolExecutor(count, **names) if count > 1 else None
+
+    def at_work(self, grains: int) -> int:
+        """Threads for a batch of steps of so many grains."""
+        return max(1, min(self.count, grains // GRAINS_PER_THREAD)) if self.as_pays else self.count
 
     def together(self, jobs: Sequence[Callable[[], None]]) -> None:
         """Run all jobs at the same time; all must be running for barriers to open.

@@ -84,8 +84,8 @@ def render(
         watch(0, len(instants))
     show = Show(runs, instants, chosen)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
         with replaced(out) as part:
+            out.parent.mkdir(parents=True, exist_ok=True)
             if suffix == ".png":
                 imageio.imwrite(part, show.draw(instants[0]))
             else:

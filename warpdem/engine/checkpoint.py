@@ -21,6 +21,12 @@ from warpdem.paths import Access, access_of_file
 from warpdem.write_tables import replaced
 
 FORMAT = "warpdem checkpoint 4"
+MAY_CHANGE = {
+    "output.checkpoint_interval", "output.checkpoint_wall_time", "output.picture", "engine.skin", "engine.guards",
+    "engine.max_overlap", "start.checkpoint",
+}  # fmt: skip
+"""Keys of a scene that change no bit of a state or a frame: a run may go on with others. A start's contents count, not its
+place."""
 
 
 def save(sim, path: Path) -> None:
@@ -142,20 +148,57 @@ def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
     return scene_from_dict(data["scene"], data["base"], data["source"], access)
 
 
+def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> None:
+    """Refuse to go on with another scene than that of a checkpoint, or the same with other files.
+
+    Args:
+        data: the checkpoint, as ``read`` gives it.
+        scene: validated scene.
+        files: its ``summary.file_digests``.
+        scene_hash: its ``summary.scene_hash``.
+
+    Raises:
+        SceneError: with the keys that differ, unless all are among `MAY_CHANGE`.
+    """
+    if data["scene_hash"] == scene_hash:
+        return
+    changed = _changed(data["scene"], scene.model_dump(mode="json"))
+    keys = [key for key in changed if key not in MAY_CHANGE]
+    named = [place for place in {**data["files"], **files} if data["files"].get(place) != files.get(place)]
+    if keys or named or not changed:
+        raise SceneError(f"{data['path']}: belongs to another scene than {scene.source}: {_told(keys, named)}")
+
+
 def _check(sim, data: dict) -> None:
-    """Refuse what another scene, or the same with other files, was run to."""
-    if data["scene_hash"] != sim.scene_hash:
-        there, here = data["scene"], sim.given.model_dump(mode="json")
-        keys = [key for key in {**here, **there} if here.get(key) != there.get(key)]
-        files = [place for place, digest in sim.files.items() if data["files"].get(place) != digest]
-        found = f"other contents of the file of {', '.join(files)}; nothing was changed"
-        if keys:
-            found = f"other values of {', '.join(keys)}; nothing was changed; repeat the same --set options, if any were given"
-        raise SceneError(f"{data['path']}: belongs to another scene than {sim.scene.source}: {found}")
+    """Refuse what another scene was run to, or at another time step."""
+    refuse_other(data, sim.given, sim.files, sim.scene_hash)
     if data["dt"] != sim.dt:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {sim.dt!r} s; nothing was changed"
         )
+
+
+def _changed(there: dict, here: dict) -> list[str]:
+    """Keys whose values differ, those of tables that both have one by one: output.interval."""
+    out = []
+    for key in {**here, **there}:
+        old, new = there.get(key), here.get(key)
+        if old != new:
+            both = isinstance(old, dict) and isinstance(new, dict)
+            out += [f"{key}.{inner}" for inner in _changed(old, new)] if both else [key]
+    return out
+
+
+def _told(keys: list[str], files: list[str]) -> str:
+    """What differs between the scene of a checkpoint and that of the run, and the remedy."""
+    if not keys:
+        return f"other contents of the file of {', '.join(files)}; nothing was changed"
+    said = f"other values of {', '.join(keys)}; nothing was changed; repeat the same --set options, if any were given"
+    if any(key.startswith("output.") for key in keys):
+        said += "; what is written, and how often, is the same in all of a run: the part before is there already"
+    if "time.end" in keys:
+        said += "; to end at another time, keep time.end and say --until"
+    return said
 
 
 def restore(sim, data: dict) -> None:

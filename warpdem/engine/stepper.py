@@ -1,8 +1,11 @@
 """Launching steps: the array structs of the present lists, and one batch of steps on CPU threads or a GPU."""
 
+import time
+
 import numpy as np
 import warp as wp
 
+from warpdem.engine.pace import Pace
 from warpdem.engine.plan import field_numbers
 from warpdem.engine.resident import Resident
 from warpdem.kernels import barrier
@@ -46,12 +49,13 @@ class Stepper:
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
-        control.meeting = wp.zeros(1, dtype=wp.int32, device=device)
+        control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        control.ways = wp.array(barrier.ways_to_wait(), dtype=wp.uint64, device=device)
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
         self._arguments = None
         self._arguments_of = -1  # version of the lists that they belong to
-        self._yield_to = wp.uint64(barrier.yield_address())
         self.resident = Resident(sim, control) if sim.plan.resident else None
+        self.pace = Pace()
 
     @property
     def extreme(self) -> np.ndarray:
@@ -180,20 +184,28 @@ class Stepper:
 
     def _on_cpu(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
         """One launch per thread for the whole batch."""
-        sim, control, n = self.sim, self.control, self.sim.threads.count
+        sim, control = self.sim, self.control
+        most = sim.threads.at_work(len(sim.state))
+        n = self.pace.threads(most) if sim.threads.as_pays else most
         kernel = sim.kernels.loop.run
         wp.load_module(kernel.module, device=sim.device)  # loading is not safe from several threads
         parts = [ranges(m, n) for m in (packs.owner.shape[0], sim.state.slots, sim.lists.row_count)]
-        control.share.assign(np.hstack(parts).astype(np.int32))
+        share = np.zeros(control.share.shape, dtype=np.int32)
+        share[:n] = np.hstack(parts)
+        control.share.assign(share)
         control.meeting.zero_()
         control.moved.zero_()
         shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
 
         def job(thread: int):
-            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared, self._yield_to]
+            inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=sim.device)
 
+        wall, used = time.perf_counter(), time.process_time()
         sim.threads.together([job(t) for t in range(n)])
         if count == 0:
-            return 0, 0
-        return int(control.done.numpy()[0]), int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))
+            return 0, False
+        done = int(control.done.numpy()[0])
+        if most > 1:
+            self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
+        return done, bool(control.moved.numpy()[::SPAN].any())
