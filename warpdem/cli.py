@@ -115,12 +115,15 @@ def check(
         probe: Measure a few steps for the estimate.
     """
     from warpdem.check import describe, print_description
+    from warpdem.engine import needs
     from warpdem.progress import told_if_long
     from warpdem.runner import SETTING_UP
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    for k in range(len(loaded.phases)):
+        needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
     console = Console(highlight=False)

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 from rich.console import Console
 
+from warpdem.engine import needs
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
 from warpdem.runner import CHECKPOINT, check_request, draw_picture, make_folder, run_scene, wants_picture
@@ -60,6 +61,8 @@ def run(
         return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **said)
     folder = Path(folder)
     check_request(folder, until, overwrite or resume)
+    for k in range(len(scene.phases)):
+        needs.check_grid(scene.phase(k))
     make_folder(folder)
     folders = [folder / f"{k + 1}-{phase.name}" for k, phase in enumerate(scene.phases)]
     begins = [sum(scene.phase(j).time.end for j in range(k)) for k in range(len(folders))]

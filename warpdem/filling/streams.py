@@ -25,6 +25,19 @@ def representatives(scene) -> Grains0:
     )
 
 
+def to_come(stream, density: float, end: float) -> int:
+    """How many grains a stream brings up to ``end`` [s] if each finds room, at the mean mass of its sizes; 0 before it begins.
+
+    Args:
+        stream: Stream of the scene.
+        density: Of its material [kg/m3].
+        end: End of the run [s].
+    """
+    elapsed = max(0.0, (end if stream.until is None else min(end, stream.until)) - stream.start)
+    rate = stream.count_rate or stream.mass_rate / (density * size_law(stream.diameter).mean_volume)
+    return int(rate * elapsed * (1.0 + 1e-12))
+
+
 class Feeder:
     """One stream in a run.
 

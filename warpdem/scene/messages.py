@@ -131,8 +131,17 @@ def shorten(value: Any, width: int = 60, quote: bool = True) -> str:
         return f"array of shape {value.shape}"
     if isinstance(value, (list, tuple)) and len(value) > 8:
         return f"{shorten(list(value[:3]), width)[:-1]}, ... {len(value)} entries]"
-    text = json.dumps(value, ensure_ascii=False, default=str) if quote else value
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str) if quote else value
+    except (ValueError, RecursionError):  # a whole number of thousands of digits, tables in tables in tables
+        text = f"a {type(value).__name__}"
+    text = visible(text[: 4 * width])
     return text if len(text) <= width else f"{text[: width - 3]}..."
+
+
+def visible(text: str) -> str:
+    """A text without characters that a terminal would obey or not show, these in the notation of Python."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def unknown_key(place: Place, root: type[BaseModel]) -> str:

@@ -29,11 +29,13 @@ from warpdem.scene.base import (
     Direction,
     Duration,
     FileName,
+    Label,
     Name,
     Point,
     Problem,
     SceneModel,
     Vec3,
+    alike,
     exactly_one,
     none_twice,
     relocated,
@@ -361,7 +363,7 @@ class Scene(SceneModel):
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
     )
-    materials: dict[str, Material] = Field(min_length=1, description="Materials by name.")
+    materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
@@ -575,6 +577,10 @@ def _name_problems(scene: Scene) -> Iterator[Problem]:
         for i, name in enumerate(names):
             if name in names[:i]:
                 yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
+            elif key in ("walls", "phases") and alike(name) in map(alike, names[:i]):
+                other = list(map(alike, names)).index(alike(name))
+                reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case, for files have them'
+                yield (key, i, "name"), name, reason
 
     walls = [wall.name for wall in scene.walls]
     meshes = [wall.name for wall in scene.walls if wall.mesh is not None]
