@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import psutil
 
+from warpdem import memory
+from warpdem.engine import needs
 from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.engine.walls import size_warnings
@@ -32,7 +33,6 @@ SOFTEST = 1e3
 """Young's modulus of the softest gels [Pa]."""
 REBUILD_STEPS = 10.0
 """Steps in which a grain at the expected speed crosses half the skin."""
-MEMORY_SHARE = 0.8
 
 
 def limit_rows(sim) -> list[dict]:
@@ -239,9 +239,14 @@ def _walls(sim) -> Iterator[str]:
 
 
 def _machine(sim) -> Iterator[str]:
-    needed, free = sim.plan.bytes_per_grain * len(sim.state), psutil.virtual_memory().available
-    if sim.device.is_cpu and needed > MEMORY_SHARE * free:
+    coming, per_grain = sum(needs.grains_to_come(sim.scene)), sim.plan.bytes_per_grain
+    needed = needs.memory_bytes(sim.scene, per_grain, len(sim.state) + coming)
+    free = needs.free_bytes(sim.device) + per_grain * len(sim.state)  # which they have taken by now
+    if needed > memory.WARNING_SHARE * free:
+        streams = f", with the {coming} that streams bring by time.end if all find room and none leaves" if coming else ""
+        remedy = " or an earlier time.end" if coming else ""
+        remedy += ", or a larger measures.grid.cell" if needs.grid_bytes(sim.scene) > 0.1 * needed else ""
         yield (
-            f"the grains need about {needed / 1e9:.3g} GB and {free / 1e9:.3g} GB are free: take fewer grains, or "
-            'engine.precision = "mixed"'
+            f"the grains need about {memory.size_text(needed)} of memory{streams}, and {memory.size_text(free)} are available: "
+            f'take fewer grains{remedy}, or engine.precision = "mixed"'
         )

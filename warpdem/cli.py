@@ -69,10 +69,12 @@ def run(
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
     """
+    from warpdem.paths import require_usable
     from warpdem.run_phases import run as run_all
     from warpdem.runner import default_folder, named_folder
     from warpdem.scene.file import load_scene
 
+    require_usable("--out", out)
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
     folder = out or (named_folder(scene) if resume else default_folder(scene))
@@ -153,10 +155,12 @@ def convert(
         target: File to write: .toml, .usda, .usdc or .usd.
         overwrite: Allow a target that exists.
     """
+    from warpdem.paths import require_usable
     from warpdem.scene.convert import convert as write
 
+    require_usable("TARGET", target)
     write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
-    Console(highlight=False).print(f"wrote {target}")
+    Console(highlight=False).print(f"wrote {target}", markup=False)
 
 
 @app.command
@@ -189,7 +193,10 @@ def render(
     from rich.progress import Progress
 
     from warpdem.drawing.rendering import render as draw
+    from warpdem.paths import require_usable
 
+    for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
+        require_usable(name, path)
     target = out or folder / "picture.png"
     console = Console(highlight=False)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -197,13 +204,13 @@ def render(
 
         def watch(done: int, total: int) -> None:
             if not done:
-                console.print(f"drawing {total} pictures of {target}")
+                console.print(f"drawing {total} pictures of {target}", markup=False)
             progress.update(task, completed=done, total=total)
 
         draw(
             [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
         )  # fmt: skip
-    console.print(f"wrote {target}")
+    console.print(f"wrote {target}", markup=False)
 
 
 @app.command
@@ -235,7 +242,9 @@ def demo(
         quiet: As in run.
     """
     from warpdem.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.paths import require_usable
 
+    require_usable("--out", out)
     console = Console(highlight=False)
     if name is None:
         print_gallery(console)
@@ -256,12 +265,20 @@ def main() -> None:
     try:
         app()
     except WarpdemError as error:
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"error: {error}")
+        _say(f"error: {error}")
         sys.exit(error.exit_code)
+    except MemoryError as error:
+        _say(f"error: out of memory ({error or 'no more is to be had'}): take fewer grains, a coarser grid or less output")
+        sys.exit(3)
     except KeyboardInterrupt as stop:  # before a run has begun there is nothing to continue
-        said = "; ".join(map(str, stop.args))
-        Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(f"interrupted {said}".rstrip())
+        _say(f"interrupted {'; '.join(map(str, stop.args))}".rstrip())
         sys.exit(130)
+
+
+def _say(text: str) -> None:
+    """Print on standard error, whatever bytes the names of files hold."""
+    shown = text.encode("utf-8", "backslashreplace").decode()
+    Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(shown)
 
 
 if __name__ == "__main__":

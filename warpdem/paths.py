@@ -38,6 +38,21 @@ def unusable(name: str | Path) -> str | None:
     return None
 
 
+def require_usable(option: str, path: Path | None) -> None:
+    """Refuse a path on the command line that no file or folder can have; None is none.
+
+    Raises:
+        SceneError: It is too long, or holds control characters; names the ``option``.
+    """
+    if path is not None and (reason := unusable(path)):
+        raise SceneError(f"{option} {_printable(path)}: {reason}")
+
+
+def _printable(name: str | Path) -> str:
+    """The begin of a name, as it may be shown."""
+    return "".join(c if c.isprintable() else "?" for c in str(name)[:100])
+
+
 def expanded(name: str | Path) -> Path:
     """Path with ~ as the home folder.
 
@@ -45,8 +60,7 @@ def expanded(name: str | Path) -> Path:
         SceneError: No file can have this name.
     """
     if reason := unusable(name):
-        shown = "".join(c if c.isprintable() else "?" for c in str(name)[:200])
-        raise SceneError(f"{shown}: {reason}")
+        raise SceneError(f"{_printable(name)}: {reason}")
     return Path(name).expanduser()
 
 

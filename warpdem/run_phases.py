@@ -103,7 +103,7 @@ def _record(folder: Path) -> dict:
     """run.json of a phase; empty if there is none."""
     try:
         return json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
 
 

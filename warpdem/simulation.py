@@ -42,6 +42,9 @@ from warpdem.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.start_warp import start_warp
 from warpdem.threads import Threads, available_threads
 
+MOST_THREADS = 1024
+"""Threads of a CPU run [-]: no machine has more cores."""
+
 
 class Simulation:
     """A scene on a device, at rest between steps with the forces of its instant evaluated.
@@ -83,8 +86,8 @@ class Simulation:
         if self.device.is_cuda and not resident:
             raise SceneError(f"resident = False: device {self.device.alias} knows no other way of stepping")
         self.seconds: dict[str, float] = {}
-        if threads is not None and threads < 1:
-            raise SceneError(f"threads = {threads}: at least 1 is needed")
+        if threads is not None and not 1 <= threads <= MOST_THREADS:
+            raise SceneError(f"threads = {threads}: at least 1 is needed, at most {MOST_THREADS} are taken")
         self.threads = Threads((threads or available_threads()) if self.device.is_cpu else 1)
         with self.clock("set-up"):
             needs.check_grid(scene)

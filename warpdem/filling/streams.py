@@ -38,6 +38,12 @@ def to_come(stream, density: float, end: float) -> int:
     return int(rate * elapsed * (1.0 + 1e-12))
 
 
+def mean_to_come(stream, density: float, end: float) -> float:
+    """Mean over a run to ``end`` [s] of the number of grains that a stream has brought; arguments as of ``to_come``."""
+    last = end if stream.until is None else min(end, stream.until)
+    return to_come(stream, density, end) * max(0.0, end - 0.5 * (stream.start + last)) / end
+
+
 class Feeder:
     """One stream in a run.
 

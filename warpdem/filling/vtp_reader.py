@@ -13,11 +13,10 @@ import sys
 import numpy as np
 
 from warpdem.usd.reader import limit_memory
+from warpdem.vtk_header import overclaim
 
 EXPANSION = 100
 """Memory that reading may take per byte of the file [-], beside what is always allowed: arrays may be compressed."""
-POINTS_PER_BYTE = 100
-"""Points that a byte of a file may stand for [-]: compressed arrays of equal numbers hold some tens in each."""
 
 
 def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]]:
@@ -25,8 +24,9 @@ def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    size = os.path.getsize(file)
-    limit_memory(size * EXPANSION // 10)
+    if reason := overclaim(file):
+        return {"refused": reason}, {}
+    limit_memory(os.path.getsize(file) * EXPANSION // 10)
     reader = vtkXMLPolyDataReader()
     errors: list[str] = []
     reader.AddObserver("ErrorEvent", lambda *_: errors.append("VTK finds it damaged"))
@@ -39,10 +39,6 @@ def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]
     for name in there:
         if name not in wanted:
             selection.DisableArray(name)
-    # the pieces are set up by their headers before anything is read
-    claimed = claimed_points(file)
-    if claimed > POINTS_PER_BYTE * size:
-        return {"refused": f"its header names {claimed} points, and it is {size} bytes long: truncated or damaged?"}, {}
     reader.Update()
     if errors:
         return {"refused": f"cannot be read as .vtp: {errors[0]}"}, {}
@@ -54,32 +50,6 @@ def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]
         if found is not None:
             arrays[name] = vtk_to_numpy(found)
     return {"there": there}, arrays
-
-
-def claimed_points(file: str) -> int:
-    """Number of points that the headers of all pieces name: a look at the tags, no more."""
-    from xml.parsers import expat
-
-    total = 0
-
-    def begin(name: str, attributes: dict[str, str]) -> None:
-        nonlocal total
-        text = attributes.get("NumberOfPoints", "0").strip()
-        if name == "Piece" and text.isdecimal():
-            total += int(text[:30])
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = begin
-    with open(file, "rb") as held:
-        try:
-            while block := held.read(1 << 16):
-                if b"<AppendedData" in block:  # bytes that are no XML follow
-                    parser.Parse(block[: block.index(b"<AppendedData")], False)
-                    break
-                parser.Parse(block, False)
-        except expat.ExpatError:
-            pass  # VTK tells what is wrong
-    return total
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report,
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located
 from warpdem.scene.start import NOT_IN_A_PHASE, place_in_phase
-from warpdem.scene.text import NotToml, kind_of, parsed, read_text, syntax_error, too_much
+from warpdem.scene.text import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -149,6 +149,8 @@ def _apply_override(data: dict[str, Any], override: str, source: str) -> None:
     parts = [part.strip() for part in re.sub(r"\[(\d+)\]", r".\1", key).split(".")]
     if not equals or not all(parts):
         raise wrong('must be KEY=VALUE, such as "time.end=0.5"')
+    if len(parts) > MOST_LEVELS:
+        raise wrong(f"nested too deeply: at most {MOST_LEVELS} tables and lists may lie within each other")
     here: Any = data
     for depth, part in enumerate(parts):
         place = place_text(tuple(parts[:depth])) or "the scene"
