@@ -11,6 +11,7 @@ from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.engine.walls import size_warnings
 from warpdem.filling.grain_source import in_body_axes
+from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.models import model
 from warpdem.scene.motion import Rotation, Translation, frame_chain
 
@@ -78,40 +79,41 @@ def _step(sim) -> Iterator[str]:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.stable:.2g} of the stability limit {found.stable:.3g} s of one impact at "
             f"{found.max_speed:.3g} m/s, and {dt / found.packed:.2g} of that of a dense packing: take at most "
-            f'{STABLE_SHARE * found.packed:.2g} s, or "auto"'
+            f'{rounded_down(STABLE_SHARE * found.packed)} s, or "auto"'
         )
     if dt > RAYLEIGH_SHARE * found.rayleigh:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.rayleigh:.2g} of the Rayleigh time {found.rayleigh:.3g} s of the smallest "
-            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {RAYLEIGH_SHARE * found.rayleigh:.2g} s"
+            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {rounded_down(RAYLEIGH_SHARE * found.rayleigh)} s"
         )
     steps = found.damped_contact / dt
     if steps < CONTACT_STEPS:
         yield (
             f"{steps:.3g} time steps per contact at {found.max_speed:.3g} m/s, where {CONTACT_STEPS} give the restitution "
-            f"asked for: take a time.step of at most {found.damped_contact / CONTACT_STEPS:.2g} s"
+            f"asked for: take a time.step of at most {rounded_down(found.damped_contact / CONTACT_STEPS)} s"
         )
     if dt * FRAME_ANGLE > found.frame * FRAME_ANGLE:
         yield (
             f"the frame turns by {FRAME_ANGLE * dt / found.frame:.2g} rad per step: contacts are followed in straight lines "
-            f"within a step; take a time.step of at most {found.frame:.2g} s"
+            f"within a step; take a time.step of at most {rounded_down(found.frame)} s"
         )
     if dt > found.field:
         yield (
             f"the external fields change the motion by {FIELD_ANGLE * dt / found.field:.2g} rad per step (a drag is unstable "
-            f"beyond 1): take a time.step of at most {found.field:.2g} s"
+            f"beyond 1): take a time.step of at most {rounded_down(found.field)} s"
         )
     for i, one in enumerate(sim.scene.fields):
         if not hasattr(model("field", sim.scene.located(one.model)), "rate"):
             yield (
                 f"fields[{i}].model = {one.model!r} states no rate(mass, p): the time step does not know it; if the field "
-                "pulls back, brakes or turns, define rate in its file, or give time.step"
+                f"pulls back, brakes or turns, define rate in its file{', or give time.step' * (sim.scene.time.step == 'auto')}"
             )
     skin, speed = sim.lists.skin, found.max_speed
     if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
         yield (
             f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "
-            f"steps, so often they are made anew: take engine.skin = {2 * REBUILD_STEPS * speed * dt:.2g} m, or a smaller step"
+            f"steps, so often they are made anew: take engine.skin = {rounded_up(2 * REBUILD_STEPS * speed * dt)} m, or a "
+            "smaller time.step"
         )
 
 
@@ -245,8 +247,9 @@ def _machine(sim) -> Iterator[str]:
     if needed > memory.WARNING_SHARE * free:
         streams = f", with the {coming} that streams bring by time.end if all find room and none leaves" if coming else ""
         remedy = " or an earlier time.end" if coming else ""
+        remedy += ', or engine.precision = "mixed"' if sim.scene.engine.precision == "double" else ""
         remedy += ", or a larger measures.grid.cell" if needs.grid_bytes(sim.scene) > 0.1 * needed else ""
         yield (
             f"the grains need about {memory.size_text(needed)} of memory{streams}, and {memory.size_text(free)} are available: "
-            f'take fewer grains{remedy}, or engine.precision = "mixed"'
+            f"take fewer grains{remedy}"
         )

@@ -92,8 +92,8 @@ class Access:
             return None
         listed = ", ".join(str(folder) for folder in self.folders if folder != SCENES)
         return (
-            f"leads to {file}, outside the folders that this scene may read: {listed}; to allow it say "
-            f'--allow-path {file.parent}, or load_scene(..., allow_paths=["{file.parent}"])'
+            f"leads to {file}, outside the folders that this scene may read: {listed}; put it there, or to allow it "
+            f'say --allow-path {file.parent}, or load_scene(..., allow_paths=["{file.parent}"])'
         )
 
     def plugin_refusal(self, name: str | Path, base: Path = Path()) -> str | None:

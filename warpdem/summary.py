@@ -28,7 +28,13 @@ def file_digests(scene) -> dict[str, str]:
     laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
     named = [(place_text(place), scene.resolve(name)) for place, name in scene.files()]
     named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]
-    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in named if path.is_file()}
+    return {key: _digest(path) for key, path in named if path.is_file()}
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, which may be long."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def scene_hash(scene, files: dict[str, str] | None = None) -> str:

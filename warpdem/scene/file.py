@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpdem import paths
+from warpdem import memory, paths
 from warpdem.errors import SceneError
 from warpdem.paths import Access, access_of_file
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
@@ -205,6 +205,8 @@ def _missing_files(scene: Scene) -> Iterator[str]:
             yield line(place, name, f"no such file: {file}{_similar_files(file)}")
         elif kind := kind_of(file):
             yield line(place, name, f"{file} is {kind}, not a file")
+        elif reason := memory.refusal(size := file.stat().st_size, f"a file of {size} bytes", "take a smaller one"):
+            yield line(place, name, reason)
 
 
 def _named_files(scene: Scene) -> Iterator[tuple[Place, str]]:

@@ -651,6 +651,11 @@ def _measure_problems(scene: Scene) -> Iterator[Problem]:
                 yield ("measures", key, i, "name"), name, reason
 
 
+def _choices(role: str) -> str:
+    """The laws of a role, as a scene may name them."""
+    return f"a {role} law, contact.{role} = " + " or ".join(f'"{name}"' for name in models.model_names(role))
+
+
 def _law_problems(scene: Scene) -> Iterator[Problem]:
     """Coefficients without a law to use them, and laws without their coefficients."""
     contact = scene.contact
@@ -666,11 +671,10 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
                 if getattr(pair, key) != Pair.model_fields[key].default:
                     yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
         if contact.tangential == "none" and pair.friction > 0:
-            yield problem("friction", 'contact.tangential = "none": set friction = 0 or choose a tangential law')
+            yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
-            yield problem(
-                "rolling_friction", 'contact.rolling = "none": set rolling_friction = 0 or choose a rolling law'
-            )
+            reason = f'contact.rolling = "none": set rolling_friction = 0 or choose {_choices("rolling")}'
+            yield problem("rolling_friction", reason)
         damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
         if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
             yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')

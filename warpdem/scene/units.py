@@ -56,6 +56,8 @@ outside is a mistake or does harm.
 
 LONGEST_TEXT = 100
 """Characters of a number with its unit [-]: a unit of thousands of letters keeps the library of units busy for minutes."""
+LARGEST_EXPONENT = 400
+"""Powers of ten beyond which a number is no float64 in any unit [-]."""
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(1\s*/.+?|[^\d\s].*?)?\s*")
 _BARE_POWER = re.compile(r"(?<=[a-z])(?=[23]\b)")
 
@@ -100,6 +102,8 @@ def _parse(text: str, unit: str) -> float:
     try:
         # "m/s2" is what this page and its messages write; pint wants a power sign
         units = registry.parse_units(_BARE_POWER.sub("**", match[2]))
+        if abs(Decimal(match[1]).adjusted()) > LARGEST_EXPONENT:
+            return math.inf if Decimal(match[1]).adjusted() > 0 else 0.0
         quantity = (Decimal(match[1]) * units).to_base_units()
         base = {name: int(power) for name, power in quantity.unit_items() if power == int(power)}
         value = float(quantity.magnitude)
@@ -198,7 +202,8 @@ class Quantity:
         if not self.in_range(number):
             raise ValueError(f"must be {self.range_text()}" + (', or "auto"' if self.auto else ""))
         if not self.can_be_computed(number):
-            raise ValueError(f"must be {self.magnitude_text()}: beyond, numbers lose their digits or overflow")
+            auto = ', or "auto"' if self.auto else ""
+            raise ValueError(f"must be {self.magnitude_text()}{auto}: beyond, numbers lose their digits or overflow")
         return number
 
     def json_schema(self) -> dict[str, Any]:
