@@ -35,7 +35,7 @@ def to_come(stream, density: float, end: float) -> int:
     """
     elapsed = max(0.0, (end if stream.until is None else min(end, stream.until)) - stream.start)
     rate = stream.count_rate or stream.mass_rate / (density * size_law(stream.diameter).mean_volume)
-    return int(rate * elapsed * (1.0 + 1e-12))
+    return int(rate * elapsed + 1e-6)  # round-off takes none away
 
 
 def mean_to_come(stream, density: float, end: float) -> float:
