@@ -323,6 +323,60 @@ def test_what_is_said_is_json_and_text(bed):
         assert word in text.getvalue(), word
 
 
+FED = {"material": "g", "box": {"min": [0, 0, 0.01], "max": [0.02, 0.02, 0.03]}, "diameter": 2e-3}
+
+
+def test_grains_that_streams_bring_are_in_the_estimates(monkeypatch):
+    """How many come at most, rate times time up to the end; memory, time and results with all of them, also from none on."""
+    monkeypatch.setattr(check, "PROBE_SECONDS", 0.05)
+    grain = 2500 * math.pi / 6 * 8e-9
+    streams = [
+        {**FED, "count_rate": 1e5, "start": 2e-3, "until": 8e-3},
+        {**FED, "mass_rate": 2e4 * grain, "start": 5e-3},
+        {**FED, "count_rate": 1e5, "start": 0.5},
+    ]
+    sims = [simulation(grains=[], streams=streams), simulation(streams=streams), simulation()]
+    alone, both, without = (check.describe(sim) for sim in sims)
+    each = sims[0].plan.bytes_per_grain
+    for data, grains in ((alone, 0), (both, 2)):
+        assert [stream["grains"] for stream in data["streams"]] == [600, 100, 0]
+        assert data["grains"] == grains and data["grains_at_most"] == grains + 700
+        assert data["memory_bytes"] == each * (grains + 700)
+        assert data["frames"] == 6
+        # in the mean over the run 600 (1 - 5/10) and 100 (1 - 7.5/10) of them are there, in two formats
+        assert data["output_bytes"] > 0.5 * 6 * 2 * 100 * (300 + 25)
+        assert data["output_bytes"] > without["output_bytes"]
+        assert data["settled_seconds"] > data["estimated_seconds"] > data["start_seconds"]
+    assert without["streams"] == [] and without["grains_at_most"] == 2
+    out = io.StringIO()
+    check.print_description(alone, Console(file=out, width=200))
+    assert "0 grains on cpu" in out.getvalue()
+    assert "at most 700 grains by the end, if all find room (streams[0] 600, streams[1] 100, streams[2] 0)" in out.getvalue()
+    json.dumps(alone, allow_nan=False)
+
+
+def test_streams_beyond_the_memory_are_told_but_not_refused(monkeypatch):
+    """They may find no room, or leave again."""
+    told = said(grains=[], streams=[{**FED, "count_rate": 1e15}])
+    assert "with the 10000000000000 that streams bring by time.end if all find room" in told and "available" in told
+
+
+def test_what_warnings_tell_to_take_is_accepted():
+    """The step, the skin: with the number of the warning there is none any more."""
+    for changes in ({"time": {"end": 0.01, "step": 2e-5, "max_speed": 1.0}}, {"frame": {"axis": [0, 0, 1], "rate": 1e4}}):
+        for _ in range(4):
+            steps = [text for text in advice.warnings(simulation(**changes)) if "time.step of at most" in text]
+            if not steps:
+                break
+            step = float(steps[0].split("at most ")[-1].split(" s")[0])
+            changes["time"] = {**changes.get("time", {"end": 0.01, "max_speed": 0.1}), "step": step}
+        assert not steps
+    changes = {"engine": {"skin": 1e-6}}
+    [skin] = [text for text in advice.warnings(simulation(**changes)) if "engine.skin" in text]
+    changes["engine"]["skin"] = float(skin.split("engine.skin = ")[1].split(" m")[0])
+    assert not [text for text in advice.warnings(simulation(**changes)) if "engine.skin" in text]
+
+
 def test_table_of_limits_fits_a_terminal_and_what_is_left_out_comes_after():
     data = check.describe(simulation(), probe=False)
     out = io.StringIO()

@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
-    "errors", "interrupts", "process", "cores", "threads", "start_warp", "snapshot", "rigid", "progress", "paths",
-    "write_tables", "claim",
+    "errors", "memory", "apart", "vtk_header", "interrupts", "process", "cores", "threads", "start_warp", "snapshot", "rigid",
+    "progress", "paths", "write_tables", "claim",
     "usd", "scene", "mesh", "filling", "engine", "measure", "output",
     "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
     "__init__", "__main__",

@@ -4,14 +4,16 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import psutil
 
+from warpdem import memory
+from warpdem.engine import needs
 from warpdem.engine.impact import stiffness
 from warpdem.engine.timestep import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.engine.walls import size_warnings
 from warpdem.engine.way_out import way_out
 from warpdem.filling.grain_source import in_body_axes
 from warpdem.guards.stability import DANGER
+from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.models import model
 from warpdem.scene.motion import Rotation, Translation, frame_chain
 
@@ -34,7 +36,6 @@ SOFTEST = 1e3
 """Young's modulus of the softest gels [Pa]."""
 REBUILD_STEPS = 10.0
 """Steps in which a grain at the expected speed crosses half the skin."""
-MEMORY_SHARE = 0.8
 
 
 def limit_rows(sim) -> list[dict]:
@@ -81,46 +82,47 @@ def _step(sim) -> Iterator[str]:
     if dt > STABLE_SHARE * found.stable:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.stable:.2g} of the stability limit {found.stable:.3g} s of one impact at "
-            f'{found.max_speed:.3g} m/s: take at most {STABLE_SHARE * found.stable:.2g} s, or "auto"'
+            f'{found.max_speed:.3g} m/s: take at most {rounded_down(STABLE_SHARE * found.stable)} s, or "auto"'
         )
     if dt > found.settled:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.settled:.3g} times the stability limit {found.settled:.3g} s of the bed at "
             f"rest: its grains chatter, and from {DANGER:g} times the limit of the contacts that there are the run stops "
-            f'itself; take at most {found.settled:.2g} s, or "auto"'
+            f'itself; take at most {rounded_down(found.settled)} s, or "auto"'
         )
     if dt > RAYLEIGH_SHARE * found.rayleigh:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.rayleigh:.2g} of the Rayleigh time {found.rayleigh:.3g} s of the smallest "
-            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {RAYLEIGH_SHARE * found.rayleigh:.2g} s"
+            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {rounded_down(RAYLEIGH_SHARE * found.rayleigh)} s"
         )
     steps = found.damped_contact / dt
     if steps < CONTACT_STEPS:
         yield (
             f"{steps:.3g} time steps per contact at {found.max_speed:.3g} m/s, where {CONTACT_STEPS} give the restitution "
-            f"asked for: take a time.step of at most {found.damped_contact / CONTACT_STEPS:.2g} s"
+            f"asked for: take a time.step of at most {rounded_down(found.damped_contact / CONTACT_STEPS)} s"
         )
     if dt * FRAME_ANGLE > found.frame * FRAME_ANGLE:
         yield (
             f"the frame turns by {FRAME_ANGLE * dt / found.frame:.2g} rad per step: contacts are followed in straight lines "
-            f"within a step; take a time.step of at most {found.frame:.2g} s"
+            f"within a step; take a time.step of at most {rounded_down(found.frame)} s"
         )
     if dt > found.field:
         yield (
             f"the external fields change the motion by {FIELD_ANGLE * dt / found.field:.2g} rad per step (a drag is unstable "
-            f"beyond 1): take a time.step of at most {found.field:.2g} s"
+            f"beyond 1): take a time.step of at most {rounded_down(found.field)} s"
         )
     for i, one in enumerate(sim.scene.fields):
         if not hasattr(model("field", sim.scene.located(one.model)), "rate"):
             yield (
                 f"fields[{i}].model = {one.model!r} states no rate(mass, p): the time step does not know it; if the field "
-                "pulls back, brakes or turns, define rate in its file, or give time.step"
+                f"pulls back, brakes or turns, define rate in its file{', or give time.step' * (sim.scene.time.step == 'auto')}"
             )
     skin, speed = sim.lists.skin, found.max_speed
     if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
         yield (
             f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "
-            f"steps, so often they are made anew: take engine.skin = {2 * REBUILD_STEPS * speed * dt:.2g} m, or a smaller step"
+            f"steps, so often they are made anew: take engine.skin = {rounded_up(2 * REBUILD_STEPS * speed * dt)} m, or a "
+            "smaller time.step"
         )
 
 
@@ -260,9 +262,15 @@ def _ways_out(sim) -> Iterator[str]:
 
 
 def _machine(sim) -> Iterator[str]:
-    needed, free = sim.plan.bytes_per_grain * len(sim.state), psutil.virtual_memory().available
-    if sim.device.is_cpu and needed > MEMORY_SHARE * free:
+    coming, per_grain = sum(needs.grains_to_come(sim.scene)), sim.plan.bytes_per_grain
+    needed = needs.memory_bytes(sim.scene, per_grain, len(sim.state) + coming)
+    free = needs.free_bytes(sim.device) + per_grain * len(sim.state)  # which they have taken by now
+    if needed > memory.WARNING_SHARE * free:
+        streams = f", with the {coming} that streams bring by time.end if all find room and none leaves" if coming else ""
+        remedy = " or an earlier time.end" if coming else ""
+        remedy += ', or engine.precision = "mixed"' if sim.scene.engine.precision == "double" else ""
+        remedy += ", or a larger measures.grid.cell" if needs.grid_bytes(sim.scene) > 0.1 * needed else ""
         yield (
-            f"the grains need about {needed / 1e9:.3g} GB and {free / 1e9:.3g} GB are free: take fewer grains, or "
-            'engine.precision = "mixed"'
+            f"the grains need about {memory.size_text(needed)} of memory{streams}, and {memory.size_text(free)} are available: "
+            f"take fewer grains{remedy}"
         )

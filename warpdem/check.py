@@ -9,13 +9,18 @@ from rich.console import Console
 from rich.table import Table
 
 from warpdem import advice, summary
+from warpdem.engine import needs
 from warpdem.engine.plan import LEFT_OUT
+from warpdem.filling.streams import mean_to_come
 from warpdem.progress import duration_text, told_if_long
 from warpdem.runner import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
 from warpdem.scene.motion import largest_rates
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
 SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
+GRAIN_SECONDS = 20e-9  # that a grain without contacts costs per step on one core: 11 to 14 ns with 12 000 to 55 000 of them
+FRAME_SECONDS = 3e-6  # that a grain takes in a frame of a format: 55 000 that fly
+FRAME_BYTES = {"vtk": 110, "usd": 110, "vtkhdf": 100}  # of a grain in a frame [B]: 5000 that fly and spin
 CONTACT_SECONDS = 50e-9  # that one more contact costs per step on one core: 43 to 55 ns in scenes/box_bed.toml as it settles
 
 
@@ -30,11 +35,15 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
     """
     scene, found, rates = sim.scene, sim.limits, largest_rates(sim.scene)
     steps = sim.steps_until(scene.time.end)
+    coming = needs.grains_to_come(scene)
+    most = len(sim.state) + sum(coming)
     out = {
         "scene": scene.source,
         "title": scene.title,
         "later_phases": list(later),
         "grains": len(sim.state),
+        "streams": [{"key": f"streams[{k}]", "grains": count} for k, count in enumerate(coming)],
+        "grains_at_most": most,
         "device": str(sim.device),
         "threads": sim.threads.count,
         "plan": sim.plan.explain(),
@@ -48,19 +57,22 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
         "expected_overlap": found.overlap,
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
-        "memory_bytes": sim.plan.bytes_per_grain * len(sim.state),
+        "memory_bytes": sim.plan.bytes_per_grain * most,
         "warnings": advice.warnings(sim),
     }
-    return {**out, **_probed(sim, steps, console)} if probe and len(sim.state) else out
+    return {**out, **_probed(sim, steps, console)} if probe and most else out
 
 
 def _probed(sim, steps: int, console: Console | None) -> dict:
-    """Estimates from a short run and one frame of its results."""
+    """Estimates from a short run and one frame of its results; the grains that streams bring are added by what one costs."""
     begin = time.perf_counter()
     with told_if_long(COMPILING, console or Console(), quiet=console is None):
         sim.load_kernels()
         sim.step(1)  # which compiles what a GPU runs
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now
+    begin, empty = time.perf_counter(), len(sim.state) == 0
+    while not len(sim.state) and time.perf_counter() - begin < PROBE_SECONDS and sim.step_number < steps:
+        sim.step(min(steps - sim.step_number, max(feeder.every for feeder in sim.feeders)))  # steps of nothing cost nothing
     begin, first, chunk = time.perf_counter(), sim.step_number, 16
     while (gone := time.perf_counter() - begin) < PROBE_SECONDS and sim.step_number < steps:
         sim.step(min(chunk, steps - sim.step_number))
@@ -70,12 +82,20 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
     frame_every, row_every = cadence(sim, sim.scene.time.end)
     frames, rows = 2 + (steps - 1) // frame_every, 2 + (steps - 1) // row_every
     size, frame_seconds, row_seconds = _written(sim)
+    contacts, here = len(sim.contacts().i), len(sim.state)
+    end, density = sim.scene.time.end, {name: material.density for name, material in sim.scene.materials.items()}
+    mean = sum(mean_to_come(stream, density[stream.material], end) for stream in sim.scene.streams)
+    mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
+    settles = any(sim.scene.gravity) and sim.device.is_cpu
+    to_come = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
+    of_a_frame = sum(FRAME_BYTES[name] for name in sim.scene.output.formats)
+    size += int(of_a_frame * mean)
+    frame_seconds += FRAME_SECONDS * len(sim.scene.output.formats) * mean
     output = frames * frame_seconds + rows * row_seconds
-    contacts = len(sim.contacts().i)
-    to_come = max(0.0, SETTLED * len(sim.state) - contacts) if any(sim.scene.gravity) and sim.device.is_cpu else 0.0
-    estimate = started + per_step * steps + output
+    estimate = started + (per_step + mean * GRAIN_SECONDS / sim.threads.count) * steps + output
     return {
         "contacts": contacts,
+        "probed_grains": here,
         "start_seconds": started,
         "seconds_per_step": per_step,
         "output_seconds": output,
@@ -110,7 +130,15 @@ def _written(sim) -> tuple[int, float, float]:
 
 def print_description(data: dict, console: Console) -> None:
     """``describe`` for people."""
-    console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold")
+    console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold",
+                  markup=False)  # fmt: skip
+    if data["streams"]:
+        each = ", ".join(f"{stream['key']} {stream['grains']}" for stream in data["streams"])
+        console.print(
+            f"streams bring at most {data['grains_at_most'] - data['grains']} grains by the end, if all find room ({each}): "
+            f"memory, run time and results are those with {data['grains_at_most']} grains",
+            markup=False,
+        )
     without = [line.removeprefix(LEFT_OUT) for line in data["plan"] if line.startswith(LEFT_OUT)]
     for line in data["plan"]:
         if not line.startswith(LEFT_OUT):
@@ -135,8 +163,9 @@ def print_description(data: dict, console: Console) -> None:
     if "estimated_seconds" in data:
         console.print(
             f"run time about {duration_text(data['estimated_seconds'])} if it goes on as it starts, with "
-            f"{data['contacts'] / data['grains']:.2g} contacts per grain, {duration_text(data['settled_seconds'])} as a "
-            f"settled bed: {data['start_seconds']:.1f} s to start, {data['seconds_per_step'] * 1e3:.3g} ms per step, "
+            f"{data['contacts'] / max(1, data['probed_grains']):.2g} contacts per grain, "
+            f"{duration_text(data['settled_seconds'])} as a settled bed: {data['start_seconds']:.1f} s to start, "
+            f"{data['seconds_per_step'] * 1e3:.3g} ms per step, "
             f"{data['output_seconds']:.1f} s for output"
         )
         console.print(f"results about {data['output_bytes'] / 1e6:.3g} MB: {data['frames']} frames, "

@@ -70,10 +70,12 @@ def run(
         quiet: Print errors only.
     """
     from warpdem.claim import FolderTaken
+    from warpdem.paths import require_usable
     from warpdem.run_phases import run as run_all
     from warpdem.runner import default_folder, named_folder
     from warpdem.scene.file import load_scene
 
+    require_usable("--out", out)
     loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                         allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
     try:
@@ -122,12 +124,15 @@ def check(
         probe: Measure a few steps for the estimate.
     """
     from warpdem.check import describe, print_description
+    from warpdem.engine import needs
     from warpdem.progress import told_if_long
     from warpdem.runner import SETTING_UP
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    for k in range(len(loaded.phases)):
+        needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
     console = Console(highlight=False)
@@ -157,10 +162,12 @@ def convert(
         target: File to write: .toml, .usda, .usdc or .usd.
         overwrite: Allow a target that exists.
     """
+    from warpdem.paths import require_usable
     from warpdem.scene.convert import convert as write
 
+    require_usable("TARGET", target)
     write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
-    Console(highlight=False).print(f"wrote {target}")
+    Console(highlight=False).print(f"wrote {target}", markup=False)
 
 
 @app.command
@@ -193,7 +200,10 @@ def render(
     from rich.progress import Progress
 
     from warpdem.drawing.rendering import render as draw
+    from warpdem.paths import require_usable
 
+    for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
+        require_usable(name, path)
     target = out or folder / "picture.png"
     console = Console(highlight=False)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -201,13 +211,13 @@ def render(
 
         def watch(done: int, total: int) -> None:
             if not done:
-                console.print(f"drawing {total} pictures of {target}")
+                console.print(f"drawing {total} pictures of {target}", markup=False)
             progress.update(task, completed=done, total=total)
 
         draw(
             [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
         )  # fmt: skip
-    console.print(f"wrote {target}")
+    console.print(f"wrote {target}", markup=False)
 
 
 @app.command
@@ -239,8 +249,10 @@ def demo(
         quiet: As in run.
     """
     from warpdem.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.paths import require_usable
     from warpdem.start_warp import start_warp
 
+    require_usable("--out", out)
     console = Console(highlight=False)
     if name is None:
         print_gallery(console)

@@ -5,7 +5,9 @@ scenes installed with the package; links count by what they lead to. It loads co
 and reaches no network. A scene that Python code makes is that code's own: nothing is kept from it.
 """
 
+import os
 import re
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,51 @@ from warpdem.errors import SceneError
 
 SCENES = Path(kernels.__file__).resolve().parent.parent / "scenes"
 """The scenes that come with the package, in a checkout as in a wheel beside the kernels."""
+
+
+LONGEST_NAME, LONGEST_PATH = 255, 4095
+"""Bytes of the name of a file or folder, and of a path, that file systems take [-]."""
+
+
+def unusable(name: str | Path) -> str | None:
+    """Why no file can have this name, in words; None if one can."""
+    text = str(name)
+    if not text or any(unicodedata.category(c) == "Cc" for c in text):
+        return "must be the name of a file: not empty, and without control characters"
+    longest = max((len(os.fsencode(part)) for part in Path(text).parts), default=0)
+    if longest > LONGEST_NAME or len(os.fsencode(text)) > LONGEST_PATH:
+        return f"must be the name of a file: at most {LONGEST_NAME} bytes long, with its folders {LONGEST_PATH}"
+    try:
+        Path(text).expanduser()
+    except RuntimeError:
+        return "begins with ~, but there is no such home folder: give the whole path"
+    return None
+
+
+def require_usable(option: str, path: Path | None) -> None:
+    """Refuse a path on the command line that no file or folder can have; None is none.
+
+    Raises:
+        SceneError: It is too long, or holds control characters; names the ``option``.
+    """
+    if path is not None and (reason := unusable(path)):
+        raise SceneError(f"{option} {_printable(path)}: {reason}")
+
+
+def _printable(name: str | Path) -> str:
+    """The begin of a name, as it may be shown."""
+    return "".join(c if c.isprintable() else "?" for c in str(name)[:100])
+
+
+def expanded(name: str | Path) -> Path:
+    """Path with ~ as the home folder.
+
+    Raises:
+        SceneError: No file can have this name.
+    """
+    if reason := unusable(name):
+        raise SceneError(f"{_printable(name)}: {reason}")
+    return Path(name).expanduser()
 
 
 @dataclass(frozen=True)
@@ -35,17 +82,24 @@ class Access:
         """
         if re.match(r"\w[\w+.-]+:", str(name)):  # two letters or more: C: is a drive
             return "is an address: nothing is read over a network; give the path of a file"
-        file = (base / Path(name).expanduser()).resolve()
+        if reason := unusable(name):
+            return reason
+        try:
+            file = (base / Path(name).expanduser()).resolve()
+        except (OSError, RuntimeError) as error:  # links in a circle, among others
+            return f"leads nowhere: {error}"
         if self.folders is None or any(file.is_relative_to(folder) for folder in self.folders):
             return None
         listed = ", ".join(str(folder) for folder in self.folders if folder != SCENES)
         return (
-            f"leads to {file}, outside the folders that this scene may read: {listed}; to allow it say "
-            f'--allow-path {file.parent}, or load_scene(..., allow_paths=["{file.parent}"])'
+            f"leads to {file}, outside the folders that this scene may read: {listed}; put it there, or to allow it "
+            f'say --allow-path {file.parent}, or load_scene(..., allow_paths=["{file.parent}"])'
         )
 
     def plugin_refusal(self, name: str | Path, base: Path = Path()) -> str | None:
         """Why the file ``name`` must not be loaded as code, as ``refusal``."""
+        if reason := unusable(name):
+            return reason
         file = (base / Path(name).expanduser()).resolve()
         if self.plugins is None or file in self.plugins:
             return None

@@ -102,6 +102,9 @@ def _ended(load: Callable[[], Callable[[], object]]) -> tuple[int | str | None, 
                 return stop.code, ""
             except WarpdemError as error:
                 return error.exit_code, f"error: {error}"
+            except MemoryError as error:
+                why = error or "no more is to be had"
+                return NOT_WRITTEN, f"error: out of memory ({why}): take fewer grains, a coarser grid or less output"
             except OSError as error:
                 if came:
                     raise KeyboardInterrupt from None

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from warpdem.claim import claimed
-from warpdem.engine import checkpoint
+from warpdem.engine import checkpoint, needs
 from warpdem.engine.start import started_from
 from warpdem.errors import WarpdemError
 from warpdem.runner import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
@@ -62,6 +62,8 @@ def run(
         return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **said)
     folder = Path(folder)
     check_request(folder, until, overwrite or resume)
+    for k in range(len(scene.phases)):
+        needs.check_grid(scene.phase(k))
     with claimed(folder):
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
         return _run(scene, folder, until, resume, picture, said)
@@ -115,7 +117,7 @@ def _record(folder: Path) -> dict:
     """run.json of a phase; empty if there is none."""
     try:
         return json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.text import Text
 
 from warpdem import advice, summary
@@ -24,6 +25,7 @@ from warpdem.output.background import Background
 from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
 from warpdem.progress import progress_bar, told_if_long
+from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
 from warpdem.scene.motion import largest_rates
 from warpdem.simulation import Simulation
@@ -357,8 +359,9 @@ def _announce(sim: Simulation, end: float, folder: Path, console: Console, told:
     """What is about to be run, to ``end`` [s]."""
     goes_on = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
     steps = max(0, sim.steps_until(end) - sim.step_number)
-    console.print(f"[bold]{sim.scene.title or sim.scene.source}[/]: {goes_on}{len(sim.state)} grains, {steps} steps of "
-                  f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {folder}")  # fmt: skip
+    title = escape(visible(sim.scene.title or sim.scene.source))
+    console.print(f"[bold]{title}[/]: {goes_on}{len(sim.state)} grains, {steps} steps of "
+                  f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {escape(str(folder))}")  # fmt: skip
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
     warned = advice.warnings(sim)

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from warpdem import summary
-from warpdem.engine import checkpoint, contact_memory, timestep
+from warpdem.engine import checkpoint, contact_memory, needs, timestep
 from warpdem.engine.compiled import compile_plan
 from warpdem.engine.domain import Domain
 from warpdem.engine.domain import check as check_domain
@@ -41,6 +41,9 @@ from warpdem.scene.models import model
 from warpdem.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.start_warp import start_warp
 from warpdem.threads import Threads, available_threads, threads_for
+
+MOST_THREADS = 1024
+"""Threads of a CPU run [-]: no machine has more cores."""
 
 
 class Simulation:
@@ -83,18 +86,23 @@ class Simulation:
         if self.device.is_cuda and not resident:
             raise SceneError(f"resident = False: device {self.device.alias} knows no other way of stepping")
         self.seconds: dict[str, float] = {}
-        if threads is not None and threads < 1:
-            raise SceneError(f"threads = {threads}: at least 1 is needed")
+        if threads is not None and not 1 <= threads <= MOST_THREADS:
+            raise SceneError(f"threads = {threads}: at least 1 is needed, at most {MOST_THREADS} are taken")
         with self.clock("set-up"):
+            needs.check_grid(scene)
+            free = needs.free_bytes(self.device)
             past = read_start(scene) if scene.start is not None else None
             self.scene = scene = scene if past is None else past.scene
             self.meshes = load_meshes(scene)
             size_warnings(scene, self.meshes, named_diameters(scene))  # refuses before anything is filled
             start = load_grains(scene, self.meshes) if past is None else past.grains
+            if past is None:  # what a run before left may have flown far away
+                needs.check_places(scene, start)
             check_start(start, self.meshes, scene, () if past is None else past.old_walls)
             self.domain = Domain(scene)
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
+            needs.check_masses(scene, self.expected)
             size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
             self.notes = mesh_notes(scene, self.meshes)
             scheme = model("integrator", scene.engine.integrator)
@@ -110,8 +118,10 @@ class Simulation:
                 resident,
             )
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
+            needs.check_memory(scene, self.plan.bytes_per_grain, len(start), free)
             self.limits = timestep.limits(scene, self.expected, self.meshes)
             self.dt = timestep.choose(scene, self.limits)
+            needs.check_step(scene, self.limits, self.dt)
             self.schedule.dt = self.dt
             self.kernels = compile_plan(self.plan, self.device)
             observation.compile_own(scene, self.device)

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -27,7 +28,13 @@ def file_digests(scene) -> dict[str, str]:
     laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
     named = [(place_text(place), scene.resolve(name)) for place, name in scene.files()]
     named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]
-    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in named if path.is_file()}
+    return {key: _digest(path) for key, path in named if path.is_file()}
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, which may be long."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def scene_hash(scene, files: dict[str, str] | None = None) -> str:
@@ -122,11 +129,11 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
                                  f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
     for feeder in sim.feeders:
         waits = "; the next waits for room" if feeder.blocked else ""
-        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {feeder.stream.material}{waits}")
+        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {escape(feeder.stream.material)}{waits}")
     for name, (count, mass) in sim.left.items():
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
     for guard, message in sim.noticed.items():
-        table.add_row("[bold red]noticed[/]", f"{guard}: {message}")
+        table.add_row("[bold red]noticed[/]", escape(f"{guard}: {message}"))
     console.print(table)
     for name, what in (("state hash", sim.state_hash()), ("results", folder)):  # whole, to be copied
         console.print(f"{name:10} {what}", markup=False, soft_wrap=True)

@@ -18,6 +18,10 @@ from warpdem.write_tables import replaced
 
 FPS = 25.0
 """Pictures in a second of a film [1/s]."""
+MOST_FPS = 1000.0
+"""Most pictures in a second of a film [1/s]: what players know."""
+MOST_PICTURES = 1e6
+"""Most pictures of a film [-]: 11 hours of them."""
 SHORTEST_FILM = 2.0
 """Time that the frames of a run last as a film [s]: fewer of them follow each other more slowly."""
 
@@ -139,8 +143,8 @@ def _slack(times: np.ndarray) -> float:
 
 def _film_times(results: AnyResults, start: float | None, end: float | None, speed: float | None, fps: float) -> list[float]:
     """Times of the pictures of a film [s]."""
-    if not fps > 0.0 or not (speed is None or speed > 0.0):
-        raise WarpdemError(f"fps {fps!r} and speed {speed!r} must be above 0")
+    if not 0.0 < fps <= MOST_FPS or not (speed is None or 0.0 < speed < np.inf):
+        raise WarpdemError(f"fps {fps!r} and speed {speed!r} must be finite and above 0, fps at most {MOST_FPS:g}")
     times = results.times
     begin, last = times[0] if start is None else start, times[-1] if end is None else end
     slack = _slack(times)
@@ -153,5 +157,11 @@ def _film_times(results: AnyResults, start: float | None, end: float | None, spe
     shown = times[first : final + 1]
     if speed is None:
         return shown.tolist()
+    length = shown[-1] - shown[0]
+    if (count := length * fps / speed) > MOST_PICTURES:
+        raise WarpdemError(
+            f"speed {speed:g}: a film of {length:.3g} s would have {count:.3g} pictures; at most {MOST_PICTURES:g} are drawn: "
+            f"give a speed of {length * fps / MOST_PICTURES:.2g} or more, or a shorter piece by start and end"
+        )
     wanted = np.arange(shown[0], shown[-1] + 0.5 * speed / fps, speed / fps)
     return [_nearest(results, time) for time in np.minimum(wanted, shown[-1])]

@@ -239,7 +239,7 @@ def _kind_names(folder: Path, field: Field) -> tuple[str, ...]:
         if field.array == "group":  # numbered as in Scene.groups
             entries = [(key, k, group) for key in ("grains", "streams") for k, group in enumerate(scene[key])]
             return tuple(dict.fromkeys(group.get("name") or f"{key}[{k}]" for key, k, group in entries))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return ()  # results without a record, or with one too long for the scene
     return ()
 

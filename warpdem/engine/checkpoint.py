@@ -131,6 +131,8 @@ def read(path: Path) -> dict:
                 known = isinstance(found, str) and found.startswith("warpdem checkpoint")
                 what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
                 raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
+            for name in file:
+                _require_stored(file, name, path.stat().st_size)
             scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
             arrays = {name: file[name][()] for name in file}
             if digest != _digest(scene + about, arrays):
@@ -138,6 +140,21 @@ def read(path: Path) -> dict:
             return {**arrays, **json.loads(about), "scene": json.loads(scene), "path": path}
     except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
         raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
+
+
+def _require_stored(file: h5py.File, name: str, size: int) -> None:
+    """Refuse an array that claims more than its file of ``size`` bytes holds, or that lies in another file.
+
+    Raises:
+        ValueError: it does.
+    """
+    link, held = file.get(name, getlink=True), None
+    if isinstance(link, h5py.HardLink):
+        held = file[name]
+    if not isinstance(held, h5py.Dataset) or held.is_virtual or held.external:
+        raise ValueError(f"{name} is no array in this file")
+    if held.nbytes > size:
+        raise ValueError(f"{name} claims {held.nbytes} bytes in a file of {size}")
 
 
 def scene_of(data: dict, plugins: Sequence[str | Path] = ()):

@@ -295,7 +295,7 @@ def choose(scene, found: Limits) -> float:
     if scene.time.step == "auto":
         step = min(found.candidates.values())
         if not math.isfinite(step):
-            raise SceneError(f'{scene.source}: time.step = "auto": nothing limits it here; give a number of seconds')
+            raise SceneError(f'{scene.source}: time.step = "auto": nothing limits it here; give a number, such as "0.1 ms"')
         return step
     over = over_limit(scene.time.step, found)
     if over and scene.engine.guards == "stop":

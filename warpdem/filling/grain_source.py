@@ -1,38 +1,18 @@
 """Where the grains of a scene come from (arrays, state files, fillings), and whether they can start there."""
 
-import zipfile
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
 from warpdem.filling.region import region
+from warpdem.filling.state_file import read_state
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.scene.motion import Chain, frame_chain, wall_chain
 from warpdem.scene.sizes import size_law
 from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
-
-NPZ_KEYS = {
-    "position": ("position", "x"),
-    "radius": ("radius", "r"),
-    "velocity": ("velocity", "v"),
-    "spin": ("spin", "w"),
-    "id": ("id",),
-}
-"""Names in a .npz file of each field of a grain."""
-CSV_COLUMNS = {
-    "position": ("x", "y", "z"),
-    "radius": ("radius",),
-    "velocity": ("vx", "vy", "vz"),
-    "spin": ("wx", "wy", "wz"),
-    "id": ("id",),
-}
-"""Columns in a .csv file of each field of a grain."""
-VTP_ARRAYS = {"radius": "radius", "velocity": "v", "spin": "omega", "id": "id"}
-"""Names in a .vtp file of each field of a grain, beside its points."""
 
 
 @dataclass(frozen=True)
@@ -173,131 +153,6 @@ def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
             "id": None if group.ids is None else np.array(group.ids, np.int64),
         }
     return read_state(scene.resolve(group.file), f"{key}.file")
-
-
-def read_state(path: Path, key: str) -> dict[str, np.ndarray | None]:
-    """Fields of the grains in a state file: position, radius, velocity, spin (zero when absent), id (or None).
-
-    Args:
-        path: .npz with the keys of `NPZ_KEYS`, .csv with a header of `CSV_COLUMNS`, or .vtp with `VTP_ARRAYS`.
-        key: Scene key, for messages.
-
-    Raises:
-        SceneError: Missing file, key or column; a number that is not finite; a radius that is not above 0; ids that
-            are not whole or come twice. Names the row, counted from 1.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise SceneError(f"{key}: no such state file: {path}")
-    readers = {".npz": _read_npz, ".csv": _read_csv, ".vtp": _read_vtp}
-    if path.suffix.lower() not in readers:
-        raise SceneError(f"{key}: {path.name}: a state file ends in one of {', '.join(readers)}")
-    key = f"{key}: {path.name}"
-    fields = readers[path.suffix.lower()](path, key)
-    count = len(np.atleast_1d(fields["radius"]))
-    if count == 0:
-        raise SceneError(f"{key}: holds no grains")
-    checked = {}
-    for name, width in (("position", (3,)), ("radius", ()), ("velocity", (3,)), ("spin", (3,)), ("id", ())):
-        values = fields.get(name)
-        if values is None:
-            checked[name] = None if name == "id" else np.zeros((count, *width))
-            continue
-        checked[name] = _checked_field(np.asarray(values), (count, *width), name, key)
-    _refuse_row(checked["radius"] <= 0.0, checked["radius"], "radius", "must be above 0", key)
-    if checked["id"] is not None:
-        checked["id"] = _checked_ids(checked["id"], key)
-    return checked
-
-
-def _checked_field(values: np.ndarray, shape: tuple[int, ...], name: str, key: str) -> np.ndarray:
-    """Field as finite float64 (integers stay as they are), of the shape that belongs to it."""
-    if values.shape != shape:
-        raise SceneError(f"{key}: {name} has the shape {values.shape}, must be {shape}")
-    if values.dtype.kind not in "fiu":
-        raise SceneError(f"{key}: {name} must hold numbers, holds {values.dtype}")
-    bad = ~np.isfinite(values)
-    _refuse_row(bad if bad.ndim == 1 else bad.any(axis=1), values, name, "must be finite", key)
-    return values if name == "id" else values.astype(np.float64)
-
-
-def _checked_ids(ids: np.ndarray, key: str) -> np.ndarray:
-    """Ids as int64."""
-    _refuse_row((ids < 0) | (ids != np.floor(ids)), ids, "id", "must be a whole number from 0", key)
-    ids = ids.astype(np.int64)
-    _, first = np.unique(ids, return_index=True)
-    again = np.ones(len(ids), bool)
-    again[first] = False
-    _refuse_row(again, ids, "id", "comes twice, ids must be unique", key)
-    return ids
-
-
-def _refuse_row(bad: np.ndarray, values: np.ndarray, name: str, what: str, key: str) -> None:
-    """Raise for the first bad row."""
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise SceneError(
-            f"{key}: row {row + 1}: {name} = {values[row].tolist()} {what} ({int(bad.sum())} of {len(bad)} rows)"
-        )
-
-
-def _read_npz(path: Path, key: str) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            held = {name: data[name] for name in data.files}
-    except (OSError, EOFError, zipfile.BadZipFile) as error:
-        raise SceneError(f"{key}: cannot be read as .npz: {error}") from error
-    except ValueError as error:  # NumPy's words advise to run what the file holds
-        raise SceneError(f"{key}: cannot be read as .npz: it is no archive of plain arrays of numbers") from error
-    fields = {}
-    for field, names in NPZ_KEYS.items():
-        present = [name for name in names if name in held]
-        if present:
-            fields[field] = held[present[0]]
-        elif field in ("position", "radius"):
-            raise SceneError(f"{key}: has no key {' or '.join(names)}; it has {', '.join(held) or 'none'}")
-    return fields
-
-
-def _read_csv(path: Path, key: str) -> dict[str, np.ndarray]:
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = [name.strip() for name in file.readline().split(",")]
-        known = [name for names in CSV_COLUMNS.values() for name in names]
-        wrong = [name for name in header if name not in known]
-        if wrong:
-            raise SceneError(f"{key}: unknown column {wrong[0]!r}; allowed: {', '.join(known)}")
-        if len(set(header)) < len(header):
-            raise SceneError(f"{key}: a column comes twice in {', '.join(header)}")
-        lines = [line for line in file if line.strip()]
-    try:
-        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, len(header)))
-    except ValueError as error:
-        raise SceneError(f"{key}: the rows below the header, counted from 0, must hold numbers: {error}") from error
-    if table.shape[1] != len(header):
-        raise SceneError(f"{key}: the header names {len(header)} columns, the rows have {table.shape[1]}")
-    fields = {}
-    for field, names in CSV_COLUMNS.items():
-        missing = [name for name in names if name not in header]
-        if not missing:
-            columns = table[:, [header.index(name) for name in names]]
-            fields[field] = columns if len(names) == 3 else columns[:, 0]
-        elif field in ("position", "radius") or len(missing) < len(names):
-            raise SceneError(f"{key}: missing column {missing[0]}; it has {', '.join(header)}")
-    return fields
-
-
-def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
-    import pyvista  # slow to import: only scenes that start from a .vtp pay
-
-    try:
-        data = pyvista.read(path)
-    except Exception as error:  # whatever VTK's reader runs into
-        raise SceneError(f"{key}: cannot be read as .vtp: {error}") from error
-    if "radius" not in data.point_data:
-        held = ", ".join(data.point_data.keys()) or "none"
-        raise SceneError(f"{key}: has no point array radius; it has {held}")
-    fields = {field: np.asarray(data.point_data[n]) for field, n in VTP_ARRAYS.items() if n in data.point_data}
-    return {"position": np.asarray(data.points), **fields}
 
 
 def _relative_to_frame(grains: dict[str, np.ndarray], frame: Chain) -> dict[str, np.ndarray]:

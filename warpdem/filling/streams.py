@@ -25,6 +25,25 @@ def representatives(scene) -> Grains0:
     )
 
 
+def to_come(stream, density: float, end: float) -> int:
+    """How many grains a stream brings up to ``end`` [s] if each finds room, at the mean mass of its sizes; 0 before it begins.
+
+    Args:
+        stream: Stream of the scene.
+        density: Of its material [kg/m3].
+        end: End of the run [s].
+    """
+    elapsed = max(0.0, (end if stream.until is None else min(end, stream.until)) - stream.start)
+    rate = stream.count_rate or stream.mass_rate / (density * size_law(stream.diameter).mean_volume)
+    return int(rate * elapsed + 1e-6)  # round-off takes none away
+
+
+def mean_to_come(stream, density: float, end: float) -> float:
+    """Mean over a run to ``end`` [s] of the number of grains that a stream has brought; arguments as of ``to_come``."""
+    last = end if stream.until is None else min(end, stream.until)
+    return to_come(stream, density, end) * max(0.0, end - 0.5 * (stream.start + last)) / end
+
+
 class Feeder:
     """One stream in a run.
 

@@ -26,7 +26,8 @@ def lacey_index(first: np.ndarray, position: np.ndarray, cell: float) -> float:
     p = float(np.mean(first)) if n else 0.0
     if not 0.0 < p < 1.0:
         return float("nan")
-    _, number = np.unique(np.floor(position / cell).astype(np.int64), axis=0, return_inverse=True)
+    # whole numbers as float64, which no cell is too small for; without negative zeros
+    _, number = np.unique(np.floor(position / cell) + 0.0, axis=0, return_inverse=True)
     count = np.bincount(number.ravel())
     share = np.bincount(number.ravel(), weights=first) / count
     apart = p * (1.0 - p)

@@ -22,6 +22,7 @@ import numpy as np
 from warpdem.errors import WarpdemError
 from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
 from warpdem.snapshot import ContactNetwork, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.vtk_header import overclaim
 from warpdem.write_tables import not_written, replaced
 
 INDEX, CONTACT_INDEX = "result.pvd", "contacts.pvd"
@@ -316,8 +317,10 @@ def save(data, path: Path) -> None:
 def _load(path: Path):
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    if not Path(path).exists():
+    if not Path(path).is_file():
         raise WarpdemError(f"{path}: no such file")
+    if reason := overclaim(path):
+        raise WarpdemError(f"{path}: {reason}")
     problems: list[str] = []
     reader = vtkXMLPolyDataReader()
     reader.AddObserver("ErrorEvent", lambda *_: problems.append("error"))

@@ -353,7 +353,7 @@ def _opened(path: Path, what: Callable):
         repair(path)
         with h5py.File(path, "r", locking=False) as file:
             return what(file["VTKHDF"])
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError) as error:
         raise WarpdemError(f"{path}: cannot be read as a VTKHDF file ({error})") from error
 
 

@@ -1,6 +1,7 @@
 """What all parts of a scene are made of: their base class, annotated numbers, and errors that name a key."""
 
 import math
+import unicodedata
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from warpdem import paths
 from warpdem.scene.units import Quantity, Vector
 
 Vec3 = tuple[float, float, float]
@@ -26,13 +28,43 @@ def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
     return vector if abs(norm - 1.0) < 1e-15 else tuple(x / norm for x in vector)
 
 
-Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
+LONGEST_NAME = 100
+"""Bytes of a name that becomes a part of names of files [-]."""
+LONGEST_LABEL = 200
+"""Bytes of another name [-]."""
+
+
+def _short(name: str) -> str:
+    """Refuse a name too long to be part of the name of a file."""
+    if (length := len(name.encode())) > LONGEST_NAME:
+        raise ValueError(f"must be at most {LONGEST_NAME} bytes long, is {length}: results are named by it")
+    return name
+
+
+def _file_name(name: str) -> str:
+    """Refuse what no file can be called."""
+    if reason := paths.unusable(name):
+        raise ValueError(reason)
+    return name
+
+
+def _label(name: str) -> str:
+    """Refuse a name that no message and no legend can show."""
+    if any(unicodedata.category(c) in ("Cc", "Cs") for c in name) or len(name.encode(errors="replace")) > LONGEST_LABEL:
+        raise ValueError(f"must be a name without control characters, at most {LONGEST_LABEL} bytes long")
+    return name
+
+
+Label = Annotated[str, AfterValidator(_label)]
+Name = Annotated[str, Field(pattern=r"^[\w-]+$"), AfterValidator(_short)]
 Point = Annotated[Vec3, Vector(Quantity("m"))]
 Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(unit_vector)]
 Length = Annotated[float, Quantity("m", gt=0)]
 Duration = Annotated[float, Quantity("s", gt=0)]
 AngularRate = Annotated[float, Quantity("rad/s")]
-FileName = Annotated[str, BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value)]
+FileName = Annotated[
+    str, BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value), AfterValidator(_file_name)
+]
 
 Problem = tuple[tuple[str | int, ...], Any, str]
 """Place (keys and list indices), value there, and what is wrong."""
@@ -51,6 +83,11 @@ def wrong(problems: Iterable[Problem]) -> ValidationError:
         for loc, value, text in problems
     ]
     return ValidationError.from_exception_data("Scene", errors)
+
+
+def alike(name: str) -> str:
+    """What two names have in common that some file systems take for one: equal but for case and composition of letters."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def none_twice(values: list[str]) -> list[str]:

@@ -4,7 +4,6 @@ import copy
 import difflib
 import re
 import shlex
-import tomllib
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,12 +11,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from warpdem import memory, paths
 from warpdem.errors import SceneError
 from warpdem.paths import Access, access_of_file
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located
 from warpdem.scene.start import NOT_IN_A_PHASE, place_in_phase
+from warpdem.scene.text import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -43,7 +44,7 @@ def load_scene(
     Raises:
         SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
-    file = Path(path).expanduser()
+    file = paths.expanded(path)
     access, origins, time = access_of_file(file.parent, allow_paths, plugins), {}, 0.0
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():
@@ -78,6 +79,8 @@ def scene_from_dict(
     Raises:
         SceneError: the scene is wrong, or a file that it names is missing.
     """
+    if found := too_much(data):
+        raise SceneError(report(source, [line(*found)]))
     for key in PYTHON_ONLY:
         if key in data:
             raise SceneError(report(source, [line((key,), data[key], unknown_key((key,), Scene))]))
@@ -106,28 +109,20 @@ def scene_schema() -> dict[str, Any]:
 
 def _read_toml(file: Path) -> dict[str, Any]:
     try:
-        text = file.read_bytes().decode()
+        kind = kind_of(file)
+        if kind == "a folder":
+            raise SceneError(f"{file}: is a folder, not a scene file{_similar_files(file / 'scene.toml')}")
+        if kind is not None:
+            raise SceneError(f"{file}: is {kind}, not a scene file; give the path of a file on disk")
+        text = read_text(file)
     except FileNotFoundError:
         raise SceneError(f"{file}: no such file{_similar_files(file)}") from None
-    except IsADirectoryError:
-        raise SceneError(f"{file}: is a folder, not a scene file{_similar_files(file / 'scene.toml')}") from None
     except OSError as error:
-        raise SceneError(f"{file}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{file}: no text in UTF-8 (byte {error.start}); a scene is a TOML file") from None
+        raise SceneError(f"{shorten(str(file), 200, quote=False)}: cannot be read ({error.strerror})") from None
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(_syntax_error(str(file), text, str(error))) from None
-
-
-def _syntax_error(source: str, text: str, reason: str) -> str:
-    place = re.search(r"^(.*) \(at line (\d+), column (\d+)\)$", reason, re.DOTALL)
-    if place is None:
-        return f"{source}: not valid TOML: {reason}"
-    number = int(place[2])
-    wrong = text.split("\n")[number - 1].strip()
-    return f"{source}, line {number}, column {place[3]}: not valid TOML: {place[1]}\n  {shorten(wrong, quote=False)}"
+        return parsed(text)
+    except NotToml as error:
+        raise SceneError(syntax_error(str(file), text, str(error))) from None
 
 
 def _similar_files(file: Path) -> str:
@@ -154,11 +149,13 @@ def _apply_override(data: dict[str, Any], override: str, source: str) -> None:
     parts = [part.strip() for part in re.sub(r"\[(\d+)\]", r".\1", key).split(".")]
     if not equals or not all(parts):
         raise wrong('must be KEY=VALUE, such as "time.end=0.5"')
+    if len(parts) > MOST_LEVELS:
+        raise wrong(f"nested too deeply: at most {MOST_LEVELS} tables and lists may lie within each other")
     here: Any = data
     for depth, part in enumerate(parts):
         place = place_text(tuple(parts[:depth])) or "the scene"
         if isinstance(here, list):
-            if not part.isdecimal() or int(part) >= len(here):
+            if not part.isdecimal() or len(part) > 18 or int(part) >= len(here):
                 raise wrong(f"{place} is a list of {len(here)}; an index from 0 to {len(here) - 1} must follow")
             part = int(part)
         elif not isinstance(here, dict):
@@ -171,8 +168,8 @@ def _apply_override(data: dict[str, Any], override: str, source: str) -> None:
 
 def _parse_value(text: str, wrong: typing.Callable[[str], SceneError]) -> Any:
     try:
-        table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError as error:
+        table = parsed(f"value = {text}")
+    except NotToml as error:
         # the shell takes quotes away, so that 0.1 mm and hertz arrive bare
         if not text or text[0] in "[{\"'":
             raise wrong(f"the value is not valid TOML: {error}") from None
@@ -204,10 +201,12 @@ def _missing_files(scene: Scene) -> Iterator[str]:
             yield line(place, name, refusal)
             continue
         file = scene.resolve(name)
-        if file.is_dir():
-            yield line(place, name, f"{file} is a folder, not a file")
-        elif not file.exists():
+        if not file.exists():
             yield line(place, name, f"no such file: {file}{_similar_files(file)}")
+        elif kind := kind_of(file):
+            yield line(place, name, f"{file} is {kind}, not a file")
+        elif reason := memory.refusal(size := file.stat().st_size, f"a file of {size} bytes", "take a smaller one"):
+            yield line(place, name, reason)
 
 
 def _named_files(scene: Scene) -> Iterator[tuple[Place, str]]:

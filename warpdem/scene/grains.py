@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import core_schema
 
-from warpdem.scene.base import Duration, FileName, Length, SceneModel, Vec3, exactly_one, wrong
+from warpdem.scene.base import Duration, FileName, Label, Length, SceneModel, Vec3, exactly_one, wrong
 from warpdem.scene.borders import Box
 from warpdem.scene.sizes import Diameter, size_law
 from warpdem.scene.units import Array, Quantity, Vector
@@ -66,7 +66,7 @@ class Fill(SceneModel):
 class Stream(SceneModel):
     """Grains that come in while the run goes on, at random free places of a region."""
 
-    name: str | None = GROUP_NAME
+    name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     box: Box = Field(description="Region in which they appear, whole.")
     diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
@@ -135,7 +135,7 @@ class Grains(SceneModel):
     give the columns that belong to ``positions`` with all defaults filled in.
     """
 
-    name: str | None = GROUP_NAME
+    name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     positions: Annotated[np.ndarray, Array(Quantity("m"), columns=3)] | None = Field(
         None, description="Centres [m], shape (n, 3); this, file or fill."

@@ -1,5 +1,6 @@
 """What is wrong with a scene, in words: file, key, value and what is allowed, from the errors of the scene's models."""
 
+import decimal
 import json
 import re
 import typing
@@ -131,8 +132,31 @@ def shorten(value: Any, width: int = 60, quote: bool = True) -> str:
         return f"array of shape {value.shape}"
     if isinstance(value, (list, tuple)) and len(value) > 8:
         return f"{shorten(list(value[:3]), width)[:-1]}, ... {len(value)} entries]"
-    text = json.dumps(value, ensure_ascii=False, default=str) if quote else value
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str) if quote else value
+    except (ValueError, RecursionError):  # a whole number of thousands of digits, tables in tables in tables
+        text = f"a {type(value).__name__}"
+    text = visible(text[: 4 * width])
     return text if len(text) <= width else f"{text[: width - 3]}..."
+
+
+def rounded_down(value: float) -> str:
+    """A number with two digits that is not above ``value``: what a message tells to take is accepted."""
+    return _rounded(value, decimal.ROUND_DOWN)
+
+
+def rounded_up(value: float) -> str:
+    """A number with two digits that is not below ``value``, > 0."""
+    return _rounded(value, decimal.ROUND_UP)
+
+
+def _rounded(value: float, rounding: str) -> str:
+    return f"{float(decimal.Context(prec=2, rounding=rounding).create_decimal(value)):g}"
+
+
+def visible(text: str) -> str:
+    """A text without characters that a terminal would obey or not show, these in the notation of Python."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def unknown_key(place: Place, root: type[BaseModel]) -> str:

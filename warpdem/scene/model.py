@@ -29,11 +29,13 @@ from warpdem.scene.base import (
     Direction,
     Duration,
     FileName,
+    Label,
     Name,
     Point,
     Problem,
     SceneModel,
     Vec3,
+    alike,
     exactly_one,
     none_twice,
     relocated,
@@ -361,7 +363,7 @@ class Scene(SceneModel):
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
     )
-    materials: dict[str, Material] = Field(min_length=1, description="Materials by name.")
+    materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
@@ -575,6 +577,10 @@ def _name_problems(scene: Scene) -> Iterator[Problem]:
         for i, name in enumerate(names):
             if name in names[:i]:
                 yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
+            elif key in ("walls", "phases") and alike(name) in map(alike, names[:i]):
+                other = list(map(alike, names)).index(alike(name))
+                reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case, for files have them'
+                yield (key, i, "name"), name, reason
 
     walls = [wall.name for wall in scene.walls]
     meshes = [wall.name for wall in scene.walls if wall.mesh is not None]
@@ -645,6 +651,11 @@ def _measure_problems(scene: Scene) -> Iterator[Problem]:
                 yield ("measures", key, i, "name"), name, reason
 
 
+def _choices(role: str) -> str:
+    """The laws of a role, as a scene may name them."""
+    return f"a {role} law, contact.{role} = " + " or ".join(f'"{name}"' for name in models.model_names(role))
+
+
 def _law_problems(scene: Scene) -> Iterator[Problem]:
     """Coefficients without a law to use them, and laws without their coefficients."""
     contact = scene.contact
@@ -660,11 +671,10 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
                 if getattr(pair, key) != Pair.model_fields[key].default:
                     yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
         if contact.tangential == "none" and pair.friction > 0:
-            yield problem("friction", 'contact.tangential = "none": set friction = 0 or choose a tangential law')
+            yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
-            yield problem(
-                "rolling_friction", 'contact.rolling = "none": set rolling_friction = 0 or choose a rolling law'
-            )
+            reason = f'contact.rolling = "none": set rolling_friction = 0 or choose {_choices("rolling")}'
+            yield problem("rolling_friction", reason)
         damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
         if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
             yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')

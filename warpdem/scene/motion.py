@@ -121,6 +121,13 @@ class Pieces(NamedTuple):
         return np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
 
 
+_OF_SHIFTS = ("velocity", "amplitude")
+_NO_SCHEDULE = (
+    "a schedule is one of rates of turning about an axis; a velocity is constant, beside an oscillation with amplitude and "
+    "frequency. For one that changes, give the motion as time samples of a USD prim (usd and prim), or change it with phases"
+)
+
+
 class Rotation(Timed):
     """Turning about a fixed axis at a rate that is constant, scheduled, swinging, or interpolated in a table.
 
@@ -140,6 +147,18 @@ class Rotation(Timed):
     table: Annotated[list[Knot], Field(min_length=1)] | None = Field(
         None, description="Times [s], >= 0 and rising, and angular rates [rad/s] there: [[t, rate], ...]."
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _only_turns(cls, value: Any) -> Any:
+        schedule = value.get("schedule") if isinstance(value, dict) else None
+        parts = [part if isinstance(part, dict) else {} for part in schedule] if isinstance(schedule, list) else []
+        places = [("schedule", k, key) for k, part in enumerate(parts) for key in _OF_SHIFTS if key in part]
+        if schedule is not None and "axis" not in value:
+            places += [(key,) for key in _OF_SHIFTS if key in value]
+        if places:
+            raise wrong([(places[0], None, _NO_SCHEDULE)])
+        return value
 
     @model_validator(mode="after")
     def _one_rate(self) -> "Rotation":

@@ -23,29 +23,41 @@ class Dimension:
     base: dict[str, int]
     """Exponents of pint's base units. The radian counts as one: this keeps turns, events and pure numbers apart."""
     example: str
+    least: float
+    """Least magnitude of a number that must be above 0, SI."""
+    most: float
+    """Largest magnitude, SI."""
 
 
 DIMENSIONS = {
-    "m": Dimension("a length", {"meter": 1}, "0.45 mm"),
-    "s": Dimension("a time", {"second": 1}, "20 ms"),
-    "1/s": Dimension("a frequency", {"second": -1}, "50 Hz"),
-    "m/s": Dimension("a speed", {"meter": 1, "second": -1}, "20 cm/s"),
-    "m/s2": Dimension("an acceleration", {"meter": 1, "second": -2}, "9.81 m/s^2"),
-    "kg": Dimension("a mass", {"kilogram": 1}, "20 g"),
-    "kg/m3": Dimension("a density", {"kilogram": 1, "meter": -3}, "2.6 g/cm^3"),
-    "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa"),
-    "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm"),
-    "N": Dimension("a force", {"kilogram": 1, "meter": 1, "second": -2}, "2 mN"),
-    "kg/s": Dimension("a mass rate or drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s"),
-    "C": Dimension("a charge", {"ampere": 1, "second": 1}, "1 nC"),
-    "T": Dimension("a magnetic flux density", {"kilogram": 1, "ampere": -1, "second": -2}, "5 mT"),
-    "V/m": Dimension("an electric field", {"kilogram": 1, "meter": 1, "ampere": -1, "second": -3}, "10 kV/m"),
-    "rad": Dimension("an angle", {"radian": 1}, "90 deg"),
-    "rad/s": Dimension("an angular rate", {"radian": 1, "second": -1}, "30 rpm"),
-    "-": Dimension("a pure number", {}, "5 %"),
+    "m": Dimension("a length", {"meter": 1}, "0.45 mm", 1e-12, 1e12),
+    "s": Dimension("a time", {"second": 1}, "20 ms", 1e-24, 1e15),
+    "1/s": Dimension("a frequency", {"second": -1}, "50 Hz", 1e-18, 1e18),
+    "m/s": Dimension("a speed", {"meter": 1, "second": -1}, "20 cm/s", 1e-18, 1e12),
+    "m/s2": Dimension("an acceleration", {"meter": 1, "second": -2}, "9.81 m/s^2", 1e-18, 1e15),
+    "kg": Dimension("a mass", {"kilogram": 1}, "20 g", 1e-30, 1e30),
+    "kg/m3": Dimension("a density", {"kilogram": 1, "meter": -3}, "2.6 g/cm^3", 1e-9, 1e18),
+    "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa", 1e-9, 1e21),
+    "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm", 1e-18, 1e21),
+    "N": Dimension("a force", {"kilogram": 1, "meter": 1, "second": -2}, "2 mN", 1e-30, 1e21),
+    "kg/s": Dimension("a mass rate or drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s", 1e-30, 1e21),
+    "C": Dimension("a charge", {"ampere": 1, "second": 1}, "1 nC", 1e-30, 1e21),
+    "T": Dimension("a magnetic flux density", {"kilogram": 1, "ampere": -1, "second": -2}, "5 mT", 1e-30, 1e21),
+    "V/m": Dimension("an electric field", {"kilogram": 1, "meter": 1, "ampere": -1, "second": -3}, "10 kV/m", 1e-30, 1e21),
+    "rad": Dimension("an angle", {"radian": 1}, "90 deg", 1e-12, 1e12),
+    "rad/s": Dimension("an angular rate", {"radian": 1, "second": -1}, "30 rpm", 1e-18, 1e12),
+    "-": Dimension("a pure number", {}, "5 %", 1e-30, 1e30),
 }
-"""Units that a key of the scene may declare."""
+"""Units that a key of the scene may declare, with bounds far beyond what grains are made for.
 
+Between them products and squares of what a scene says stay finite and normal in a float64, and results in a float32; a number
+outside is a mistake or does harm.
+"""
+
+LONGEST_TEXT = 100
+"""Characters of a number with its unit [-]: a unit of thousands of letters keeps the library of units busy for minutes."""
+LARGEST_EXPONENT = 400
+"""Powers of ten beyond which a number is no float64 in any unit [-]."""
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(1\s*/.+?|[^\d\s].*?)?\s*")
 _BARE_POWER = re.compile(r"(?<=[a-z])(?=[23]\b)")
 
@@ -81,7 +93,7 @@ def _parse(text: str, unit: str) -> float:
         ValueError: there is no number, no known unit, or a unit of another dimension.
     """
     wanted, allowed = DIMENSIONS[unit], _allowed(unit)
-    match = _NUMBER_AND_UNIT.fullmatch(text)
+    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST_TEXT else None
     if match is None:
         raise ValueError(allowed)
     if match[2] is None:
@@ -90,6 +102,8 @@ def _parse(text: str, unit: str) -> float:
     try:
         # "m/s2" is what this page and its messages write; pint wants a power sign
         units = registry.parse_units(_BARE_POWER.sub("**", match[2]))
+        if abs(Decimal(match[1]).adjusted()) > LARGEST_EXPONENT:
+            return math.inf if Decimal(match[1]).adjusted() > 0 else 0.0
         quantity = (Decimal(match[1]) * units).to_base_units()
         base = {name: int(power) for name, power in quantity.unit_items() if power == int(power)}
         value = float(quantity.magnitude)
@@ -148,6 +162,18 @@ class Quantity:
         text = " and ".join(f"{sign} {limit:g}" for sign, limit in signs.items() if limit is not None)
         return f"{text} [{self.unit}]" if text and self.unit != "-" else text
 
+    def magnitude_text(self) -> str:
+        """Magnitudes that the engine computes with, in words."""
+        known = DIMENSIONS[self.unit]
+        least = f"from {known.least:g} to " if self.gt == 0 else "at most "
+        sign = "" if self.gt == 0 or self.ge == 0 else " in magnitude"
+        return f"{least}{known.most:g}{f' [{self.unit}]' if self.unit != '-' else ''}{sign}"
+
+    def can_be_computed(self, value: Any) -> Any:
+        """Say for a number or array [SI] whether its magnitude is one that the engine computes with (elementwise)."""
+        known, size = DIMENSIONS[self.unit], np.abs(value)
+        return (size <= known.most) & (size >= known.least) if self.gt == 0 else size <= known.most
+
     def in_range(self, value: Any) -> Any:
         """Say for a number or array [SI] whether it lies in the range (elementwise)."""
         inside = np.isfinite(value)
@@ -175,6 +201,9 @@ class Quantity:
             raise ValueError(f'{error}, or "auto"' if self.auto else str(error)) from None
         if not self.in_range(number):
             raise ValueError(f"must be {self.range_text()}" + (', or "auto"' if self.auto else ""))
+        if not self.can_be_computed(number):
+            auto = ', or "auto"' if self.auto else ""
+            raise ValueError(f"must be {self.magnitude_text()}{auto}: beyond, numbers lose their digits or overflow")
         return number
 
     def json_schema(self) -> dict[str, Any]:
@@ -268,11 +297,12 @@ class Array:
             raise ValueError(wrong_shape)
         if self.columns is not None and array.shape[1] != self.columns:
             raise ValueError(wrong_shape)
-        bad = np.argwhere(~self.item.in_range(array))
-        if bad.size:
-            entry = tuple(bad[0])
-            rule = " and ".join(filter(None, ["finite", self.item.range_text()]))
-            raise ValueError(f"entry {_index_text(entry)} = {array[entry]:g}: must be {rule}")
+        finite = " and ".join(filter(None, ["finite", self.item.range_text()]))
+        for good, rule in ((self.item.in_range, finite), (self.item.can_be_computed, self.item.magnitude_text())):
+            bad = np.argwhere(~good(array))
+            if bad.size:
+                entry = tuple(bad[0])
+                raise ValueError(f"entry {_index_text(entry)} = {array[entry]:g}: must be {rule}")
         array.flags.writeable = False
         return array
 

@@ -1,16 +1,11 @@
 """What a USD file holds, as arrays: asks `warpdem.usd.reader` in a process of its own and checks that it answers."""
 
-import io
-import json
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from warpdem import apart, memory
 from warpdem.errors import SceneError
 from warpdem.usd import reader as usd_reader
 
@@ -45,29 +40,9 @@ def ask(
         raise SceneError(f"{where}: no such USD file: {file}")
     head = where if where == str(file) else f"{where}: {file.name}"
     limit = TIME_LIMIT + file.stat().st_size / BYTES_PER_SECOND
-    # one thread: a file damaged on purpose shall not fill all cores either
-    environment = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1"}
-    command = [sys.executable, "-P", usd_reader.__file__, what, str(file), about, *map(str, folders or ())]
-    try:
-        done = subprocess.run(
-            command, check=False, capture_output=True, timeout=limit, env=environment, stdin=subprocess.DEVNULL
-        )
-    except subprocess.TimeoutExpired:
-        raise SceneError(
-            f"{head}: reading it took longer than {limit:.3g} s: damaged, or too large"
-        ) from None
-    said, arrays = {}, {}
-    if done.returncode == 0:
-        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as held:
-            arrays = {name: held[name] for name in held.files}
-        said = json.loads(str(arrays.pop("answer")))
-    elif done.returncode < 0:
-        said["refused"] = f"the USD library crashed on it ({signal.Signals(-done.returncode).name}): damaged?"
-    else:
-        last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason given"]
-        said["refused"] = f"reading it failed: {last[0][:300]}"
+    memory.require(file.stat().st_size, head, f"a file of {file.stat().st_size} bytes", "take a smaller one")
+    arguments = [what, str(file), about, *map(str, folders or ())]
+    said, arrays = apart.ask(usd_reader.__file__, arguments, limit, head, "the USD library")
     if said.get("up", "Z") not in TO_Z_UP:
-        said["refused"] = f"upAxis = {said['up']!r}, must be Y or Z"
-    if "refused" in said:
-        raise SceneError(f"{head}: {said['refused']}")
+        raise SceneError(f"{head}: upAxis = {said['up']!r}, must be Y or Z")
     return said, arrays
