@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
-    "errors", "threads", "start_warp", "snapshot", "rigid", "progress", "paths", "write_tables",
+    "errors", "threads", "start_warp", "snapshot", "rigid", "progress", "paths", "write_tables", "cadence",
     "usd", "scene", "mesh", "filling", "engine", "measure", "output",
     "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
     "__init__", "__main__",
