@@ -212,7 +212,7 @@ def test_stress_times_volume_adds_up_and_ends_at_the_virial():
 
 @pytest.mark.parametrize("shift", [0.0, 0.5, -7.0])
 def test_solid_fraction_counts_the_parts_of_balls(shift):
-    """Two and a half cells of a simple cubic lattice, each way: its faces halve balls, its edges and corners cut them in 4 and 8."""
+    """Two and a half cells of a simple cubic lattice each way: faces halve balls, edges and corners cut them in 4 and 8."""
     gap, length = 2.5e-3, 12.5e-3
     cells = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     borders = {axis: {"min": 0.0, "max": length, "kind": "periodic"} for axis in "xyz"}
