@@ -13,7 +13,7 @@ from warpdem.drawing.camera import looking, placed, upright
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
 from warpdem.drawing.framing import Box, Framing
-from warpdem.drawing.legend import Bar, Legend, Pane, bar_width
+from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
 from warpdem.drawing.look import Look
 from warpdem.drawing.stage import Balls, Stage, Surface
 from warpdem.errors import WarpdemError
@@ -26,6 +26,8 @@ AnyResults = Results | VtkhdfResults
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
 FARTHEST = 30.0
 """How far from the middle of the picture grains are drawn, in sizes of what it shows [-]."""
+LEAST = 4.0
+"""Extent of what a picture shows over the radius of its largest grain, at least [-]."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ class Show:
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._look.view == "laboratory" else "frame axes"
             lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
-            panes.append(Pane(f"{name}{self._clock(scenery.time)}", lines, self._camera.axes))
+            title = heading(name, self._clock(scenery.time), right - left, height)
+            panes.append(Pane(title, lines, self._camera.axes))
         return self._legend.draw(image, panes)
 
     def close(self) -> None:
@@ -124,7 +127,7 @@ class Show:
             framing.meet_start(self._seen(start.position[placed], start.frame), start.radius[placed])
         planes = []
         self._turning = False
-        ends, any_kept = [], False
+        ends, any_kept, largest = [], False, 0.0
         for run, instant in itertools.product(self._runs, dict.fromkeys(instants)):
             scenery = self._scenery(run, instant)
             snapshot = scenery.snapshot
@@ -135,6 +138,7 @@ class Show:
             framing.meet_grains(centres, snapshot.radius[placed])
             kept = self._kept(scenery)
             any_kept |= bool(kept.any())
+            largest = max(largest, float(snapshot.radius[placed].max(initial=0.0)))
             if len(centres):
                 ends += [centres.min(axis=0), centres.max(axis=0)]
             self._grains.meet(self._grain_values(scenery)[kept])
@@ -157,7 +161,9 @@ class Show:
             reach = Box(along.min(axis=0), along.max(axis=0))
             # planes far from all equipment stay out of the picture
             shown = shown.joined(Box(box.low[:3], box.high[:3]).taking(reach) if framing.bounded else reach)
-        self._low, self._high = shown.low, shown.high
+        # a ball that fills the picture is nearer to the eye than VTK draws it round
+        room = np.maximum(0.5 * (LEAST * largest - (shown.high - shown.low)), 0.0)
+        self._low, self._high = shown.low - room, shown.high + room
 
     def _seen(self, points: np.ndarray, pose: FramePose) -> np.ndarray:
         """Points given in frame axes, in the axes that stand still in the picture [m], shape (n, 3)."""
@@ -239,7 +245,7 @@ def _told_apart(folders: list[Path]) -> list[str]:
     if len(folders) == 1:
         return [""]
     names = [folder.resolve().name for folder in folders]
-    return [f"{name}   " for name in (names if len(set(names)) == len(names) else map(str, folders))]
+    return names if len(set(names)) == len(names) else [str(folder) for folder in folders]
 
 
 def _clock(times: np.ndarray) -> Callable[[float], str]:
