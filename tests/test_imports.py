@@ -13,7 +13,7 @@ PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
     "errors", "memory", "apart", "vtk_header", "interrupts", "process", "cores", "threads", "start_warp", "snapshot", "rigid",
-    "progress", "paths", "write_tables", "claim",
+    "progress", "paths", "write_tables", "claim", "cadence",
     "usd", "scene", "mesh", "filling", "engine", "measure", "output",
     "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
     "__init__", "__main__",

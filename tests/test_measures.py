@@ -1,6 +1,7 @@
 """Flow, bulk properties, mixing and grid fields against what they must be, and their columns and files in a run."""
 
 import csv
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ def scene(positions, velocities=None, measures=None, **more):
 
 def properties(sim, box):
     """Bulk properties in a box."""
-    return bulk(Region(name="r", box=box), sim.particles, read_network(sim), sim.domain.wrapped)
+    return bulk(Region(name="r", box=box), sim.particles, read_network(sim), sim.domain.period)
 
 
 # --- flow ------------------------------------------------------------------------------------------------------------
@@ -143,6 +144,83 @@ def test_bulk_of_a_pressed_lattice_has_its_coordination_and_pressure():
     np.testing.assert_allclose(fields["density"], 2500 * 4 / 3 * np.pi * 1e-9 / gap**3, rtol=0.03)
 
 
+def virial(network):
+    """Sum of forces times branch vectors [N m]."""
+    return np.einsum("ij,ik->jk", network.force, network.start - network.end)
+
+
+def contact_stress(sim, box):
+    """Tensor of what a region tells, of grains at rest."""
+    xx, yy, zz, xy, yz, zx = properties(sim, box)[8:]
+    return np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+
+
+def test_stress_of_a_column_is_the_same_wherever_the_faces_are():
+    """Four grains between plates, all pressed alike: F over the area, between any two heights within the plates."""
+    gap, side = 1.999e-3, 4e-3
+    planes = {"floor": ([0, 0, 0], [0, 0, 1]), "lid": ([0, 0, 4 * gap], [0, 0, -1])}
+    walls = [
+        {"name": name, "material": "g", "plane": {"point": point, "normal": normal}} for name, (point, normal) in planes.items()
+    ]
+    sim = Simulation(scene([[0, 0, (k + 0.5) * gap] for k in range(4)], walls=walls), device="cpu", threads=1)
+    network = read_network(sim)
+    assert len(network.i) == 5
+    # plates press as sqrt(2) (d/2)^(3/2) where pairs do as d^(3/2): the outer halves of the column bear half the load
+    of_plates, of_pairs = network.normal_force[network.wall >= 0], network.normal_force[network.wall < 0]
+    np.testing.assert_allclose(of_pairs / of_plates[0], 2.0, rtol=1e-9)
+    rng = np.random.default_rng(11)
+    for _ in range(20):
+        low, high = np.sort(rng.uniform(0.5 * gap, 3.5 * gap, 2))
+        found = contact_stress(sim, {"min": [-side / 2, -side / 2, low], "max": [side / 2, side / 2, high]})
+        assert found[2, 2] == pytest.approx(of_pairs[0] / side**2, rel=1e-10)  # of the overlaps' round-off
+        np.testing.assert_allclose(np.delete(found.ravel(), 8), 0.0, rtol=0, atol=1e-12 * found[2, 2])
+    # of the whole, and beyond it: the plates' branches are half as long
+    whole = contact_stress(sim, {"min": [-side] * 3, "max": [side, side, 4 * gap + side]})
+    np.testing.assert_allclose(whole * (2 * side) ** 2 * (4 * gap + 2 * side), virial(network), rtol=1e-12, atol=1e-18)
+
+
+def test_stress_times_volume_adds_up_and_ends_at_the_virial():
+    """A disordered, periodic, pressed packing: boxes that fill the domain, and boxes over its borders."""
+    rng = np.random.default_rng(12)
+    gap, count = 1.96e-3, 5
+    length = count * gap
+    cells = np.stack(np.meshgrid(*[np.arange(count)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    borders = {axis: {"min": 0.0, "max": length, "kind": "periodic"} for axis in "xyz"}
+    made = scene((cells + 0.5) * gap + rng.uniform(-1.5e-5, 1.5e-5, (125, 3)), borders=borders)
+    sim = Simulation(made, device="cpu", threads=1)
+    total = virial(read_network(sim))
+    total = 0.5 * (total + total.T)
+    tolerance = {"rtol": 0, "atol": 1e-12 * np.abs(total).max()}
+    shift = rng.uniform(-length, length, 3)
+    places = [np.r_[0.0, np.sort(rng.uniform(0, 1, 2)), 1.0] * length + shift[k] for k in range(3)]
+    added, solid, grains = np.zeros((3, 3)), 0.0, 0
+    for i, j, k in itertools.product(range(3), repeat=3):
+        low, high = ([places[0][i + o], places[1][j + o], places[2][k + o]] for o in (0, 1))
+        volume = np.prod(np.subtract(high, low))
+        box = {"min": low, "max": high}
+        found = properties(sim, box)
+        added += volume * contact_stress(sim, box)
+        solid, grains = solid + volume * found[7], grains + found[0]
+    np.testing.assert_allclose(added, total, **tolerance)
+    assert grains == 125
+    assert solid == pytest.approx(125 * 4 / 3 * np.pi * 1e-9, rel=1e-12)
+    for longer in (0.0, 1e-3, 3 * length):
+        whole = {"min": shift.tolist(), "max": (shift + length + longer).tolist()}
+        np.testing.assert_allclose(contact_stress(sim, whole) * length**3, total, **tolerance)
+        assert properties(sim, whole)[0] == 125
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5, -7.0])
+def test_solid_fraction_counts_the_parts_of_balls(shift):
+    """Two and a half cells of a simple cubic lattice each way: faces halve balls, edges and corners cut them in 4 and 8."""
+    gap, length = 2.5e-3, 12.5e-3
+    cells = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    borders = {axis: {"min": 0.0, "max": length, "kind": "periodic"} for axis in "xyz"}
+    sim = Simulation(scene((cells + 0.5) * gap, borders=borders), device="cpu", threads=1)
+    found = properties(sim, {"min": [shift * gap] * 3, "max": [(shift + 2.5) * gap] * 3})
+    assert found[7] == pytest.approx(4 / 3 * np.pi * 1e-9 / gap**3, rel=1e-12)
+
+
 # --- mixing ----------------------------------------------------------------------------------------------------------
 
 
@@ -196,6 +274,27 @@ def test_coarse_graining_keeps_mass_and_momentum():
     np.testing.assert_allclose(
         fields["granular_temperature"][inside], (trace / 3 / np.where(inside, fields["density"], 1))[inside], rtol=1e-12
     )
+
+
+def test_stress_on_the_grid_is_exact_where_the_kernel_is_narrower_than_a_contact():
+    """Two grains pressed together: on the line of centres all over its length, and in sum."""
+    gap, width = 1.99e-3, 4e-4
+    sim = Simulation(scene([[0, 0, 0], [gap, 0, 0]]), device="cpu", threads=1)
+    network = read_network(sim)
+    snapshot = replace(sim.snapshot(), contacts=network)
+    x = np.linspace(width, gap - width, 14)
+    line = Lattice(np.array([x[0], 0.0, 0.0]), (14, 1, 1), x[1] - x[0])
+    found = coarse_grained(snapshot, line, width)["contact_stress"]
+    # int phi along a diameter is 105/(16 pi w^3) 2 w (1 - 2 + 2 - 3/5)
+    np.testing.assert_allclose(found[:, 0], network.normal_force[0] * 105.0 * 0.8 / (16 * np.pi * width**2), rtol=1e-12)
+    np.testing.assert_allclose(found[:, 1:], 0.0, rtol=0, atol=1e-12 * found[0, 0])
+    cell = 1e-4
+    fine = Lattice.across([-5e-4] * 3, [gap + 5e-4, 5e-4, 5e-4], cell)
+    sums = coarse_grained(snapshot, fine, width)["contact_stress"].sum(axis=0) * cell**3
+    np.testing.assert_allclose(sums[0], virial(network)[0, 0], rtol=2e-3)
+    # nothing more than w beside the line
+    beside = Lattice(np.array([x[0], 1.01 * width, 0.0]), (14, 1, 1), x[1] - x[0])
+    assert not coarse_grained(snapshot, beside, width)["contact_stress"].any()
 
 
 # --- a run -----------------------------------------------------------------------------------------------------------

@@ -8,13 +8,15 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from warpdem.drawing.legend import bar_width
+from warpdem.drawing.legend import bar_width, font_size, heading
 from warpdem.drawing.rendering import render
 from warpdem.drawing.visible import visible
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import patch
+from warpdem.mesh.tessellation import tessellated
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.output.write_vtkhdf import VtkhdfWriter
+from warpdem.scene.wall_shapes import Cylinder
 from warpdem.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
 
 SIZE = (400, 400)
@@ -133,6 +135,66 @@ def test_own_camera_looks_along_the_axis_with_z_up(tmp_path):
     (right_blue, up_blue), (right_red, up_red) = middle(blue), middle(red)
     assert up_blue > 0.05 > -0.05 > up_red
     assert right_red > right_blue + 0.05
+
+
+def equipment(radius=0.3, length=0.2):
+    """A drum about z between two planes, as results hold them."""
+    shape = Cylinder.model_validate({"point": [0, 0, -length / 2], "axis": [0, 0, 1], "radius": radius, "length": length})
+    planes = {"back": (np.array([0, 0, 1.0]), -length / 2), "front": (np.array([0, 0, -1.0]), -length / 2)}
+    wide = 3.0 * radius * np.array([[x, y, 0.0] for x in (-1, 1) for y in (-1, 1)])  # a patch wider than the drum
+    walls = [tessellated("drum", shape, np.zeros((0, 3))), *(patch(name, half, [], wide) for name, half in planes.items())]
+    return walls, {wall.name: Placement(np.eye(3), np.zeros(3)) for wall in walls}
+
+
+def test_own_camera_stands_against_gravity_and_the_machine_fills_the_picture(tmp_path):
+    walls, places = equipment()
+    rest = FramePose(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
+    state = replace(snapshot([[0.0, 0.2, 0], [0.1, -0.2, 0]], 0.05), walls=places, frame=rest)
+    for gravity, up in (([0, -9.81, 0], 1.0), ([0, 9.81, 0], -1.0)):
+        folder = write(tmp_path / str(up), replace(state, gravity=np.array(gravity, dtype=float)), walls=walls)
+        image = draw(folder, tmp_path / "a.png", colour="type")
+        mask = coloured(image)
+        blue = mask & (image[:, :PANE, 2] > image[:, :PANE, 0])
+        (right_blue, up_blue), (right_red, up_red) = middle(blue), middle(mask & ~blue)
+        assert up * up_blue > 0.1 > -0.1 > up * up_red
+        assert right_red > right_blue + 0.05
+        drawn = (image[60:, 60:PANE] < 252).any(axis=2)  # but for the words and the axes
+        assert drawn.any(axis=0).sum() > 0.75 * (PANE - 60)
+        row, column = np.nonzero(blue)
+        # a ball of a sixth of the drum: the planes do not make the picture wider
+        assert np.ptp(column) == pytest.approx(PANE / 1.06 / 1.04 / 6 * 0.87, rel=0.1)
+
+
+def test_a_picture_in_turning_axes_has_the_way_up_of_their_first_frame(tmp_path):
+    angles = (0.0, 0.5 * np.pi)
+    places, gravity = [[0, 0, 0.2], [0, 0, -0.1]], np.array([0, 0, -9.81])
+    states = [replace(snapshot(places, 0.1, time=angle, angle=angle), gravity=gravity) for angle in angles]
+    folder = write(tmp_path, *states, walls=[BOX])
+    last = draw(folder, tmp_path / "a.png", view="frame", colour="type")
+    first = draw(folder, tmp_path / "b.png", view="frame", colour="type", time=0.0)
+    np.testing.assert_array_equal(coloured(last), coloured(first))
+
+
+def test_grains_that_fly_off_and_places_that_are_none_leave_the_picture_alone(tmp_path):
+    places = np.random.default_rng(4).uniform(-0.25, 0.25, (60, 3))
+    state = snapshot(places, 0.03)
+    state.velocity[:, 0] = np.linspace(0.1, 1.0, 60)
+    calm = draw(write(tmp_path / "calm", state, walls=[BOX]), tmp_path / "a.png")
+    wild = snapshot(np.concatenate([places, [[0, 300.0, 0], [np.nan, 0, 0]]]), 0.03)
+    wild.velocity[:60, 0] = state.velocity[:, 0]
+    wild.velocity[60:] = [[300.0, 0, 0], [np.nan, 0, 0]]
+    image = draw(write(tmp_path / "wild", wild, walls=[BOX]), tmp_path / "b.png")
+    assert np.mean(np.abs(image[:, :PANE].astype(int) - calm[:, :PANE]).max(axis=2) > 8) < 0.01
+
+
+def test_names_of_panes_fit_them():
+    name = "a_very_long_name_of_a_series_of_runs_number_17"
+    title = heading(name, "t = 0.10 s", 200, 360)
+    assert title.startswith("a_v")
+    assert title.endswith("17   t = 0.10 s")
+    assert len(title) * 0.68 * font_size(360) < 200
+    assert heading("short", "t = 0.10 s", 200, 360) == "short   t = 0.10 s"
+    assert heading("", "t = 0.10 s", 200, 360) == "t = 0.10 s"
 
 
 def test_last_frame_is_drawn_unless_a_time_is_given(tmp_path):
@@ -407,7 +469,7 @@ def test_plane_is_drawn_around_the_grains_wherever_they_go(tmp_path):
     made = patch("floor", (normal, -0.1), [], np.zeros((1, 3)))
     state = replace(snapshot([1.5, 0, 0], 0.1), walls={"floor": Placement(np.eye(3), np.zeros(3))})
     image = draw(write(tmp_path, state, walls=[made]), tmp_path / "a.png", position=(1.5, -3, 2), focus=(1.5, 0, 0))
-    below = image[260:, :PANE][coloured(image)[260:] == 0]
+    below = image[240:, :PANE][coloured(image)[240:] == 0]
     assert (below < 250).any(axis=1).sum() > 300  # a tint under the grain, far from where the patch was at the start
 
 

@@ -25,7 +25,7 @@ from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
 from warpdem.output.write_vtk import read_results
 from warpdem.progress import told_if_long
-from warpdem.runner import check_request, default_folder, history_columns, named_folder, run_scene
+from warpdem.runner import cadence, check_request, default_folder, history_columns, named_folder, run_scene
 from warpdem.summary import print_summary, scene_hash, speed_text, steps_per_contact
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -116,6 +116,24 @@ def test_history_has_a_row_at_every_interval(done):
     for axis, name in enumerate("xyz"):
         centre = (p.mass @ p.position[:, axis]) / p.mass.sum()
         assert rows[-1, header.index(f"centre_{name} [m]")] == pytest.approx(centre, rel=1e-14)
+
+
+@pytest.mark.parametrize("rows", [None, 2.3e-4])
+def test_every_frame_has_a_row_of_its_time(tmp_path, rows):
+    """37 steps a frame, which no 4 divide; the same after a cut between two rows, and as many as check foretells."""
+    output = {"interval": 3.7e-4, "history_interval": rows, "formats": ["vtk"], "picture": False, "checkpoint_interval": 2e-5}
+    run(scene(output=output), tmp_path / "whole")
+    whole = history(tmp_path / "whole")[1]
+    frames = read_results(tmp_path / "whole").times
+    assert len(frames) == 18
+    assert set(frames) <= set(whole[:, 0])
+    sim = Simulation(scene(output=output), device="cpu", threads=1)
+    assert len(whole) == cadence(sim, 6e-3).rows(600)
+    run(scene(output=output), tmp_path / "cut", until=1.01e-3)
+    run(scene(output=output), tmp_path / "cut", resume=True)
+    cut = history(tmp_path / "cut")[1]
+    np.testing.assert_array_equal(cut[np.isin(cut[:, 0], whole[:, 0])], whole)
+    assert len(cut) == len(whole) + 1  # where the first part ended
 
 
 def test_summary_tells_speed_lists_and_extremes(done):

@@ -42,6 +42,7 @@ def snapshot(k, count=30):
             CUBE.name: Placement(np.eye(3), np.zeros(3)),
             PADDLE.name: Placement(turn_z(0.5 * k), np.array([0.01 * k, 0.0, 0.0])),
         },
+        gravity=np.array([1.0, -9.81, 0.1 * k]),
     )
 
 
@@ -92,10 +93,15 @@ def test_own_reader_gives_back_what_was_written(tmp_path):
             assert type(part) is type(other)
             for name, values in vars(other).items():
                 assert_array_equal(getattr(part, name), values)
-        for name in ("id", "type", "radius", "mass", "position", "velocity", "spin", "force"):
+        for name in ("id", "type", "radius", "mass", "position", "velocity", "spin", "force", "gravity"):
             assert_array_equal(getattr(got, name), getattr(wanted, name))
         assert [wall.name for wall in results.walls(k)] == [CUBE.name, PADDLE.name]
         assert_array_equal(results.walls(k)[0].triangles, CUBE.triangles)
+
+
+def test_results_that_do_not_tell_gravity_are_read(tmp_path):
+    VtkWriter(tmp_path, [CUBE, PADDLE]).write(replace(snapshot(0), gravity=None))
+    assert read_results(tmp_path).frame(0).gravity is None
 
 
 def test_every_part_of_the_frame_comes_back(tmp_path):

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,7 @@ def snapshot(k, count=None) -> Snapshot:
         loads={BOX.name: load(rng, 6), PADDLE.name: load(rng, 0)},
         orientation=rng.random((count, 4)),
         contacts=network(rng, 2 * count),
+        gravity=np.array([0.0, -9.81, 1.0 if k > 3 else 0.0]),
     )
 
 
@@ -143,7 +145,8 @@ def test_own_reader_gives_back_what_was_written(tmp_path):
         assert (got.step, got.time) == (wanted.step, wanted.time)
         assert_array_equal(got.frame.parts[0].axis, wanted.frame.parts[0].axis)
         assert got.frame.angle == wanted.frame.angle
-        for name in ("id", "type", "group", "radius", "mass", "position", "velocity", "spin", "force", "orientation"):
+        names = ("id", "type", "group", "radius", "mass", "position", "velocity", "spin", "force", "orientation", "gravity")
+        for name in names:
             assert_array_equal(getattr(got, name), getattr(wanted, name))
         walls = {wall.name: wall for wall in results.walls(k)}
         assert list(walls) == [BOX.name, PADDLE.name]
@@ -193,6 +196,18 @@ def test_resumed_run_has_each_time_once_and_no_rest_of_the_frames_it_dropped(tmp
                     assert_array_equal(group[key], values)
     with h5py.File(tmp_path / "a" / GRAINS) as file:
         assert len(file["VTKHDF/PointData/v"]) == sum(COUNTS)
+
+
+def test_a_file_that_does_not_tell_gravity_is_gone_on_with(tmp_path):
+    writer = VtkhdfWriter(tmp_path, [BOX, PADDLE], contacts=True)
+    for k in range(2):
+        writer.write(replace(snapshot(k), gravity=None))
+    writer.close()
+    write(tmp_path, [2, 3], resume=True)
+    results = read_vtkhdf(tmp_path)
+    assert len(results.times) == 4
+    assert results.frame(3).gravity is None
+    assert_array_equal(results.frame(3).position, snapshot(3).position)
 
 
 def test_new_run_forgets_the_frames_of_the_old_one(tmp_path):

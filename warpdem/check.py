@@ -79,8 +79,8 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
         # as long as those of a run: each call costs as much as some steps of a few grains
         chunk *= 2 if time.perf_counter() - begin - gone < SECONDS_PER_CHUNK / 2 else 1
     per_step = (time.perf_counter() - begin) / max(1, sim.step_number - first)
-    frame_every, row_every = cadence(sim, sim.scene.time.end)
-    frames, rows = 2 + (steps - 1) // frame_every, 2 + (steps - 1) // row_every
+    due = cadence(sim, sim.scene.time.end)
+    frames, rows = due.frames(steps), due.rows(steps)
     size, frame_seconds, row_seconds = _written(sim)
     contacts, here = len(sim.contacts().i), len(sim.state)
     end, density = sim.scene.time.end, {name: material.density for name, material in sim.scene.materials.items()}

@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from warpdem import advice, summary
+from warpdem.cadence import Cadence
 from warpdem.claim import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.engine import checkpoint
 from warpdem.errors import OutputError, SceneError, StabilityError
@@ -109,11 +110,10 @@ def history_row(sim: Simulation, observed: list[float]) -> list[float]:
     ]  # fmt: skip
 
 
-def cadence(sim: Simulation, end: float) -> tuple[int, int]:
-    """Steps between two frames, and between two rows of the history, of a run to ``end`` [s]."""
+def cadence(sim: Simulation, end: float) -> Cadence:
+    """When frames and rows of the history are due in a run to ``end`` [s]."""
     output = sim.scene.output
-    interval = output.interval or end / 50.0
-    return max(1, round(interval / sim.dt)), max(1, round((output.history_interval or interval / 4.0) / sim.dt))
+    return Cadence.of(output.interval or end / 50.0, output.history_interval, sim.dt)
 
 
 def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False):
@@ -377,7 +377,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     A checkpoint comes after all rows and frames up to its instant: a resumed run writes those after it, and no others.
     """
     last = sim.steps_until(end)
-    frame_every, row_every = cadence(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
+    due = cadence(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
     asked = sim.scene.output.checkpoint_interval
     save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
     path = outputs.folder / CHECKPOINT
@@ -391,11 +391,10 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
             first, chunk = sim.step_number, 16
             while sim.step_number < last and not interrupted():
                 step = sim.step_number
-                stops = [_next(step, every) for every in (frame_every, row_every, save_every)]
-                sim.step(min(*stops, last, step + chunk) - step)
+                sim.step(min(due.next(step), _next(step, save_every), last, step + chunk) - step)
                 step = sim.step_number
                 ends = step == last
-                outputs.write(row=ends or step % row_every == 0, frame=ends or step % frame_every == 0)
+                outputs.write(row=ends or due.is_row(step), frame=ends or due.is_frame(step))
                 now = time.perf_counter()
                 if step % save_every == 0 or now - saved > sim.scene.output.checkpoint_wall_time:
                     if sim.guards.is_sound():  # else the last checkpoint stays, and the next look decides

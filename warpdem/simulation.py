@@ -482,6 +482,7 @@ class Simulation:
             loads=self.wall_loads() if self.scene.output.wall_loads else {},
             orientation=p.orientation if self.scene.output.orientation else None,
             contacts=read_network(self) if self.scene.output.contacts or self.scene.measures.grid else None,
+            gravity=np.array(self.scene.gravity, dtype=float),
         )
 
     def wall_meshes(self) -> list[WallMesh]:

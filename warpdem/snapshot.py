@@ -174,6 +174,8 @@ class Snapshot:
     """Unit quaternions (w, x, y, z) from body axes to frame axes, shape (n, 4); None when the scene leaves them out."""
     contacts: ContactNetwork | None = None
     """The contacts; None when the scene leaves them out."""
+    gravity: np.ndarray | None = None
+    """Gravity in laboratory axes [m/s2], shape (3,); None where results do not tell it."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""Where a picture is taken from: presets, given places, and a fit that sees everything."""
+"""Where a picture is taken from: presets, given places, and a fit that sees everything.
+
+Presets are meant for z upwards and are turned to where up is: against gravity as the first frame of the picture has it, along z
+without gravity. The turn is the shortest one from z, so that x stays to the right of a front view for y upwards.
+"""
 
 from dataclasses import dataclass
 
@@ -51,8 +55,30 @@ def picture_axes(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def looking(look: Look, pose: FramePose) -> np.ndarray:
+def upright(gravity: np.ndarray | None) -> np.ndarray:
+    """Turn of the presets, shape (3, 3): its last column points upwards, against gravity, the shortest turn takes z there.
+
+    Args:
+        gravity: Gravity in the axes of the view [m/s2], shape (3,); zero or None leaves z upwards.
+    """
+    size = 0.0 if gravity is None else float(np.linalg.norm(gravity))
+    if not size or not np.isfinite(size):
+        return np.eye(3)
+    x, y, z = -np.asarray(gravity) / size
+    if z < -1.0 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])  # half a turn about x, as every axis across would do
+    return np.array(
+        [[1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), y], [-x, -y, z]]
+    )
+
+
+def looking(look: Look, pose: FramePose, turn: np.ndarray) -> np.ndarray:
     """Right, up and forward direction of the picture as rows, shape (3, 3), unless the camera's place is given.
+
+    Args:
+        look: What is asked for.
+        pose: Where the frame stands in the first frame.
+        turn: Turn of the presets, as ``upright`` gives it.
 
     Raises:
         WarpdemError: The direction upwards is the one the camera looks along.
@@ -60,19 +86,20 @@ def looking(look: Look, pose: FramePose) -> np.ndarray:
     if look.position is not None and look.focus is not None:
         forward = np.subtract(look.focus, look.position)
     elif look.camera != "auto":
-        forward = np.array(_FORWARD[look.camera])
+        forward = turn @ _FORWARD[look.camera]
     else:
-        axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), np.array([0.0, 0.0, 1.0]))
+        axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), turn[:, 2])
         # a frame that turns about the vertical is seen from the side
-        forward = np.array(_FORWARD["front"]) if abs(axis[2]) > 0.9 else axis
-    return picture_axes(forward, _upwards(look, forward))
+        forward = turn @ _FORWARD["front"] if abs(axis @ turn[:, 2]) > 0.9 else axis
+    return picture_axes(forward, _upwards(look, forward, turn))
 
 
-def placed(look: Look, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
+def placed(look: Look, turn: np.ndarray, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
     """The camera of a look.
 
     Args:
         look: What is asked for.
+        turn: Turn of the presets, as ``upright`` gives it.
         axes: Right, up and forward direction of the picture as rows, shape (3, 3).
         low: Least coordinates of anything along ``axes`` [m], shape (3,).
         high: Greatest coordinates [m], shape (3,).
@@ -84,19 +111,19 @@ def placed(look: Look, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspe
     spread = max(half[1], half[0] / aspect, 1e-9)
     distance = spread / np.tan(np.radians(0.5 * VIEW_ANGLE)) + half[2]
     position = focus - distance * axes[2] if look.position is None else np.array(look.position, dtype=float)
-    up = _upwards(look, focus - position)
+    up = _upwards(look, focus - position, turn)
     height = None if look.height is None else look.height / look.zoom
     angle = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * VIEW_ANGLE)) / look.zoom))
     return Camera(position, focus, up, angle, height)
 
 
-def _upwards(look: Look, forward: np.ndarray) -> np.ndarray:
+def _upwards(look: Look, forward: np.ndarray, turn: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(forward)
     if not length:
         raise WarpdemError("position and focus of the camera are one point: it has no direction")
     if look.up is None:
-        # along the vertical y is up, as on a plan
-        return np.eye(3)[1 if abs(forward[2]) > 0.999 * length else 2]
+        # along the vertical it is the way of the front view, as on a plan
+        return turn[:, 1 if abs(forward @ turn[:, 2]) > 0.999 * length else 2]
     if np.linalg.norm(np.cross(look.up, forward)) <= 1e-6 * length * np.linalg.norm(look.up):
         raise WarpdemError(f"up {look.up!r} must not be zero or lie along the direction in which the camera looks")
     return np.array(look.up, dtype=float)

@@ -1,6 +1,7 @@
 """From the values of a field to colours: which field, its title and unit, the range of the scale bar."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import matplotlib
 import numpy as np
@@ -28,8 +29,16 @@ _MEANING = {
 _RELATIVE = ("v", "omega")
 """Arrays that are relative to the frame."""
 _KINDS = ("type", "group")
-_TAIL = 0.995
-"""Share of the values that the range holds: a few grains in free fall must not leave one colour for all others."""
+_NO_NUMBER = "#6b6f73"
+"""Colour of a value that is no number."""
+_TAIL = 0.01
+"""Share of the values at each end that the range may leave out: a few grains in free fall must not leave one colour for all."""
+_FEW = 20
+"""Grains in a frame below which all values count."""
+_FAR = 1.5
+"""How many times longer than without them the range with all values must be for the ends to be left out [-]."""
+_KEPT = 4096
+"""Values that are kept of each frame, evenly over their order."""
 
 
 @dataclass(frozen=True)
@@ -107,27 +116,50 @@ class Scale:
             raise WarpdemError(
                 f"colour_map {name!r} is unknown; Matplotlib has viridis, plasma, cividis, turbo, coolwarm, gray and others"
             )
-        self.field, self.map, self._given = field, matplotlib.colormaps[name], given
-        self._least, self._most, self._low, self._high = np.inf, -np.inf, np.inf, -np.inf
+        self.field, self.map, self._given = field, matplotlib.colormaps[name].with_extremes(bad=_NO_NUMBER), given
+        self._least, self._most = np.inf, -np.inf
+        self._met: list[tuple[np.ndarray, int]] = []  # values of a frame in order, and of how many; without zeros
 
     def meet(self, values: np.ndarray) -> None:
-        """Widen the range for values, shape (n,), that will be shown."""
+        """Widen the range for values of a frame, shape (n,), that will be shown; what is no number does not count."""
+        values = np.sort(values[np.isfinite(values)])
         if len(values):
-            self._least, self._most = min(self._least, float(values.min())), max(self._most, float(values.max()))
-            low, high = np.quantile(values, [1.0 - _TAIL, _TAIL])
-            self._low, self._high = min(self._low, float(low)), max(self._high, float(high))
+            self._least, self._most = min(self._least, float(values[0])), max(self._most, float(values[-1]))
+            values = values[values != 0]  # most triangles of a wall bear nothing, and most grains of a bed may be at rest
+            kept = np.round(np.linspace(0, len(values) - 1, min(len(values), _KEPT))).astype(int)
+            self._met.append((values[kept].astype(float), len(values)))
+
+    @cached_property
+    def _usual(self) -> tuple[float, float]:
+        """Ends of the values of all frames together, without those that go on far beyond the others."""
+        counts = [count for _, count in self._met if count]
+        grains = sum(counts) / max(len(counts), 1)
+        if grains < _FEW:
+            return self._least, self._most
+        values = np.concatenate([values for values, _ in self._met])
+        weights = np.concatenate([np.full(len(values), count / max(len(values), 1)) for values, count in self._met])
+        order = np.argsort(values, kind="stable")
+        share = np.cumsum(weights[order]) / weights.sum()
+        tail = max(_TAIL, 1.5 / grains)  # one grain at least, however long it is fast
+        low, high = (float(values[order][np.searchsorted(share, end)]) for end in (tail, 1.0 - tail))
+        low, high = (
+            low if high - self._least > _FAR * (high - low) else self._least,
+            high if self._most - low > _FAR * (high - low) else self._most,
+        )
+        return (low, high) if high > low else (self._least, self._most)
 
     @property
     def range(self) -> tuple[float, float]:
         """Values at the ends of the bar."""
         if self._given is not None:
             return self._given
-        if not np.isfinite(self._least):
+        if not self._met:
             return 0.0, 1.0
+        whole = self.field.array in ("radius", "mass", "id")
+        low, high = (self._least, self._most) if whole else self._usual
         if self.field.component:
-            reach = _rounded_up(max(-self._low, self._high)) or 1.0
+            reach = _rounded_up(max(-low, high)) or 1.0
             return -reach, reach
-        low, high = (self._least, self._most) if self.field.array in ("radius", "mass", "id") else (self._low, self._high)
         if low >= 0.0 and (low < 0.5 * high or low == high):
             return 0.0, _rounded_up(high) or 1.0
         return (low, high) if high > low else (low, 0.0)
@@ -137,7 +169,7 @@ class Scale:
         """At which ends of the bar values go on beyond it, in Matplotlib's words."""
         low, high = self.range
         slack = 1e-9 * (high - low)
-        under, over = self._least < low - slack, self._most > high + slack
+        under, over = bool(self._met) and self._least < low - slack, bool(self._met) and self._most > high + slack
         return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[under, over]
 
     @property
@@ -158,4 +190,6 @@ def _rounded_up(value: float) -> float:
     if value <= 0.0:
         return 0.0
     unit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    if not unit > 0.0:
+        return value  # the last digits that there are
     return float(np.ceil(value / unit * (1.0 - 1e-12)) * unit)

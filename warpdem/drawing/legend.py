@@ -14,6 +14,8 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from warpdem.drawing.colours import CATEGORIES, Scale
 
 _DPI = 72  # so that a point is a pixel
+_LETTER, _BOLD_LETTER = 0.55, 0.68
+"""Mean width of a letter over the size of the text [-]."""
 _AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2c6fbb"}
 
 
@@ -47,6 +49,24 @@ def font_size(height: int) -> float:
 def bar_width(height: int) -> int:
     """Width of the column of the scale bars [pixel]."""
     return round(7.2 * font_size(height))
+
+
+def heading(name: str, time: str, width: float, height: int) -> str:
+    """Bold line of a pane: its name, if it has one, and the time; a name that does not fit has its middle left out.
+
+    Args:
+        name: Name of the run, may be empty.
+        time: The time in words.
+        width: Width of the pane [pixel].
+        height: Height of the picture [pixel].
+    """
+    if not name:
+        return time
+    letters = max(int(width / (_BOLD_LETTER * font_size(height))) - len(time) - 4, 3)
+    if len(name) > letters:
+        # runs of a series differ at the end of their names
+        name = f"{name[: letters // 3]}…{name[len(name) - (letters - letters // 3 - 1) :]}"
+    return f"{name}   {time}"
 
 
 def ink_on(background: str) -> str:
@@ -117,7 +137,8 @@ class Legend:
         axes.tick_params(labelsize=0.8 * font, colors=self._ink, width=0.05 * font, length=0.25 * font)
         axes.yaxis.get_offset_text().set(size=0.8 * font, color=self._ink, ha="left")
         axes.yaxis.set_offset_position("left")
-        axes.set_ylabel(bar.title, size=0.85 * font, color=self._ink, labelpad=0.35 * font)
+        size = min(0.85 * font, share / (_LETTER * max(len(bar.title), 1)))  # no longer than the bar
+        axes.set_ylabel(bar.title, size=size, color=self._ink, labelpad=0.35 * font)
 
     def _draw_axes(self, figure: Figure, middle: tuple[float, float], axes: np.ndarray) -> None:
         """The three directions of the view's axes, seen by the camera."""

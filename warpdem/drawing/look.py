@@ -20,17 +20,20 @@ class Look:
     """Field of the grains that colours them: speed, speed_lab, spin, force, size, mass, id, type, group, or the name of any
     array in the files; vectors by their length, or a component as in v.x (in frame axes)."""
     colour_range: tuple[float, float] | None = None
-    """Values at the ends of the scale bar, in its unit in the files; None for those met, the same for all frames of a film."""
+    """Values at the ends of the scale bar, in its unit in the files; None for those met in all frames of the film together,
+    without the outermost 1 % (of few grains, one of them) where these go on far beyond the others."""
     colour_map: str | None = None
     """Colour map by its Matplotlib name; None for viridis, or coolwarm for components."""
     camera: Preset = "auto"
-    """Side from which the picture is taken: front looks along +y, left along +x, top along -z; auto along the frame's axis."""
+    """Side from which the picture is taken. Up is against the gravity of the first frame, z without gravity. With z up front
+    looks along +y and left along +x, with y up front along -z and left along +x; for other ways up they are turned as z is by
+    the shortest turn. top looks along gravity. auto looks along the frame's axis of rotation; as front if that is upright."""
     position: Vector | None = None
     """Place of the camera [m]; None for one that sees everything."""
     focus: Vector | None = None
     """Point in the middle of the picture [m]; None for the middle of everything."""
     up: Vector | None = None
-    """Direction that points upwards in the picture [-]; None for z, or y when looking along z."""
+    """Direction that points upwards in the picture [-]; None for against gravity, or where front looks when seen along that."""
     zoom: float = 1.0
     """How much larger things appear than the camera alone would show them [-], > 0."""
     height: float | None = None

@@ -9,20 +9,25 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from warpdem.drawing.camera import looking, placed
+from warpdem.drawing.camera import looking, placed, upright
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
-from warpdem.drawing.legend import Bar, Legend, Pane, bar_width
+from warpdem.drawing.framing import Box, Framing
+from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
 from warpdem.drawing.look import Look
 from warpdem.drawing.stage import Balls, Stage, Surface
 from warpdem.errors import WarpdemError
-from warpdem.mesh.plane_patch import patch, plane_of
+from warpdem.mesh.plane_patch import RIM, ROOM, patch, plane_of
 from warpdem.output.write_vtk import Results
 from warpdem.output.write_vtkhdf import VtkhdfResults
 from warpdem.snapshot import FramePose, RotationPart, Snapshot, WallMesh
 
 AnyResults = Results | VtkhdfResults
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
+FARTHEST = 30.0
+"""How far from the middle of the picture grains are drawn, in sizes of what it shows [-]."""
+LEAST = 4.0
+"""Extent of what a picture shows over the radius of its largest grain, at least [-]."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,11 @@ class Show:
             field_of(look.colour, first.grain_fields, "colour", f"the grains in {folder}"), look.colour_map, look.colour_range
         )
         self._on_walls = self._wall_scale(first, folder)
-        self._axes = looking(look, first.snapshot.frame)
+        start = runs[0].frame(0).frame.rotation if look.view == "frame" else np.eye(3)
+        gravity = first.snapshot.gravity
+        # a picture in axes that turn is one of their film: upwards is where it was in the first frame
+        turn = upright(None if gravity is None else start.T @ gravity)
+        self._axes = looking(look, first.snapshot.frame, turn)
         self._survey(instants)
         width, height = look.size
         column = bar_width(height)
@@ -58,7 +67,7 @@ class Show:
         pane = min(right - left for left, right in self._spans)
         if pane < 16:
             raise WarpdemError(f"size {look.size!r} is too narrow for the panes ({len(runs)}) and the scale bar")
-        camera = placed(look, self._axes, self._low, self._high, pane / height)
+        camera = placed(look, turn, self._axes, self._low, self._high, pane / height)
         opacity = look.opacity
         if opacity is None:
             opacity = _WALL_OPACITY if self._on_walls is None else _COLOURED_WALL_OPACITY
@@ -82,7 +91,8 @@ class Show:
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._look.view == "laboratory" else "frame axes"
             lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
-            panes.append(Pane(f"{name}{self._clock(scenery.time)}", lines, self._camera.axes))
+            title = heading(name, self._clock(scenery.time), right - left, height)
+            panes.append(Pane(title, lines, self._camera.axes))
         return self._legend.draw(image, panes)
 
     def close(self) -> None:
@@ -109,33 +119,31 @@ class Show:
         return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._look.wall_range)
 
     def _survey(self, instants: Iterable[float]) -> None:
-        """Bounds and values of all that will be drawn: nothing leaves the picture, colours keep their meaning."""
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
-
-        def meet(points: np.ndarray, pose: FramePose, radius=0.0) -> None:
-            nonlocal low, high
-            if len(points):
-                along = self._seen(points, pose) @ self._axes.T
-                low, high = np.minimum(low, (along - radius).min(axis=0)), np.maximum(high, (along + radius).max(axis=0))
-
+        """Bounds and values of all that will be drawn: the picture keeps its place, colours keep their meaning."""
+        framing = Framing(np.concatenate([self._axes, np.eye(3)]))  # of the picture, and of the view for the planes
+        for run in self._runs:
+            start = run.frame(0)
+            placed = _placed(start)
+            framing.meet_start(self._seen(start.position[placed], start.frame), start.radius[placed])
         planes = []
         self._turning = False
-        ends, any_kept = [], False
+        ends, any_kept, largest = [], False, 0.0
         for run, instant in itertools.product(self._runs, dict.fromkeys(instants)):
             scenery = self._scenery(run, instant)
             snapshot = scenery.snapshot
             self._turning |= bool(snapshot.frame.parts)
             planes.append((snapshot.frame, [wall for wall in scenery.walls if wall.infinite]))
-            meet(snapshot.position, snapshot.frame, snapshot.radius[:, None])
+            placed = _placed(snapshot)
+            centres = self._seen(snapshot.position[placed], snapshot.frame)
+            framing.meet_grains(centres, snapshot.radius[placed])
             kept = self._kept(scenery)
             any_kept |= bool(kept.any())
-            if len(kept):
-                centres = self._seen(snapshot.position, snapshot.frame)
+            largest = max(largest, float(snapshot.radius[placed].max(initial=0.0)))
+            if len(centres):
                 ends += [centres.min(axis=0), centres.max(axis=0)]
             self._grains.meet(self._grain_values(scenery)[kept])
             for wall in scenery.walls:
-                if not wall.infinite:
-                    meet(wall.vertices, snapshot.frame)
+                framing.meet_wall(self._seen(wall.vertices, snapshot.frame), wall.infinite)
                 if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
                     self._on_walls.meet(values)
         if ends and not any_kept:
@@ -144,14 +152,18 @@ class Show:
                 f"cut {' and '.join(map(repr, self._look.cut))} leaves no grain: in {self._look.view} axes their centres go "
                 f"from ({next(words)}) to ({next(words)}) m"
             )
-        if not np.all(np.isfinite([low, high])):
-            low, high = -np.ones(3), np.ones(3)
-        corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(8, 3)
-        self._box = corners @ self._axes
-        for pose, walls in planes:
-            for wall in self._fitted(pose, walls):
-                meet(wall.vertices, pose)
-        self._low, self._high = low, high
+        box = framing.box()
+        self._room = RIM if framing.bounded else ROOM
+        self._box = np.stack(np.meshgrid(*zip(box.low[3:], box.high[3:], strict=True), indexing="ij"), axis=-1).reshape(8, 3)
+        drawn = [wall.vertices @ self._axes.T for pose, walls in planes for wall in self._fitted(pose, walls)]
+        shown = Box(box.low[:3], box.high[:3])
+        for along in drawn:
+            reach = Box(along.min(axis=0), along.max(axis=0))
+            # planes far from all equipment stay out of the picture
+            shown = shown.joined(Box(box.low[:3], box.high[:3]).taking(reach) if framing.bounded else reach)
+        # a ball that fills the picture is nearer to the eye than VTK draws it round
+        room = np.maximum(0.5 * (LEAST * largest - (shown.high - shown.low)), 0.0)
+        self._low, self._high = shown.low - room, shown.high + room
 
     def _seen(self, points: np.ndarray, pose: FramePose) -> np.ndarray:
         """Points given in frame axes, in the axes that stand still in the picture [m], shape (n, 3)."""
@@ -159,7 +171,7 @@ class Show:
 
     def _kept(self, scenery: _Scenery) -> np.ndarray:
         """Which grains are shown, shape (n,), bool."""
-        shown = np.ones(len(scenery.snapshot.id), dtype=bool)
+        shown = _placed(scenery.snapshot)
         for cut in self._cuts:
             normal, offset = cut.in_frame(scenery.snapshot.frame)
             shown &= scenery.snapshot.position @ normal > offset
@@ -174,31 +186,44 @@ class Show:
         return self._on_walls.field.values(arrays) if self._on_walls.field.array in arrays else None
 
     def _balls(self, scenery: _Scenery) -> Balls:
-        snapshot, shown = scenery.snapshot, self._kept(scenery)
+        snapshot, shown = scenery.snapshot, np.flatnonzero(self._kept(scenery))
         position = self._seen(snapshot.position[shown], snapshot.frame)
+        if self._look.position is None:
+            # one that flew far away is no more than a dot, and would take the digits of the depths from all others
+            middle, reach = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
+            near = np.linalg.norm(position - middle, axis=1) < reach
+            shown, position = shown[near], position[near]
         return Balls(position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown]))
 
     def _fitted(self, pose: FramePose, walls: list[WallMesh]) -> list[WallMesh]:
-        """The planes among the walls, cut to lie around all that will be drawn, in frame axes."""
-        around = (self._box - pose.translation) @ pose.rotation if self._look.view == "laboratory" else self._box
-        planes = {wall.name: plane_of(wall) for wall in walls if wall.infinite}
+        """The planes among the walls, cut to lie around what the picture shows, in the axes of the view."""
+        planes = {}
+        for wall in walls:
+            if wall.infinite:
+                normal, offset = plane_of(wall)
+                if self._look.view == "laboratory":
+                    normal = pose.rotation @ normal
+                    offset += float(normal @ pose.translation)
+                planes[wall.name] = normal, offset
         return [
-            patch(name, half, [other for key, other in planes.items() if key != name], around)
+            patch(name, half, [other for key, other in planes.items() if key != name], self._box, self._room)
             for name, half in planes.items()
         ]
 
     def _surfaces(self, scenery: _Scenery) -> list[Surface]:
         pose = scenery.snapshot.frame
-        surfaces = []
-        for wall in [wall for wall in scenery.walls if not wall.infinite] + self._fitted(pose, scenery.walls):
+        cuts = []
+        for normal, offset in (cut.in_frame(pose) for cut in self._cuts):
+            turned = pose.rotation @ normal if self._look.view == "laboratory" else normal
+            moved = offset + float(turned @ pose.translation) if self._look.view == "laboratory" else offset
+            cuts.append((turned, moved))
+        surfaces = [Surface(w.name, w.vertices, w.triangles, None, tuple(cuts)) for w in self._fitted(pose, scenery.walls)]
+        for wall in scenery.walls:
+            if wall.infinite:
+                continue
             colour = None
-            if self._on_walls is not None and not wall.infinite and (values := self._wall_values(scenery, wall)) is not None:
+            if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
                 colour = self._on_walls.colours(values)
-            cuts = []
-            for normal, offset in (cut.in_frame(pose) for cut in self._cuts):
-                turned = pose.rotation @ normal if self._look.view == "laboratory" else normal
-                moved = offset + float(turned @ pose.translation) if self._look.view == "laboratory" else offset
-                cuts.append((turned, moved))
             surfaces.append(Surface(wall.name, self._seen(wall.vertices, pose), wall.triangles, colour, tuple(cuts)))
         return surfaces
 
@@ -210,12 +235,17 @@ class Show:
         return bars
 
 
+def _placed(snapshot: Snapshot) -> np.ndarray:
+    """Which grains have a place and a size: a run that went wrong may hold numbers that are none; shape (n,), bool."""
+    return np.isfinite(snapshot.position).all(axis=1) & np.isfinite(snapshot.radius)
+
+
 def _told_apart(folders: list[Path]) -> list[str]:
     """Names of the runs before the time, as short as tells them apart; none for a single one."""
     if len(folders) == 1:
         return [""]
     names = [folder.resolve().name for folder in folders]
-    return [f"{name}   " for name in (names if len(set(names)) == len(names) else map(str, folders))]
+    return names if len(set(names)) == len(names) else [str(folder) for folder in folders]
 
 
 def _clock(times: np.ndarray) -> Callable[[float], str]:

@@ -40,7 +40,7 @@ def values(sim) -> list[float]:
         out += sim.budget.flow()
     if asked.regions:
         network = read_network(sim)
-        out += [number for region in asked.regions for number in bulk.bulk(region, sim.particles, network, sim.domain.wrapped)]
+        out += [number for region in asked.regions for number in bulk.bulk(region, sim.particles, network, sim.domain.period)]
     for one in asked.mixing:
         first, known = kinds(one.by, sim)
         out.append(lacey_index(first[known], sim.particles.position[known], one.cell))

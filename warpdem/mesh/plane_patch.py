@@ -7,13 +7,15 @@ import numpy as np
 from warpdem.snapshot import WallMesh
 
 ROOM = 0.3
-"""Room around the points, over their greatest extent [-]."""
+"""Room around grains that lie on a plane, over their greatest extent [-]."""
+RIM = 0.02
+"""Room around equipment that stands at a plane: no wider than that, but for a rim [-]."""
 
 Half = tuple[np.ndarray, float]
 """A half-space by its unit normal, shape (3,), and offset d [m]: n . x >= d is where grains are."""
 
 
-def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray) -> WallMesh:
+def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray, room: float = ROOM) -> WallMesh:
     """Convex patch of the plane n . x = d, wound about n.
 
     Args:
@@ -21,6 +23,7 @@ def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray) -> 
         half: The plane.
         others: Planes that cut it off; one that would leave nothing is passed over.
         around: Points that the patch lies under [m], shape (n, 3).
+        room: Room around them, over their greatest extent [-].
     """
     normal, offset = half
     along = np.eye(3)[np.argmin(np.abs(normal))]
@@ -32,7 +35,7 @@ def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray) -> 
     low, high = shadow.min(axis=0), shadow.max(axis=0)
     # a single grain has no extent: its height above the plane does
     reach = max(np.max(high - low), np.abs(points @ normal - offset).max())
-    low, high = low - ROOM * reach, high + ROOM * reach
+    low, high = low - room * reach, high + room * reach
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     polygon = offset * normal + corners[:, :1] * first + corners[:, 1:] * second
     for other, limit in others:

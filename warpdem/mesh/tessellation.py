@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpdem.mesh.plane_patch import patch
+from warpdem.mesh.plane_patch import RIM, ROOM, patch
 from warpdem.scene.wall_shapes import Plane, Revolved, Sphere
 from warpdem.snapshot import WallMesh
 
@@ -24,10 +24,11 @@ def drawings(walls, meshes: dict, positions: np.ndarray) -> list[WallMesh]:
     around = np.concatenate([positions, *(mesh.vertices for mesh in drawn)])
     planes = {w.name: (np.array(w.shape.normal), w.shape.offset) for w in walls if isinstance(w.shape, Plane)}
     motions = {w.name: (w.fixed_to, w.motion) for w in walls}
+    patches = []
     for name, half in planes.items():
         others = [planes[other] for other in planes if other != name and motions[other] == motions[name]]
-        drawn.append(patch(name, half, others, around))
-    return drawn
+        patches.append(patch(name, half, others, around, RIM if drawn else ROOM))
+    return drawn + patches
 
 
 def tessellated(name: str, shape, around: np.ndarray) -> WallMesh:

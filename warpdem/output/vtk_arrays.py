@@ -2,8 +2,8 @@
 
 Of each grain: id, type (number of its material), group (number of its group), radius [m], mass [kg], v [m/s], omega [rad/s],
 f [N] and, if kept, orientation (w, x, y, z). Of each contact: i and j (ids; j = -1 for a wall), wall (number; -1 for a grain),
-force, normal_force, friction_force [N], overlap [m], sliding (1 or 0). Field data of a frame: time [s], step, and the place and
-motion of the frame of reference.
+force, normal_force, friction_force [N], overlap [m], sliding (1 or 0). Field data of a frame: time [s], step, gravity in
+laboratory axes [m/s2], and the place and motion of the frame of reference.
 """
 
 from dataclasses import fields
@@ -53,6 +53,8 @@ def frame_arrays(snapshot: Snapshot) -> dict[str, np.ndarray]:
         "frame_spin": frame.spin[None],
         "frame_velocity": frame.velocity[None],
     }
+    if snapshot.gravity is not None:
+        arrays["gravity"] = snapshot.gravity[None]
     return {**arrays, "frame_parts": np.array([_numbers(part) for part in frame.parts])} if frame.parts else arrays
 
 
@@ -85,6 +87,7 @@ def snapshot_of(
         position=position,
         **{key: array(grains, name) for name, key in _GRAIN_ARRAYS.items()},
         orientation=grains.get("orientation"),
+        gravity=frame["gravity"][0] if "gravity" in frame else None,  # older results do not tell it
     )
 
 

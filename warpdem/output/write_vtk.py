@@ -4,9 +4,10 @@ The arrays are those of ``vtk_arrays``; the contact network has files and an ind
 
 Everything stands in frame axes. The field data of each grain file tell where the frame stood, so that a reader can show
 the laboratory view: x_lab = frame_rotation x + frame_translation (rotation row by row; frame_spin and frame_velocity in
-frame axes; one row of frame_parts for each motion). All numbers are float64: a frame can start a new scene (but holds no
-friction history). A wall file holds the load on the wall at its time: force [N] and pressure [Pa] of each triangle, and
-force, torque [N m] about the point torque_about [m], and power [W] of the whole as field data.
+frame axes; one row of frame_parts for each motion), and gravity in laboratory axes [m/s2]. All numbers are float64: a frame
+can start a new scene (but holds no friction history). A wall file holds the load on the wall at its time: force [N] and
+pressure [Pa] of each triangle, and force, torque [N m] about the point torque_about [m], and power [W] of the whole as field
+data.
 """
 
 from collections.abc import Iterator

@@ -150,6 +150,11 @@ class Series:
         groups = {"PointData": point_data or {}, "CellData": cell_data or {}, "FieldData": field_data or {}}
         if self._file is None:
             self._open(time, groups, points, about or {})
+        # a file that is gone on with may be older than an array
+        groups = {
+            group: {name: values for name, values in arrays.items() if f"{group}/{name}" in self._rows}
+            for group, arrays in groups.items()
+        }
         count, number = self._cells(cells), self._rows["Steps/Values"].length
         for name in _TOPOLOGIES:
             mine = count if name == self._topology else 0

@@ -27,7 +27,9 @@ class Region(SceneModel):
 
     name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
     box: Box | None = Field(
-        None, description="Box in frame axes; grains count by their centres. Default: all grains, without what needs a volume."
+        None,
+        description="Box in frame axes. Grains count by their centres, solid fraction and contact stress by the parts of balls "
+        "and branch vectors in the box. Default: all grains, without what needs a volume.",
     )
 
 

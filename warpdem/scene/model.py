@@ -306,7 +306,8 @@ class Output(SceneModel):
     )
     picture: StrictBool = Field(True, description="Whether a preview picture is drawn at the end, default true.")
     history_interval: Duration | None = Field(
-        None, description="Time between two rows of history.csv [s], > 0, default interval / 4."
+        None,
+        description="Time between two rows of history.csv [s], > 0, default interval / 4; every frame has a row of its time.",
     )
     checkpoint_interval: Duration | None = Field(
         None, description="Simulated time between two checkpoints [s], > 0, default none; see checkpoint_wall_time."
