@@ -37,8 +37,8 @@ from warpdem.kernels.wall.surface import Surface
 
 @functools.cache
 def build(
-    law, dissipation, constants, closest_on_feature, border, around, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
-    moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
+    law, dissipation, constants, closest_on_feature, border, around, *, spins: bool, rolling: bool, history: int,
+    turning_frame: bool, moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 

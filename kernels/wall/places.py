@@ -142,6 +142,11 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return False
 
     @wp.func
+    def piece_of(c: int, surface: Surface, rows: Rows) -> int:
+        """Smooth piece of a candidate's feature."""
+        return surface.piece[around.feature_of(surface, rows.feature[c])]
+
+    @wp.func
     def nearness(depth: wp.float64) -> wp.float64:
         """Weight of a hit of this depth [m] in means: the fourth power, which leaves a third of one that is 25 % shallower."""
         return depth * depth * depth * depth
@@ -149,7 +154,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
     @wp.func
     def join(best: int, first: int, last: int, reach: wp.float64, surface: Surface, rows: Rows):
         """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
-        piece = surface.piece[around.feature_of(surface, rows.feature[best])]
+        piece = piece_of(best, surface, rows)
         rows.hit_state[best] = wp.static(TAKEN)
         hit = rows.hit[best]
         distance = hit[0]
@@ -159,7 +164,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         total = nearness(reach - distance)
         mean = deepest * total
         for c in range(first, last):
-            if rows.hit_state[c] == wp.static(HIT) and surface.piece[around.feature_of(surface, rows.feature[c])] == piece:
+            if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                 member = rows.hit[c]
                 weight = nearness(reach - member[0])
                 mean += direction_of(member) * weight
@@ -172,19 +177,19 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
                 length = wp.length(mean)
                 rows.hit[best] = packed(distance, length / total, centre - mean * (distance / length), mean / length)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[around.feature_of(surface, rows.feature[c])] == piece:
+                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                         rows.hit_state[c] = wp.static(MERGED)
             else:
                 rows.hit_state[best] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[around.feature_of(surface, rows.feature[c])] == piece:
+                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                         rows.hit_state[c] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(SHARED) and surface.piece[around.feature_of(surface, rows.feature[c])] == piece:
+                    if rows.hit_state[c] == wp.static(SHARED) and piece_of(c, surface, rows) == piece:
                         crowd = wp.float64(0.0)
                         mine = rows.hit[c]
                         for o in range(first, last):
-                            if rows.hit_state[o] == wp.static(SHARED) and surface.piece[around.feature_of(surface, rows.feature[o])] == piece:
+                            if rows.hit_state[o] == wp.static(SHARED) and piece_of(o, surface, rows) == piece:
                                 other = rows.hit[o]
                                 cosine = wp.dot(direction_of(mine), direction_of(other))
                                 kernel = (cosine - wp.float64(wp.static(MERGE_COSINE))) / wp.float64(

@@ -77,8 +77,8 @@ def _built(plan: Plan) -> Built:
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=plan.wall_images)
     Rows, touch = contact.build(
-        wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning, moving_frame=shifting,
-        lag=plan.lag, meshes=meshes, moving=plan.moving,
+        wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning,
+        moving_frame=shifting, lag=plan.lag, meshes=meshes, moving=plan.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)

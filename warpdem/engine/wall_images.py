@@ -152,11 +152,11 @@ class _Along:
 
     def _is_closed(self, scene, axis: int) -> bool:
         """Whether two planes that rest keep all grains away from the borders."""
-        sides = set()
+        sides, slack = set(), ROUNDING * self.length
         for wall in scene.walls:
             if isinstance(wall.shape, Plane) and wall.motion is None and wall.fixed_to == "frame":
                 along, place = wall.shape.normal[axis], wall.shape.point[axis]
-                if abs(along) > 1.0 - ROUNDING and self.lower <= place <= self.upper:
+                if abs(along) > 1.0 - ROUNDING and self.lower - slack <= place <= self.upper + slack:
                     sides.add(along > 0.0)
         return len(sides) == 2
 
@@ -164,11 +164,11 @@ class _Along:
         """Refuse the wall at the first of its instants that is not sound."""
         if not sound.all():
             first = int(np.argmin(sound))
-            where = f"at t = {self.times[first]:.4g} s it stands at {self.name} = {self.low[first]:.6g} to {self.high[first]:.6g} m"
-            self._refuse(f"{what}: {where}", remedy)
+            here = f"{self.name} = {self.low[first]:.6g} to {self.high[first]:.6g} m"
+            self._refuse(f"{what}: at t = {self.times[first]:.4g} s it stands at {here}", remedy)
 
     def _refuse(self, what: str, remedy: str) -> None:
         raise SceneError(
-            f"{self.source}: {self.key} and the periodic borders of {self.name} ({self.lower:g} and {self.upper:g} m): the wall "
-            f"{what}; {remedy}"
+            f"{self.source}: {self.key} and the periodic borders of {self.name} ({self.lower:g} and {self.upper:g} m): "
+            f"the wall {what}; {remedy}"
         )
