@@ -167,6 +167,79 @@ def test_a_wall_that_continues_keeps_its_time(box, tmp_path):
     np.testing.assert_allclose(anew.schedule.bodies(0.005)[0, :2], [math.cos(angle), -math.sin(angle)], rtol=0, atol=1e-15)
 
 
+def lidded(height, motion=None, name="lid", shape="plane", **changes) -> Scene:
+    """The heap below a lid at ``height`` [m], in axes that do not move."""
+    surface = {"point": [0, 0, height], "normal": [0, 0, -1]}
+    if shape == "cylinder":
+        surface = {"point": [0, 0, height + 1.0], "axis": [1, 0, 0], "radius": 1.0, "inside": False}
+    lid = {"name": name, "material": "glass", shape: surface} | ({"motion": motion} if motion else {})
+    return scene(walls=[*tables()["walls"], lid], frame=None, **changes)
+
+
+@pytest.fixture(scope="module")
+def lowered(tmp_path_factory):
+    """A lid that has come down by 60 um."""
+    sim = simulation(lidded(4.0e-3, {"velocity": [0, 0, -0.01]}))
+    sim.step(300)
+    path = tmp_path_factory.mktemp("start") / "lowered.h5"
+    sim.save_checkpoint(path)
+    assert sim.wall_loads()["lid"].force[2] > 1e-4
+    return sim, path
+
+
+@pytest.mark.parametrize("change", ["plane", "cylinder"])
+def test_a_wall_with_another_geometry_stands_where_it_is_drawn_and_says_so(lowered, change):
+    """Drawn where the run before had left it, and where it was: the same place, not one twice as far."""
+    path = lowered[1]
+    drawn = simulation(lidded(4.0e-3 - 6e-5, shape=change), start=path)
+    np.testing.assert_array_equal(drawn.schedule.bodies(0.0)[1, :12], [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
+    (note,) = [note for note in drawn.notes if note.startswith("start: wall")]
+    assert "'lid'" in note and "shifted by (0, 0, -6e-05) m" in note and "start.continues" in note
+    if change == "plane":
+        unchanged = simulation(lidded(4.0e-3), start=path)
+        assert not any("geometry" in note for note in unchanged.notes)
+        assert unchanged.schedule.bodies(0.0)[1, 11] == pytest.approx(-6e-5)
+        one, two = unchanged.wall_loads()["lid"].force, drawn.wall_loads()["lid"].force
+        np.testing.assert_allclose(two, one, rtol=0, atol=1e-9 * one[2])
+        # its springs go on too
+        np.testing.assert_allclose(drawn.contacts().spring, unchanged.contacts().spring, rtol=0, atol=1e-15)
+        assert len(drawn.contacts().i) == len(unchanged.contacts().i)
+
+
+def test_a_redrawn_wall_goes_on_in_its_own_time_if_that_is_asked_for(lowered):
+    motion = {"velocity": [0, 0, -0.01]}
+    going = {"checkpoint": str(lowered[1]), "continues": ["lid"]}
+    sim = simulation(lidded(4.001e-3, motion, grains=[], start=going))
+    assert sim.schedule.bodies(0.0)[1, 11] == pytest.approx(-6e-5)
+    assert any("goes on from there" in note for note in sim.notes)
+
+
+def test_a_redrawn_wall_is_looked_at_like_a_new_one(lowered):
+    with pytest.raises(SceneError, match="lid"):
+        simulation(lidded(3.0e-3), start=lowered[1])
+
+
+def test_a_wall_by_another_name_says_where_it_stands(lowered):
+    sim = simulation(lidded(4.0e-3, name="top"), start=lowered[1])
+    assert any(note.startswith("start: wall 'top' stands where this scene draws it; 'lid'") for note in sim.notes)
+    assert not any("stands where" in note for note in simulation(lidded(3.99e-3, name="top"), start=lowered[1]).notes)
+
+
+def test_contents_of_a_mesh_file_are_its_geometry_whatever_it_is_called(box, tmp_path):
+    mine, other = tmp_path / "box.stl", tmp_path / "other.stl"
+    mine.write_bytes(box.read_bytes())
+    first = simulation(boxed(mine, motion={"axis": [0, 0, 1], "rate": 20}, frame=None))
+    first.step(150)
+    first.save_checkpoint(tmp_path / "first.h5")
+    other.write_bytes(mine.read_bytes())
+    same = simulation(boxed(other, frame=None), start=tmp_path / "first.h5")
+    assert same.schedule.bodies(0.0)[0, 1] != 0.0
+    trimesh.creation.box((31e-3, 30e-3, 10e-3)).export(mine)
+    edited = simulation(boxed(mine, frame=None), start=tmp_path / "first.h5")
+    np.testing.assert_array_equal(edited.schedule.bodies(0.0)[0, :12], [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
+    assert any("turned by 3.43775 degrees" in note for note in edited.notes)
+
+
 def test_other_walls_and_laws_drop_springs_and_say_so(saved):
     floor = {"name": "ground", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
     sim = simulation(scene(walls=[floor], contact={"tangential": "mindlin_displacement", "rolling": "spring"}), start=saved)

@@ -23,6 +23,7 @@ from warpdem.engine.start import Past, started_from
 from warpdem.engine.start import read as read_start
 from warpdem.engine.state import State
 from warpdem.engine.stepper import Stepper
+from warpdem.engine.wall_images import wall_images
 from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.filling.grain_source import check_start, joined, load_grains
@@ -107,6 +108,7 @@ class Simulation:
             self.notes = mesh_notes(scene, self.meshes)
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+            images = wall_images(scene, self.meshes, self.schedule, self.domain, self.expected.radius)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
             self.plan = make_plan(
                 scene,
@@ -117,6 +119,7 @@ class Simulation:
                 WARP_LANES if resident else SIMD_LANES,
                 resident,
             )
+            self.plan = replace(self.plan, wall_images=images is not None)
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
             needs.check_memory(scene, self.plan.bytes_per_grain, len(start), free)
             self.limits = timestep.limits(scene, self.expected, self.meshes)
@@ -130,7 +133,7 @@ class Simulation:
             self.density = density
             self.state = State(moving, density, self.plan.spins, self.plan.orientation, self.device, self.plan.sums)
             self.walls = (
-                Walls(scene, self.meshes, self.schedule.wall_motion, self.device) if self.plan.walls else None
+                Walls(scene, self.meshes, self.schedule.wall_motion, images, self.device) if self.plan.walls else None
             )
             table = coefficient_table(scene) if self.plan.table else self._only_coefficients(self.expected)
             self.coefficients = wp.array(np.nan_to_num(table), dtype=self.kernels.pairs.Coefficients, device=self.device)

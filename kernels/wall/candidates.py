@@ -2,7 +2,7 @@
 
 ``wp.Mesh`` is float32 and only finds triangles: boxes are asked for with a slack for its rounding, in the body axes of the
 wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64. ``travel``
-is how far a grain may go, in the wall's body axes, before the list is made anew.
+is how far a grain may go, in the wall's body axes, before the list is made anew. What a candidate is, ``images`` says.
 """
 
 import functools
@@ -14,29 +14,24 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
-    """Return the kernels for walls with ``meshes`` and with analytic ``shapes``; ``gap`` as in ``pairs.build``.
+def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
+    """Return the kernels for walls with ``meshes`` and with analytic ``shapes``.
 
-    Where grains may ``leave`` the domain, those that have are beside no wall.
+    ``around``: of ``images.build``; ``border``: of ``border.build``; ``gap`` as in ``pairs.build``. Where grains may ``leave``
+    the domain, those that have are beside no wall.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.func
-    def add(
-        f: int, fill: int, at: int, n: int, point: wp.vec3d, radius: wp.float64, reach: wp.float64, surface: Surface,
-        feature_out: wp.array(dtype=wp.int32),
-    ) -> int:  # fmt: skip
-        """Number of features after feature ``f`` has been looked at; inserted in ascending order when filling."""
-        nearest, direction, distance, mask, share = closest_on_feature(surface, f, point, radius, reach)
-        if distance >= reach:
-            return n
+    def add(candidate: int, fill: int, at: int, n: int, out: wp.array(dtype=wp.int32)) -> int:
+        """Number of candidates with one more; inserted in ascending order when filling."""
         if fill == 1:
             s = at + n
-            while s > at and feature_out[s - 1] > f:
-                feature_out[s] = feature_out[s - 1]
+            while s > at and out[s - 1] > candidate:
+                out[s] = out[s - 1]
                 s -= 1
-            feature_out[s] = f
+            out[s] = candidate
         return n + 1
 
     @kernel
@@ -69,20 +64,37 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
             at = start[i]
         if wp.static(meshes):
             for m in range(mesh.shape[0]):
-                body = local(placements[surface.motion[mesh_wall[m]]], q)
-                centre = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
-                largest = wp.max(wp.abs(centre[0]), wp.max(wp.abs(centre[1]), wp.abs(centre[2])))
-                half = float(reach) * 1.0001 + largest * 1.0e-6
-                box = wp.vec3(half, half, half)
-                query = wp.mesh_query_aabb(mesh[m], centre - box, centre + box)
-                t = int(0)
-                while wp.mesh_query_aabb_next(query, t):
-                    n = add(mesh_first[m] + t, fill, at, n, body, radius, reach, surface, feature_out)
+                placement = placements[surface.motion[mesh_wall[m]]]
+                for image in range(wp.static(around.images)):
+                    if around.counts(surface, mesh_wall[m], image):
+                        # where the grain is, and where it may come round to
+                        for place in range(wp.static(around.images)):
+                            near = bool(True)
+                            if wp.static(around.images > 1):
+                                near = border.may_cross(q, place, travel)
+                            if near:
+                                body = local(placement, around.seen(around.seen(q, image), place))
+                                centre = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
+                                largest = wp.max(wp.abs(centre[0]), wp.max(wp.abs(centre[1]), wp.abs(centre[2])))
+                                half = float(reach) * 1.0001 + largest * 1.0e-6
+                                box = wp.vec3(half, half, half)
+                                query = wp.mesh_query_aabb(mesh[m], centre - box, centre + box)
+                                t = int(0)
+                                while wp.mesh_query_aabb_next(query, t):
+                                    c = around.candidate_of(surface, mesh_first[m] + t, image)
+                                    # a large triangle may be met from several of these places
+                                    if around.reached(surface, placement, c, q, radius, reach, travel) == place:
+                                        n = add(c, fill, at, n, feature_out)
         if wp.static(shapes):
             for k in range(surface.planes + surface.revolutions + surface.spheres):
                 f = surface.triangles + k
-                body = local(placements[surface.motion[surface.wall[f]]], q)
-                n = add(f, fill, at, n, body, radius, reach, surface, feature_out)
+                wall = surface.wall[f]
+                placement = placements[surface.motion[wall]]
+                for image in range(wp.static(around.images)):
+                    if around.counts(surface, wall, image):
+                        c = around.candidate_of(surface, f, image)
+                        if around.reached(surface, placement, c, q, radius, reach, travel) >= 0:
+                            n = add(c, fill, at, n, feature_out)
         count_out[i] = n
 
     @kernel
@@ -107,9 +119,11 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
             if g.gone(state):
                 last = at
         for e in range(at, last):
-            f = near_feature[e]
-            body = local(placements[surface.motion[surface.wall[f]]], q)
-            n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + travel, surface, rows.feature)
+            c = near_feature[e]
+            placement = placements[surface.motion[surface.wall[around.feature_of(surface, c)]]]
+            reach = radius + wp.float64(wp.static(gap)) + travel
+            if around.reached(surface, placement, c, q, radius, reach, travel) >= 0:
+                n = add(c, 1, at, n, rows.feature)
         rows.candidates[i] = n
         if n == 0:
             rows.place_count[0, i] = 0

@@ -37,13 +37,13 @@ from warpdem.kernels.wall.surface import Surface
 
 @functools.cache
 def build(
-    law, dissipation, constants, closest_on_feature, border, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
-    moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
+    law, dissipation, constants, closest_on_feature, border, around, *, spins: bool, rolling: bool, history: int,
+    turning_frame: bool, moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 
     Arguments as in ``pairs.build``; ``dissipation``: (parts, stored) of ``dissipation.build`` when energies are added up, else
-    None; ``closest_on_feature`` of ``feature.build``; ``moving_frame``: the frame moves at all;
+    None; ``closest_on_feature`` of ``feature.build``; ``around`` of ``images.build``; ``moving_frame``: the frame moves at all;
     ``lag``: inertia factor of the rolling model [-]; ``meshes``: some walls are meshes; ``moving``: number of wall motions
     relative to the frame.
     """
@@ -77,7 +77,7 @@ def build(
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
 
     parts, stored = dissipation or (None, None)
-    find_places = places.build(Rows, closest_on_feature, meshes=meshes, moving=moving, gap=gap)
+    find_places = places.build(Rows, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
 
     @wp.func
     def remembered(i: int, c: int, wall: int, radius: wp.float64, old: int, surface: Surface, rows: Rows) -> int:
@@ -99,7 +99,9 @@ def build(
                 mine = int(1)
                 if rows.hit_state[c] != wp.static(SHARED):
                     for o in range(first, first + rows.candidates[i]):
-                        if rows.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[rows.feature[o]] == wall:
+                        if rows.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[
+                            around.feature_of(surface, rows.feature[o])
+                        ] == wall:
                             if wp.length_sq(border.nearest(before - point_of(rows.hit[o]))) < square:
                                 mine = 0
                 if square < nearest and mine == 1:
@@ -197,7 +199,7 @@ def build(
         w_predicted = w + g.angular_acceleration(grain_i) * half
         for c in range(first, first + rows.candidates[i]):
             if rows.hit_state[c] >= wp.static(TAKEN):
-                f = rows.feature[c]
+                f = around.feature_of(surface, rows.feature[c])
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
                 now = placements[now_row, motion]
@@ -239,7 +241,7 @@ def build(
                 if wp.static(moving > 0):
                     after = placed(now, midway)
                     before = placed(placements[before_row, motion], midway)
-                way = after - before
+                way = around.nearest_way(after - before)
                 if wp.static(turning_frame):
                     way = way - turn * before
                 if wp.static(moving_frame):

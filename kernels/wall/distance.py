@@ -92,3 +92,30 @@ def signed_distance(
         if distance > wp.float64(1.0e-12) * size:
             gradient_out[i] = offset * (sign / distance)
     distance_out[i] = sign * distance
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def pierced(
+    mesh: wp.uint64,  # its search tree in unit coordinates
+    # lines in unit coordinates, read
+    start: wp.array[wp.vec3],
+    end: wp.array[wp.vec3],
+    # written: 1 where a triangle is met between the ends of the line
+    hit_out: wp.array[wp.int32],
+):
+    """Which lines lead through a triangle, and not only along it, at its border, or from or to it."""
+    i = wp.tid()
+    way = end[i] - start[i]
+    length = wp.length(way)
+    hit_out[i] = 0
+    begin = float(1.0e-3)
+    for _k in range(8):  # triangles that the line lies in come before others
+        if length > 0.0 and begin < 0.999:
+            query = wp.mesh_query_ray(mesh, start[i] + way * begin, way / length, length * (0.999 - begin))
+            if query.result:
+                within = wp.min(wp.min(query.u, query.v), 1.0 - query.u - query.v)
+                if within > 1.0e-4 and wp.abs(wp.dot(query.normal, way)) > 1.0e-3 * length:
+                    hit_out[i] = 1
+                begin += query.t / length + 1.0e-3
+            else:
+                begin = 1.0

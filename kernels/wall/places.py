@@ -5,7 +5,8 @@
    comes first: it is no local minimum of the distance to the surface, or one seen twice. Triangles hold a point when they share
    the corners, or when it lies on them (unwelded seams, T-junctions).
 3. A hit seen through another triangle is dropped (the far side of a plate thinner than the overlap), and so is one that equals
-   another (two triangles of a flat piece that meet below the centre).
+   another (two triangles of a flat piece that meet below the centre). Hits of one wall that are seen from several images of the
+   grain (``images``) count as those of one surface: what overlaps with its own image is one place, and so is its seam.
 4. What is left of one smooth piece is one place when all directions differ by less than 30 degrees from the deepest hit's.
    The place has the depth of the deepest; its direction is the mean of the hits with weights (depth)^4, which turns from one
    facet to the next as the depths do, so a grain may rest between two facets of a tessellated cylinder, where the direction
@@ -55,13 +56,14 @@ def direction_of(hit: Hit) -> wp.vec3d:
 
 
 @functools.cache
-def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
-    """Return the function that finds the places of a grain; ``Rows`` is the struct of ``contact``."""
+def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: float):
+    """Return the function that finds the places of a grain; ``Rows`` is the struct of ``contact``, ``around`` of ``images``."""
+    repeated = around.images > 1
 
     @wp.func
-    def holds(surface: Surface, o: int, f: int, mask: int, point: wp.vec3d, tolerance: wp.float64) -> bool:
-        """Whether triangle ``o`` holds ``point``, which the corners ``mask`` of triangle ``f`` span."""
-        if is_corner_set_within(surface.vertex[f], mask, surface.vertex[o]):
+    def holds(surface: Surface, o: int, f: int, mask: int, point: wp.vec3d, tolerance: wp.float64, together: bool) -> bool:
+        """Whether triangle ``o`` holds ``point``, which the corners ``mask`` of triangle ``f``, seen ``together``, span."""
+        if together and is_corner_set_within(surface.vertex[f], mask, surface.vertex[o]):
             return True
         plane = surface.plane[o]
         height = wp.dot(wp.vec3d(plane[0], plane[1], plane[2]), point) - plane[3]
@@ -86,7 +88,7 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
     @wp.func
     def is_repeated(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
         """Steps 2 and 3: whether hit ``c`` on a triangle is no place of its own."""
-        f = rows.feature[c]
+        f = around.feature_of(surface, rows.feature[c])
         mask = rows.hit_mask[c]
         wall = surface.wall[f]
         hit = rows.hit[c]
@@ -97,9 +99,18 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
         same = wp.float64(wp.static(EQUAL)) * radius + surface.rounding[wall]
         tolerance = wp.float64(wp.static(ON)) * radius + surface.rounding[wall]
         for o in range(first, last):
-            of = rows.feature[o]
+            of = around.feature_of(surface, rows.feature[o])
             if o != c and of < surface.triangles and surface.wall[of] == wall:
                 other_hit = rows.hit[o]
+                together = bool(True)
+                if wp.static(repeated):
+                    together = around.image_of(surface, rows.feature[o]) == around.image_of(surface, rows.feature[c])
+                    if not together:  # what follows happens beside the other's triangle
+                        centre = point_of(other_hit) + direction_of(other_hit) * other_hit[0]
+                        point = centre - direction * distance
+                    else:
+                        point = point_of(hit)
+                        centre = point + direction * distance
                 closer = distance - other_hit[0]
                 other = rows.hit_mask[o]
                 before = corner_count(other) > corner_count(mask) or (corner_count(other) == corner_count(mask) and o < c)
@@ -107,11 +118,33 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
                     if mask == wp.static(FACE):
                         if wp.dot(direction, direction_of(other_hit)) > wp.float64(wp.static(1.0 - EQUAL)):
                             return True
-                    elif holds(surface, of, f, mask, point, tolerance):
+                    elif holds(surface, of, f, mask, point, tolerance, together):
                         return True
                     if closer > same and hides(surface, of, centre, point, tolerance):
                         return True
         return False
+
+    @wp.func
+    def is_seen_twice(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
+        """Whether the point of hit ``c`` on an analytic wall lies on another image of the wall, which comes closer."""
+        f = around.feature_of(surface, rows.feature[c])
+        hit = rows.hit[c]
+        tolerance = wp.float64(wp.static(ON)) * radius
+        for o in range(first, last):
+            if o != c and around.feature_of(surface, rows.feature[o]) == f:
+                other = rows.hit[o]
+                closer = hit[0] - other[0]
+                if closer > tolerance or (closer >= -tolerance and o < c):
+                    point = point_of(other) + direction_of(other) * other[0] - direction_of(hit) * hit[0]
+                    nearest, direction, distance, mask, share = closest_on_feature(surface, f, point, radius, radius)
+                    if wp.abs(distance) <= tolerance:
+                        return True
+        return False
+
+    @wp.func
+    def piece_of(c: int, surface: Surface, rows: Rows) -> int:
+        """Smooth piece of a candidate's feature."""
+        return surface.piece[around.feature_of(surface, rows.feature[c])]
 
     @wp.func
     def nearness(depth: wp.float64) -> wp.float64:
@@ -121,7 +154,7 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
     @wp.func
     def join(best: int, first: int, last: int, reach: wp.float64, surface: Surface, rows: Rows):
         """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
-        piece = surface.piece[rows.feature[best]]
+        piece = piece_of(best, surface, rows)
         rows.hit_state[best] = wp.static(TAKEN)
         hit = rows.hit[best]
         distance = hit[0]
@@ -131,7 +164,7 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
         total = nearness(reach - distance)
         mean = deepest * total
         for c in range(first, last):
-            if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+            if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                 member = rows.hit[c]
                 weight = nearness(reach - member[0])
                 mean += direction_of(member) * weight
@@ -144,19 +177,19 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
                 length = wp.length(mean)
                 rows.hit[best] = packed(distance, length / total, centre - mean * (distance / length), mean / length)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                         rows.hit_state[c] = wp.static(MERGED)
             else:
                 rows.hit_state[best] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and surface.piece[rows.feature[c]] == piece:
+                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                         rows.hit_state[c] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(SHARED) and surface.piece[rows.feature[c]] == piece:
+                    if rows.hit_state[c] == wp.static(SHARED) and piece_of(c, surface, rows) == piece:
                         crowd = wp.float64(0.0)
                         mine = rows.hit[c]
                         for o in range(first, last):
-                            if rows.hit_state[o] == wp.static(SHARED) and surface.piece[rows.feature[o]] == piece:
+                            if rows.hit_state[o] == wp.static(SHARED) and piece_of(o, surface, rows) == piece:
                                 other = rows.hit[o]
                                 cosine = wp.dot(direction_of(mine), direction_of(other))
                                 kernel = (cosine - wp.float64(wp.static(MERGE_COSINE))) / wp.float64(
@@ -178,10 +211,10 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
         hits = int(0)
         hit = int(0)
         for c in range(first, last):
-            f = rows.feature[c]
-            body = q
+            f = around.feature_of(surface, rows.feature[c])
+            body = around.seen(q, around.image_of(surface, rows.feature[c]))
             if wp.static(moving > 0):
-                body = local(placements[now_row, surface.motion[surface.wall[f]]], q)
+                body = local(placements[now_row, surface.motion[surface.wall[f]]], body)
             point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, reach)
             rows.hit_state[c] = wp.static(IDLE)
             if distance < reach:
@@ -197,8 +230,13 @@ def build(Rows, closest_on_feature, *, meshes: bool, moving: int, gap: float):
             return 1
         if wp.static(meshes):
             for c in range(first, last):
-                if rows.hit_state[c] == wp.static(HIT) and rows.feature[c] < surface.triangles:
+                if rows.hit_state[c] == wp.static(HIT) and around.feature_of(surface, rows.feature[c]) < surface.triangles:
                     if is_repeated(c, first, last, radius, surface, rows):
+                        rows.hit_state[c] = wp.static(IDLE)
+        if wp.static(repeated):
+            for c in range(first, last):
+                if rows.hit_state[c] == wp.static(HIT) and around.feature_of(surface, rows.feature[c]) >= surface.triangles:
+                    if is_seen_twice(c, first, last, radius, surface, rows):
                         rows.hit_state[c] = wp.static(IDLE)
         left = int(1)
         while left == 1:

@@ -34,6 +34,8 @@ class Surface:
     """Wall of each feature."""
     motion: wp.array(dtype=wp.int32)
     """Placement of each wall."""
+    images: wp.array(dtype=wp.int32)
+    """Images of a grain from which each wall is seen, a bit for each number; see ``images``."""
     material: wp.array(dtype=wp.int32)
     """Material of each wall."""
     rounding: wp.array(dtype=wp.float64)

@@ -23,6 +23,7 @@ from warpdem.kernels import (
     thread_contact,
 )
 from warpdem.kernels.wall import candidates, contact, feature
+from warpdem.kernels.wall import images as wall_images
 from warpdem.scene.models import is_file, model, using
 
 
@@ -75,9 +76,10 @@ def _built(plan: Plan) -> Built:
     shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
     meshes = plan.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
+    around = wall_images.build(closest_on_feature, images, repeated=plan.wall_images)
     Rows, touch = contact.build(
-        wall_law, wall_parts, constants, closest_on_feature, images, **shared, turning_frame=turning, moving_frame=shifting,
-        lag=plan.lag, meshes=meshes, moving=plan.moving,
+        wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning,
+        moving_frame=shifting, lag=plan.lag, meshes=meshes, moving=plan.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)
@@ -114,7 +116,8 @@ def _built(plan: Plan) -> Built:
     walls = None
     if plan.walls:
         walls = candidates.build(
-            closest_on_feature,
+            around,
+            images,
             Rows,
             spins=plan.spins,
             meshes=meshes,

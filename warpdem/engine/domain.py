@@ -1,5 +1,6 @@
 """Borders of the domain and outlets as the engine takes them: where grains come round, leave, or stop the run."""
 
+import itertools
 import math
 
 import numpy as np
@@ -45,6 +46,11 @@ class Domain:
             self.names.append(outlet.name)
             self.stops.append(False)
         self.boxes = np.array(boxes).reshape(-1, 6)
+
+    @property
+    def images(self) -> np.ndarray:
+        """Shifts to the images of a place [m], shape (k, 3), numbered as in ``kernels.border``, the first of them 0."""
+        return np.array([*itertools.product(*((0.0, p, -p) if p else (0.0,) for p in self.period))])
 
     def left_by(self, position: np.ndarray) -> np.ndarray:
         """Number of the box that each position (n, 3) [m] is in, -1 if none; shape (n,)."""

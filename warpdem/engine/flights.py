@@ -2,7 +2,8 @@
 
 What a flight is and why the lists hold, ``kernels.flight`` says. Paths are laid on the host's account, when the lists are about
 to be made anew sooner than usual, for the grains that have gone farthest; where that helps nothing, it is tried less and less
-often. Where every wall moves, lists follow the walls and know no place in frame axes: then nobody flies.
+often. Where every wall moves, lists follow the walls and know no place in frame axes: then nobody flies. Nor does anybody where
+walls act at their periodic images, which paths don't know.
 """
 
 import numpy as np
@@ -49,7 +50,7 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        return self.sim.plan.in_frame
+        return self.sim.plan.in_frame and not self.sim.plan.wall_images
 
     def stray(self) -> np.ndarray:
         """How far each grain that the lists know has gone, sums of what ``kernels.flight.stray`` finds, shape (n,)."""

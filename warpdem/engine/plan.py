@@ -54,6 +54,8 @@ class Plan:
     """Length of the domain along each periodic axis [m], else 0."""
     lower: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Lower border along each periodic axis [m]."""
+    wall_images: bool = False
+    """Walls are looked for from the periodic images of a grain."""
     outlets: int = 0
     """Regions in which grains leave."""
     orientation: bool = False

@@ -35,6 +35,8 @@ class Schedule:
         wall_motion: motion number of each wall of the scene, shape (w,).
         moving: how many of the motions move relative to the frame.
         max_rate: bound of the frame's angular velocity [rad/s].
+        period: length of the domain along each axis [m], 0 where it is not periodic: the kernels see a wall that has gone by
+            a period where it was.
 
     Raises:
         SceneError: a sampled motion cannot be read.
@@ -42,6 +44,7 @@ class Schedule:
 
     def __init__(self, scene, stages: tuple[float, ...] = (0.0,), relative: bool = False) -> None:
         self.dt = 0.0
+        self.period = np.zeros(3)
         self.stages, self.relative = np.array(stages), relative
         self.gravity = np.array(scene.gravity, dtype=float)
         self.frame = frame_chain(scene)
@@ -118,11 +121,23 @@ class Schedule:
 
     def placements(self, step: int, count: int) -> np.ndarray:
         """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 18)."""
-        return self._placements(self._times(step - 1, step + count + 1), self.relative)
+        return self._brought_back(self._placements(self._times(step - 1, step + count + 1), self.relative))
+
+    def _brought_back(self, placements: np.ndarray) -> np.ndarray:
+        """Placements less the whole periods that each has gone since the start."""
+        if not self.period.any():
+            return placements
+        gone = placements[:, :, 9:12] - self._placements(np.zeros(1), self.relative)[:, :, 9:12]
+        placements[:, :, 9:12] -= self.period * np.rint(gone / np.where(self.period > 0.0, self.period, np.inf))
+        return placements
 
     def bodies(self, time: float) -> np.ndarray:
         """Placement of each wall's body at ``time`` [s], with absolute velocities, shape (w, 18)."""
-        return self._placements(np.array([time]), relative=False)[0, self.wall_motion]
+        return self.wall_places(np.array([time]))[0]
+
+    def wall_places(self, times: np.ndarray) -> np.ndarray:
+        """The same at several ``times`` [s], shape (k, w, 18)."""
+        return self._placements(times, relative=False)[:, self.wall_motion]
 
     def _placements(self, time: np.ndarray, relative: bool) -> np.ndarray:
         frame = self.frame.pose(time)

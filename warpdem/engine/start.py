@@ -1,11 +1,13 @@
 """What a scene takes over from the checkpoint that it starts from: grains, springs of contacts, frame, places of walls.
 
 Everything goes on in the laboratory as it was: positions and absolute motions of the grains, the axes of the frame, and walls
-that both scenes name. Motions of the new scene begin from there. The springs of a contact stay if its law does; those at a
-wall, if both scenes name it and it has one kind of geometry.
+that both scenes name with the same geometry. Motions of the new scene begin from there. A wall whose geometry is another now
+stands where the new scene draws it, as a new one does: whoever has drawn it anew has drawn it where it is to be. The springs of
+a contact stay if its law does; those at a wall, if both scenes name it and it has one kind of geometry.
 """
 
 import dataclasses
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import numpy as np
 
 from warpdem.engine import checkpoint
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.grain_source import Grains0, in_body_axes
 from warpdem.kernels import grain
 from warpdem.rigid import Pose
 from warpdem.scene.model import Scene
@@ -43,7 +45,7 @@ class Past:
     data: dict[str, np.ndarray]
     """Memory of contacts, as ``Lists.remember`` takes it; how grains are turned, if that was kept."""
     old_walls: tuple[str, ...]
-    """Names of walls that were there."""
+    """Names of walls that were there with the same geometry."""
     next_id: int
     """Least id that no grain had so far."""
     feeders: dict[int, dict]
@@ -73,15 +75,18 @@ def read(scene: Scene) -> Past:
             f"{', '.join(scene.materials)}"
         )
     _check_pairs(scene, present, key)
-    scene = _going_on(scene, data)
+    redrawn = _redrawn(scene, data)
+    said = _notes_on_walls(scene, data, redrawn)
+    scene = _going_on(scene, data, redrawn)
     grains = _grains(scene, data, [list(scene.materials).index(name) if name in scene.materials else -1 for name in names])
-    memory, notes = _memory(scene, data)
+    memory, notes = _memory(scene, data, redrawn)
     if "orientation" in data:
         memory["orientation"] = data["orientation"]
     going = "streams" in scene.start.continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
     feeders = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
-    return Past(scene, grains, memory, tuple(data["places"]["walls"]), data["next_id"], feeders, tuple(notes))
+    known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
+    return Past(scene, grains, memory, known, data["next_id"], feeders, (*said, *notes))
 
 
 def _end(data: dict) -> float:
@@ -102,8 +107,8 @@ def _check_pairs(scene: Scene, present: list[str], key: str) -> None:
 # --- frame, walls, streams ---------------------------------------------------------------------------------------------
 
 
-def _going_on(scene: Scene, data: dict) -> Scene:
-    """The scene whose frame and walls go on from where those of the checkpoint stand."""
+def _going_on(scene: Scene, data: dict, redrawn: set[str]) -> Scene:
+    """The scene whose frame and walls, but those ``redrawn``, go on from where those of the checkpoint stand."""
     start, there = scene.start, data["scene"]
     _check_continues(scene, data)
     ahead = scene.later(_end(data))
@@ -113,7 +118,7 @@ def _going_on(scene: Scene, data: dict) -> Scene:
         motions = _from(scene.frame, frame)
     walls = []
     for wall in scene.walls:
-        if wall.name not in data["places"]["walls"]:
+        if wall.name not in data["places"]["walls"] or (wall.name in redrawn and wall.name not in start.continues):
             walls.append(wall)
             continue
         if wall.name in start.continues:
@@ -126,6 +131,68 @@ def _going_on(scene: Scene, data: dict) -> Scene:
     streams = ahead.streams if "streams" in start.continues else scene.streams
     start = start.model_copy(update={"groups": data["groups"]})
     return scene.model_copy(update={"frame": motions, "walls": walls, "streams": streams, "start": start})
+
+
+def _geometry(wall: dict, contents: str | None) -> tuple:
+    """What a wall's table says of its surface; ``contents`` of its mesh file count, not what that is called."""
+    return contents, *(wall.get(key) for key in ("prim", "scale", "translate", "rotate", *SHAPES))
+
+
+def _geometries(scene: Scene, data: dict) -> tuple[dict[str, tuple], dict[str, tuple]]:
+    """Geometry of each wall by name, in the scene and in the checkpoint."""
+    here = {}
+    for wall in scene.walls:
+        path = scene.resolve(wall.mesh) if wall.mesh is not None else None
+        # a file that is not there is refused with its mesh
+        contents = hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else None
+        here[wall.name] = _geometry(wall.model_dump(mode="json"), contents)
+    there = {
+        wall["name"]: _geometry(wall, data["files"].get(f"walls[{k}].mesh")) for k, wall in enumerate(data["scene"]["walls"])
+    }
+    return here, there
+
+
+def _redrawn(scene: Scene, data: dict) -> set[str]:
+    """Names of walls of both whose geometry is not the same."""
+    here, there = _geometries(scene, data)
+    return {name for name in here if name in there and here[name] != there[name]}
+
+
+def _way(data: dict, name: str) -> str:
+    """How far a wall of the checkpoint had moved from where its scene drew it, in words; "" if it had not."""
+    place, frame = _matrix(data["places"]["walls"][name]), _matrix(data["places"]["frame"])
+    if next(wall["fixed_to"] for wall in data["scene"]["walls"] if wall["name"] == name) == "laboratory":
+        place = frame @ place
+    turn = np.linalg.norm(place[:3, :3] - np.eye(3)) / np.sqrt(2.0)  # 2 sin(angle/2)
+    shift = place[:3, 3]
+    if turn < 1e-9 and np.abs(shift).max() < 1e-12:
+        return ""
+    words = [f"shifted by ({', '.join(f'{x:.6g}' for x in shift)}) m"] if np.abs(shift).max() >= 1e-12 else []
+    words += [f"turned by {np.degrees(2.0 * np.arcsin(min(0.5 * turn, 1.0))):.6g} degrees"] if turn >= 1e-9 else []
+    return " and ".join(words)
+
+
+def _notes_on_walls(scene: Scene, data: dict, redrawn: set[str]) -> list[str]:
+    """Which walls do not stand where the run before left one of their name or of their geometry."""
+    notes, (here, there) = [], _geometries(scene, data)
+    for name in here:
+        way = _way(data, name) if name in there else ""
+        if name in redrawn and way:
+            said = f"start: wall {name!r} has another geometry than in {data['path']}, where it had been {way}"
+            if name in scene.start.continues:
+                notes.append(f"{said}: it goes on from there, since start.continues names it")
+            else:
+                notes.append(
+                    f"{said}: it stands where this scene draws it; to go on from there it needs the geometry that it had, or "
+                    "its name in start.continues"
+                )
+        for other in there:
+            if name not in there and other not in here and here[name] == there[other] and (way := _way(data, other)):
+                notes.append(
+                    f"start: wall {name!r} stands where this scene draws it; {other!r}, which has the same geometry in "
+                    f"{data['path']} and is gone, had been {way}"
+                )
+    return notes
 
 
 def _check_continues(scene: Scene, data: dict) -> None:
@@ -197,7 +264,7 @@ def _grains(scene: Scene, data: dict, material: list[int]) -> Grains0:
 # --- springs of contacts -----------------------------------------------------------------------------------------------
 
 
-def _memory(scene: Scene, data: dict) -> tuple[dict[str, np.ndarray], list[str]]:
+def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
     """Memory of contacts for ``Lists.remember``, numbered as the walls of ``scene``, and what was dropped in words."""
     was, now, notes = data["scene"]["contact"], scene.contact, []
     held = {
@@ -220,10 +287,26 @@ def _memory(scene: Scene, data: dict) -> tuple[dict[str, np.ndarray], list[str]]
         notes.append(f"start: springs at {', '.join(dropped)} begin at zero: not in this scene, or of another geometry")
     for name in ("grain", "wall", "overlap", "weight", "point", "normal"):
         out[f"place_{name}"] = data[f"place_{name}"][keep]
+    out["place_point"] = _in_new_axes(scene, data, redrawn, out["place_wall"], out["place_point"])
     out["place_wall"] = number[out["place_wall"]]
     for name in ("spring", "angle"):
         out[f"place_{name}"] = data[f"place_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
     return out, notes
+
+
+def _in_new_axes(
+    scene: Scene, data: dict, redrawn: set[str], wall: np.ndarray, point: np.ndarray
+) -> np.ndarray:
+    """Points [m], shape (n, 3), in the body axes of their walls of the checkpoint, in those of the same walls of ``scene``."""
+    number = {one.name: k for k, one in enumerate(scene.walls)}
+    for k, old in enumerate(data["scene"]["walls"]):
+        mine = wall == k
+        if old["name"] in redrawn and mine.any():
+            place = _matrix(data["places"]["walls"][old["name"]])
+            framed = point[mine] @ place[:3, :3].T + place[:3, 3]
+            point = point.copy()
+            point[mine] = in_body_axes(scene, number[old["name"]], framed)
+    return point
 
 
 def _wall_numbers(scene: Scene, data: dict) -> tuple[np.ndarray, list[str]]:

@@ -72,9 +72,12 @@ class TravelGuard:
             fast = np.flatnonzero(travel > allowed)
             if not len(fast):
                 continue
-            body = (position[fast] - p[9:12]) @ p[:9].reshape(3, 3)
             room = (radius[fast] + travel[fast])[:, None]
-            fast = fast[((body > low - room) & (body < high + room)).all(axis=1)]
+            beside = np.zeros(len(fast), bool)
+            for shift in sim.domain.images:
+                body = (position[fast] + shift - p[9:12]) @ p[:9].reshape(3, 3)
+                beside |= ((body > low - room) & (body < high + room)).all(axis=1)
+            fast = fast[beside]
             if not len(fast):
                 continue
             worst = fast[np.argmax(travel[fast] / radius[fast])]

@@ -73,11 +73,11 @@ class Walls:
     """Device side of all walls, in the order of the scene.
 
     Attributes:
-        surface: what the kernels read.
+        surface: what the kernels read; ``images`` as `wall_images` gives them.
         mesh_arrays: mesh ids, their walls and first triangles, for the candidate search.
     """
 
-    def __init__(self, scene, meshes: dict, wall_motion: np.ndarray, device) -> None:
+    def __init__(self, scene, meshes: dict, wall_motion: np.ndarray, images: np.ndarray | None, device) -> None:
         corners, vertices, pieces, planes, owners = [], [], [], [], []
         mesh_ids, mesh_wall, mesh_first = [], [], []
         self._trees = []
@@ -135,6 +135,8 @@ class Walls:
         surface.rounding = wp.array(rounding, dtype=wp.float64, device=device)
         surface.wall = upload([o.astype(np.int32) for o in owners], wp.int32, ())
         surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
+        images = np.zeros(0) if images is None else images
+        surface.images = wp.array(images.astype(np.int32), dtype=wp.int32, device=device)
         material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
         surface.material = wp.array(material, dtype=wp.int32, device=device)
         self.surface = surface

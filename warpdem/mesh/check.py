@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.mesh.bodies import MOST_BODIES
 from warpdem.mesh.pieces import Edges, components, first_and_group
 
 LARGEST_MESH = 20_000.0
@@ -18,8 +19,6 @@ SMALLEST_MESH = 0.2
 """Smallest mesh in mean grain diameters [-]: a thinner needle is no wall for such grains."""
 USUAL_MESH = (3.0, 1000.0)
 """Sizes in mean grain diameters [-] beyond which a mesh is allowed but told about."""
-MOST_BODIES = 1000
-"""Bodies up to which is found out which lies in which [-]: the effort grows with their square."""
 PROBES = 8
 """Points of a body that must agree on which other bodies it lies in [-]."""
 
@@ -29,6 +28,28 @@ def first_of_each(triangles: np.ndarray) -> np.ndarray:
     first = np.zeros(len(triangles), bool)
     first[first_and_group(np.sort(triangles, axis=1))[0]] = True
     return first
+
+
+def not_cancelled(triangles: np.ndarray, solid: np.ndarray, single: np.ndarray, distinct: np.ndarray) -> np.ndarray:
+    """Which triangles count, shape (t,): the first of each, but none of those at which two bodies touch face to face.
+
+    There a triangle is there twice, once for each body and with opposite windings. Left in once it would fork the surface;
+    that both are left out is only meant where nothing stays open then.
+
+    Args:
+        triangles: Corner numbers, shape (t, 3).
+        solid: Whether each has an area.
+        single: Whether each is the first with its corners, see `first_of_each`.
+        distinct: Whether its three corners are three.
+    """
+    if single[solid].all() or Edges(triangles[np.where(solid, single, distinct)]).is_closed:
+        return single
+    group = first_and_group(np.sort(triangles, axis=1))[1]
+    low = triangles.argmin(axis=1)[:, None]
+    following = np.take_along_axis(triangles, np.concatenate([(low + 1) % 3, (low + 2) % 3], axis=1), axis=1)
+    way = np.bincount(group, np.where(following[:, 0] < following[:, 1], 1.0, -1.0))
+    meant = single & (way[group] != 0.0)
+    return meant if Edges(triangles[np.where(solid, meant, distinct)]).is_closed else single
 
 
 def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, area: np.ndarray) -> np.ndarray:
@@ -47,7 +68,10 @@ def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, are
     a, b = edges.sides.T
     # each triangle stands for two: as it is, and (count further on) turned round; those that fit together are joined
     other = np.where(edges.twisted, count, 0)
-    fits = np.concatenate([np.stack([a, b + other], axis=1), np.stack([a + count, b + count - other], axis=1)])
+    c, d = edges.pairs_at_shared(vertices, triangles).T
+    fits = np.concatenate(
+        [np.stack(pair, axis=1) for pair in ((a, b + other), (a + count, b + count - other), (c, d), (c + count, d + count))]
+    )
     as_is, turned = components(2 * count, fits).reshape(2, count)
     body = first_and_group(np.minimum(as_is, turned)[:, None])[1]
     wrong = as_is > turned

@@ -5,18 +5,20 @@ Everything after the file is float64.
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 
 from warpdem.errors import SceneError
-from warpdem.kernels.wall import distance as distance_kernel
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
-from warpdem.mesh.check import first_of_each, wrongly_wound
-from warpdem.mesh.pieces import ROUNDING, Edges, Shape, find_pieces, first_and_group, fit_planes, renumber, split_bent
+from warpdem.mesh.bodies import Bodies, find_bodies
+from warpdem.mesh.check import first_of_each, not_cancelled, wrongly_wound
+from warpdem.mesh.distance import DistanceQuery
+from warpdem.mesh.pieces import ROUNDING, Edges, Shape, find_pieces, fit_planes, renumber, split_bent
+from warpdem.mesh.weld import weld
 from warpdem.usd.stage import USD_SUFFIXES
 
 LARGEST_NUMBER = 1e30
@@ -42,9 +44,12 @@ class TriangleMesh:
     open_edges: int
     """Edges that only one triangle has."""
     forked_edges: int
-    """Edges at which three or more triangles meet."""
+    """Edges at which three or more triangles meet that do not close a surface: as many run one way as the other in those of
+    bodies that touch."""
     twisted_edges: int
     """Edges whose two triangles are wound against each other."""
+    bodies: Bodies | None
+    """The closed bodies, if there are several that may lie in each other, touch or cut; else None."""
     notes: tuple[str, ...]
     """What was mended, left out or is odd, each with its count and the place of the first, for people."""
     volume: float
@@ -62,7 +67,7 @@ class TriangleMesh:
 
     @property
     def is_closed(self) -> bool:
-        """Whether each edge is used by exactly two triangles."""
+        """Whether the triangles at each edge are two, or as many one way as the other."""
         return self.open_edges == self.forked_edges == 0
 
     @property
@@ -71,8 +76,11 @@ class TriangleMesh:
         return self.vertices[self.triangles]
 
     @functools.cached_property
-    def _query(self) -> "_DistanceQuery":
-        return _DistanceQuery(self)
+    def _query(self) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        if self.bodies is None:
+            # the sign needs outward normals
+            return DistanceQuery(self.vertices, self.triangles if self.volume >= 0.0 else self.triangles[:, ::-1])
+        return self.bodies.distances(self.vertices, self.triangles)
 
 
 def load_mesh(
@@ -124,20 +132,27 @@ def build_mesh(
             f"{key}: {name}: {bad.sum()} of {len(corners)} triangles have a corner that is not a finite number up to "
             f"{LARGEST_NUMBER:g}, the first is triangle {first}: {corners[first].tolist()}"
         )
-    vertices, triangles = _weld(corners)
-    rounding = ROUNDING * np.abs(vertices).max(initial=0.0)
+    vertices, triangles, joined, apart = weld(corners)
+    rounding, size = ROUNDING * np.abs(vertices).max(initial=0.0), 1.0
     if pose is not None:
         matrix, shift = pose
-        rounding *= np.cbrt(abs(np.linalg.det(matrix)))
+        size = np.cbrt(abs(np.linalg.det(matrix)))
+        rounding *= size
         vertices = vertices @ matrix.T + shift
     solid, single = Shape(vertices, triangles, rounding).area > 0.0, first_of_each(triangles)
     if not solid.any():
         raise SceneError(f"{key}: {name}: the mesh is empty: none of its {len(corners)} triangles has an area")
     report = _Report(vertices, list(notes))
+    report.joined(joined, apart * size)
     dropped = report.triangles(triangles[~solid], "without area left out")
-    duplicates = report.triangles(triangles[solid & ~single], "that are there twice left out")
     # a triangle whose corners coincide cancels itself; one with three corners on a line still joins its neighbours
-    triangles = triangles[np.where(solid, single, (triangles != np.roll(triangles, 1, axis=1)).all(axis=1))]
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    meant = not_cancelled(triangles, solid, single, distinct)
+    cancelled = report.triangles(
+        triangles[solid & single & ~meant], "left out at which bodies touch face to face: two of opposite winding cancel"
+    )
+    duplicates = report.triangles(triangles[solid & ~single], "that are there twice left out") if not cancelled else cancelled
+    triangles = triangles[np.where(solid, meant, distinct)]
     shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
     turned = 0
     if edges.is_closed:
@@ -150,6 +165,9 @@ def build_mesh(
     report.edges(edges.forked, "edges at which three or more triangles meet")
     report.edges(edges.ends[edges.twisted], "edges whose two triangles are wound against each other")
     keep = shape.area > 0.0
+    bodies = find_bodies(vertices, triangles, edges, keep)
+    if bodies is not None and bodies.note:
+        report.notes.append(bodies.note)
     piece, plane = find_pieces(shape, edges)
     plane = split_bent(shape, plane)
     piece, plane = renumber(piece[keep]), renumber(plane[keep])
@@ -165,6 +183,7 @@ def build_mesh(
         open_edges=len(edges.border),
         forked_edges=len(edges.forked),
         twisted_edges=int(edges.twisted.sum()),
+        bodies=bodies,
         notes=tuple(report.notes),
         volume=float(np.linalg.det(p - p.mean(axis=(0, 1))).sum() / 6.0),
         bounds=np.stack([p.min(axis=(0, 1)), p.max(axis=(0, 1))]),
@@ -191,6 +210,12 @@ class _Report:
         """Note edges (k, 2), if there are any."""
         self._add(ends, "", what)
 
+    def joined(self, count: int, apart: float) -> None:
+        """Note corners that were joined, up to ``apart`` [m] from each other."""
+        if count:
+            noun = "corner" if count == 1 else "corners"
+            self.notes.append(f"{count} {noun} joined with others, up to {apart:.2g} m away: one point but for its rounding")
+
     def _add(self, corners: np.ndarray, noun: str, what: str) -> None:
         if len(corners):
             where = ", ".join(f"{v:.6g}" for v in self._vertices[corners[0]].mean(axis=0))
@@ -206,15 +231,15 @@ def require_closed(mesh: TriangleMesh, key: str, remedy: str) -> None:
         remedy: What to write instead, for messages.
 
     Raises:
-        SceneError: Some edge is not shared by exactly two triangles, or the two are wound against each other and cannot
-            be mended since the surface has only one side.
+        SceneError: The triangles at some edge are neither two nor as many one way as the other, or the two are wound
+            against each other and cannot be mended since the surface has only one side.
     """
     if mesh.is_closed and not mesh.twisted_edges:
         return
     found = "; ".join(note for note in mesh.notes if "edges" in note)
     raise SceneError(
         f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, each edge shared by exactly two "
-        f"triangles, but has {found}; {remedy}"
+        f"triangles (where bodies touch, by as many one way as the other), but has {found}; {remedy}"
     )
 
 
@@ -267,15 +292,6 @@ def _rotation_matrix(rotate) -> np.ndarray:
     return np.eye(3) + math.sin(rotate.angle) * cross + 2.0 * math.sin(0.5 * rotate.angle) ** 2 * (cross @ cross)
 
 
-def _weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and corner numbers: corners equal in float32 become one, in the order of the file."""
-    flat = corners.reshape(-1, 3)
-    rough = flat.astype(np.float32) + np.float32(0.0)  # makes -0 and 0 alike
-    first, group = first_and_group(rough.view(np.uint32))
-    # text files hold more digits than float32: the first corner of a group keeps them
-    return flat[first] + 0.0, group.reshape(-1, 3)
-
-
 def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (t, 3, 3) cut at the plane x[axis] = value: those below it and those above it, wound as before."""
     d = t[:, :, axis] - value
@@ -298,41 +314,3 @@ def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarr
         np.concatenate([t[below], tip[~alone_high], rest[twice]]),
         np.concatenate([t[above], tip[alone_high], rest[~twice]]),
     )
-
-
-class _DistanceQuery:
-    """Search tree of a mesh on the CPU, built once; answers signed distances."""
-
-    def __init__(self, mesh: TriangleMesh):
-        low, high = mesh.bounds
-        self._centre, self._size = 0.5 * (low + high), float((high - low).max())
-        # the sign needs outward normals
-        outward = mesh.triangles if mesh.volume >= 0.0 else mesh.triangles[:, ::-1]
-        unit = ((mesh.vertices - self._centre) / self._size).astype(np.float32)
-        with wp.ScopedDevice("cpu"):
-            self._vertex = wp.array(mesh.vertices, dtype=wp.vec3d)
-            self._triangle = wp.array(np.ascontiguousarray(outward), dtype=wp.vec3i)
-            self._tree = wp.Mesh(
-                wp.array(unit, dtype=wp.vec3),
-                wp.array(outward.flatten(), dtype=wp.int32),
-                support_winding_number=True,
-            )
-
-    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance = wp.empty(len(points), dtype=wp.float64, device="cpu")
-        gradient = wp.empty(len(points), dtype=wp.vec3d, device="cpu")
-        wp.launch(
-            distance_kernel.signed_distance,
-            dim=len(points),
-            inputs=[
-                self._tree.id,
-                wp.vec3d(*self._centre),
-                self._size,
-                self._vertex,
-                self._triangle,
-                wp.array(points, dtype=wp.vec3d, device="cpu"),
-            ],
-            outputs=[distance, gradient],
-            device="cpu",
-        )
-        return distance.numpy(), gradient.numpy()

@@ -1,0 +1,138 @@
+"""Corners of loose triangles that are one point: equal ones, and those that differ by no more than the file's own rounding.
+
+An STL file repeats each corner in every triangle that has it, and programs write one corner in more than one way: 1.2e-16
+for a cosine of 90 degrees in one facet and 0 in the next, or another last digit. Corners that are equal in float32 are one
+always. Beyond that corners are joined only where the surface has a gap (at edges that an odd number of triangles have),
+first the nearest, within
+
+    2^-22 of the largest coordinate: two units in the last place of float32, or
+    1e-6, 1e-5 of it where all numbers are written with seven, with six digits: one unit in the last place of these,
+
+and only where that closes edges. So a surface without gaps is taken as it is, however small its features, and no triangle
+with an area loses a corner. None of it depends on the order of the triangles.
+"""
+
+import itertools
+
+import numpy as np
+
+from warpdem.mesh.pieces import ROUNDING, Shape, components, first_and_group
+
+BINARY = (2.0**-40, 2.0**-26, 2.0**-22)
+"""Distances that are tried, over the largest coordinate [-]: what is left of a zero first, then the rounding of float32."""
+MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd numbers that spread cells over all of 64 bits [-]."""
+DECIMAL = {7: 1.05e-6, 6: 1.05e-5}
+"""One unit in the last of so many digits, over the largest number [-]; fewer digits are exact numbers, not rounded ones."""
+
+
+def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, float]:
+    """Vertices (v, 3) and corner numbers (t, 3) of triangles (t, 3, 3), in the order of the file.
+
+    Returns:
+        Vertices, corner numbers, how many vertices were joined with others that are not equal in float32, and how far they
+        were apart at most, in units of the file.
+    """
+    vertices, triangles = _equal(corners)
+    loose = _loose(triangles)
+    if not len(loose):
+        return vertices, triangles, 0, 0.0
+    before, largest = len(vertices), float(np.abs(vertices).max())
+    # only here may something change
+    at_loose = np.isin(np.arange(before), loose)
+    near = np.flatnonzero(at_loose[triangles].any(axis=1))
+    part, farthest = triangles[near], 0.0
+    for share in _shares(corners):
+        kept = _joined(vertices, part, loose, share * largest)
+        left = _loose(kept[part], at_loose)
+        if len(left) < len(loose):
+            moved = np.linalg.norm(vertices - vertices[kept], axis=1)
+            farthest, part, loose = max(farthest, float(moved.max())), kept[part], left
+        if not len(loose):
+            break
+    if farthest == 0.0:
+        return vertices, triangles, 0, 0.0
+    triangles[near] = part
+    used, triangles = np.unique(triangles, return_inverse=True)
+    return vertices[used], triangles.reshape(-1, 3), before - len(used), farthest
+
+
+def _equal(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and corner numbers: corners equal in float32 become one, in the order of the file."""
+    flat = corners.reshape(-1, 3)
+    rough = flat.astype(np.float32) + np.float32(0.0)  # makes -0 and 0 alike
+    first, group = first_and_group(rough.view(np.uint32))
+    # text files hold more digits than float32: the first corner of a group keeps them
+    return flat[first] + 0.0, group.reshape(-1, 3)
+
+
+def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> np.ndarray:
+    """Ends of the edges that an odd number of triangles have, ascending; a triangle that is there twice counts once.
+
+    Args:
+        triangles: Corner numbers, shape (t, 3).
+        among: Whether an edge at each vertex may be one, shape (v,); None if any may.
+    """
+    once = triangles[first_and_group(np.sort(triangles, axis=1))[0]]
+    edge = np.sort(np.stack([once, np.roll(once, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edge = edge[edge[:, 0] != edge[:, 1]]
+    if among is not None:
+        edge = edge[among[edge].all(axis=1)]
+    size = int(edge.max(initial=0)) + 1
+    key, uses = np.unique(edge[:, 0] * size + edge[:, 1], return_counts=True)
+    return np.unique(np.divmod(key[uses % 2 == 1], size))
+
+
+def _shares(corners: np.ndarray) -> list[float]:
+    """Distances to try over the largest coordinate [-], ascending."""
+    values = np.abs(corners[corners != 0.0])
+    for digits in sorted(DECIMAL):
+        scaled = values * 10.0 ** (digits - 1.0 - np.floor(np.log10(values)))
+        # what is left of a zero is no number that was written with so many digits, or it is one that does not matter
+        if (np.abs(scaled - np.rint(scaled)) <= 1e-6).all():
+            return [*BINARY, *(DECIMAL[d] for d in sorted(DECIMAL, reverse=True) if d >= digits)]
+    return list(BINARY)
+
+
+def _joined(vertices: np.ndarray, triangles: np.ndarray, loose: np.ndarray, distance: float) -> np.ndarray:
+    """Vertex that each vertex becomes, shape (v,): loose ones within about ``distance`` of each other become one.
+
+    Of a cluster the vertex stays that most triangles have, and of equals the least by its coordinates.
+    """
+    points = vertices[loose]
+    label = components(len(points), _close(points, distance))
+    cluster = np.arange(len(vertices))
+    cluster[loose] = loose[label]
+    # two corners of a triangle with an area stay two, and so does all that would go with them
+    moving = triangles[(cluster[triangles] != triangles).any(axis=1)]
+    solid = moving[Shape(vertices, moving, ROUNDING * np.abs(vertices).max()).area > 0.0]
+    of_corner = cluster[solid]
+    lost = (of_corner == np.roll(of_corner, 1, axis=1)) & (solid != np.roll(solid, 1, axis=1))
+    blocked = np.zeros(len(vertices), bool)
+    blocked[of_corner[lost]] = True
+    cluster = np.where(blocked[cluster], np.arange(len(vertices)), cluster)
+    uses = np.bincount(triangles.ravel(), minlength=len(vertices))[loose]
+    order = np.lexsort((*points.T[::-1], -uses, cluster[loose]))
+    begins = np.ones(len(order), bool)
+    begins[1:] = np.diff(cluster[loose][order]) != 0
+    kept = np.arange(len(vertices))
+    kept[loose[order]] = loose[order][np.maximum.accumulate(np.where(begins, np.arange(len(order)), 0))]
+    return kept
+
+
+def _close(points: np.ndarray, distance: float) -> np.ndarray:
+    """Pairs (k, 2) that link all points (n, 3) within ``distance`` of each other along each axis; none twice as far is.
+
+    Two such points share a cell of edge 2 ``distance`` in at least one of eight grids, each shifted by half a cell or not.
+    """
+    edge = 2.0 * distance
+    pairs = [np.zeros((0, 2), np.int64)]
+    for shift in itertools.product((0.0, 0.5), repeat=3):
+        cell = np.floor(points / edge + shift).astype(np.int64)
+        # one number for each cell: sorting by it takes a third of the time; that two cells have the same is made harmless
+        mixed = (cell.astype(np.uint64) * MIX).sum(axis=1, dtype=np.uint64)
+        first, group = first_and_group(mixed[:, None])
+        link = np.stack([first[group], np.arange(len(points))], axis=1)
+        same = (cell[link[:, 0]] == cell[link[:, 1]]).all(axis=1)
+        pairs.append(link[same & (link[:, 0] != link[:, 1])])
+    return np.concatenate(pairs)
