@@ -17,7 +17,7 @@ from warpdem.kernels.wall.surface import Surface
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
 LEAST_STEPS = 8  # that a path must be good for
 MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
-PAIRS = 4_000_000  # of grains in flight that are looked at for one set of paths
+PAIRS, PAIRS_ANEW = 500_000, 8_000_000  # of grains in flight looked at, at most, for new paths and for those of before
 ROUNDS = 4  # of laying paths, each without those that the one before found too short
 LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
 LONGEST = 2**30  # steps
@@ -86,7 +86,7 @@ class Flights:
         if not self._possible or not must.any() or not (lost or (hasty and not self._wait)):
             return stray, nobody
         wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
-        flying = self.lay(wanted)
+        flying = self.lay(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
         helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
@@ -96,15 +96,30 @@ class Flights:
 
     def lay_anew(self, wanted: np.ndarray) -> None:
         """Lay paths against new lists, unless it has helped nothing lately."""
-        if self._failed <= 1 and len(self.lay(wanted)) == len(wanted):
+        if self._failed <= 1 and len(self.lay(wanted, pairs=PAIRS_ANEW)) == len(wanted):
             self._failed = self._wait = 0
 
-    def lay(self, wanted: np.ndarray) -> np.ndarray:
-        """Lay paths from the present places for the grains in slots ``wanted``; returns those that fly now, of them."""
+    def lay(self, wanted: np.ndarray, must: np.ndarray | None = None, pairs: int = PAIRS) -> np.ndarray:
+        """Lay paths from the present places.
+
+        Args:
+            wanted: slots of the grains that are to fly.
+            must: those without which it is no use, as a mask of all grains, shape (n,).
+            pairs: of grains in flight that may be looked at.
+
+        Returns:
+            Slots of those of ``wanted`` that fly now.
+        """
         sim, lists = self.sim, self.lists
         others = np.setdiff1d(self.slots, wanted)
-        if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > PAIRS:
-            return np.zeros(0, dtype=np.int64)
+        nobody = np.zeros(0, dtype=np.int64)
+        if sim.plan.walls:
+            free = np.diff(lists.rows.first.numpy()[: lists.known + 1])[wanted] == 0
+            if must is not None and must[wanted[~free]].any():
+                return nobody
+            wanted = wanted[free]
+        if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
+            return nobody
         self.laid += 1
         n = lists.known
         path = np.full((n, 12), -1.0) if self.path.shape[0] != n else self.path.numpy().reshape(n, 12).copy()
@@ -131,7 +146,7 @@ class Flights:
             found = steps.numpy()
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
-            if ends > MOST_ENDS:
+            if ends > MOST_ENDS or (must is not None and must[wanted[~good]].any()):
                 good[:] = False
             if good.all():
                 break
