@@ -9,6 +9,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.path import FAR, Flight, in_flight
 from warpdem.kernels.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
@@ -93,15 +94,22 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
         surface: Surface,
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
+        flight: wp.array(dtype=Flight),
         rows: Rows,
     ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either."""
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either.
+
+        All that are near one in flight.
+        """
         i = first + wp.tid()
         state = grains[i]
         q = g.position(state)
         radius = state[3]
         at = rows.first[i]
         n = int(0)
+        within = radius + wp.float64(wp.static(gap)) + travel
+        if in_flight(flight, i):
+            within = wp.float64(wp.static(FAR))
         last = rows.first[i + 1]
         if wp.static(leave):
             if g.gone(state):
@@ -109,7 +117,7 @@ def build(closest_on_feature, Rows, *, spins: bool, meshes: bool, shapes: bool, 
         for e in range(at, last):
             f = near_feature[e]
             body = local(placements[surface.motion[surface.wall[f]]], q)
-            n = add(f, 1, at, n, body, radius, radius + wp.float64(wp.static(gap)) + travel, surface, rows.feature)
+            n = add(f, 1, at, n, body, radius, within, surface, rows.feature)
         rows.candidates[i] = n
         if n == 0:
             rows.place_count[0, i] = 0

@@ -20,7 +20,7 @@ MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with
 PAIRS, PAIRS_ANEW = 500_000, 8_000_000  # of grains in flight looked at, at most, for new paths and for those of before
 ROUNDS = 4  # of laying paths, each without those that the one before found too short
 LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
-LONGEST = 2**30  # steps
+LONGEST = 2**17  # steps of a path
 
 
 class Flights:
@@ -80,10 +80,14 @@ class Flights:
             ``stray`` without those that fly, and the slots of all that were meant to fly.
         """
         must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
-        lost = bool((stray & OFF_PATH).any())
+        lost = np.flatnonzero(stray & OFF_PATH)
         self._wait = max(self._wait - 1, 0)
         nobody = np.zeros(0, dtype=np.int64)
-        if not self._possible or not must.any() or not (lost or (hasty and not self._wait)):
+        if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
+            return stray, nobody
+        if len(lost) and (self.path.numpy().reshape(-1, 12)[lost, 10] > self.sim.step_number - LEAST_STEPS).any():
+            self._failed += 1  # not free at all
+            self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
         wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
         flying = self.lay(wanted, must)
@@ -113,16 +117,12 @@ class Flights:
         sim, lists = self.sim, self.lists
         others = np.setdiff1d(self.slots, wanted)
         nobody = np.zeros(0, dtype=np.int64)
-        if sim.plan.walls:
-            free = np.diff(lists.rows.first.numpy()[: lists.known + 1])[wanted] == 0
-            if must is not None and must[wanted[~free]].any():
-                return nobody
-            wanted = wanted[free]
         if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
             return nobody
         self.laid += 1
         n = lists.known
-        path = np.full((n, 12), -1.0) if self.path.shape[0] != n else self.path.numpy().reshape(n, 12).copy()
+        path = np.full((n, 12), -1.0)
+        path[: self.path.shape[0]] = self.path.numpy().reshape(-1, 12)  # it has no row for newcomers yet
         path[wanted] = self._from_here(wanted)
         self.path = wp.array(path, dtype=Flight, device=sim.device)
         blocks = -(-n // BLOCK)
@@ -133,6 +133,7 @@ class Flights:
         if sim.plan.walls:
             walls = [sim.walls.surface, *sim.walls.mesh_arrays[:2]]
         rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
+        beside = lists.near_feature if sim.plan.walls else wp.zeros(0, dtype=wp.int32)
         state, split, kernels = sim.state.record, sim.threads.split, sim.kernels.paths
         for _ in range(ROUNDS):
             split(kernels.enclose, blocks, [state, lists.near_reference, self.path, low, high], sim.device)
@@ -140,7 +141,7 @@ class Flights:
             steps = lists.rooms.zeros(len(wanted), wp.int32)
             inputs = [
                 slots, all_slots, now, longest, state, lists.near_reference, self.path, low, high, *lists.near[:3], lists.skin,
-                rows, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
+                rows, beside, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
             ]  # fmt: skip
             split(kernels.lay, len(wanted), inputs, sim.device)
             found = steps.numpy()
