@@ -12,8 +12,9 @@ and the path was laid so that up to there its grain can meet nobody outside of i
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
     distance of P(t) to a wall >= R_i + gap + allowance
 
-What is in its row is in the contact list too, whatever the distance. Whether the fall is free does not matter for the proof:
-a grain that leaves its path is noticed, as one that leaves its place is. So what is laid here changes no bit of the result.
+What is in its row is in the contact list too, whatever the distance; so is an analytic wall that is listed beside it.
+Whether the fall is free does not matter for the proof: a grain that leaves its path is noticed, as one that leaves its place
+is. So what is laid here changes no bit of the result.
 
 The first time at which a path may come too near is found by conservative advancement: over a distance d that is free now the
 grain needs at least the time 2 d / (v + sqrt(v^2 + 2 |a| d)); then it is looked at again from there. References of other
@@ -24,15 +25,14 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.path import Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.path import FAR, Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
 BLOCK = 64
-LOOKS = 64  # along one path
+LOOKS = 24  # along one path
 HALFWAY, BEYOND_REACH, NEAR_HALFWAY, BEYOND_NEAR, OFF_PATH = 1, 2, 4, 8, 16
 """What ``stray`` finds: beyond half of what the contact list allows, and all of it; the same of the near list; off its path."""
-FAR = 1.0e30  # time or distance without bound [s, m]
 
 
 @wp.struct
@@ -180,9 +180,11 @@ def build(
 
     @wp.func
     def until_wall(
-        k: int, x: wp.vec3d, v: wp.vec3d, radius: wp.float64, acceleration: wp.float64, need: wp.float64, best: wp.float64,
+        f: int, k: int, x: wp.vec3d, v: wp.vec3d, radius: wp.float64, acceleration: wp.float64, need: wp.float64,
+        best: wp.float64,
         surface: Surface, mesh: wp.array(dtype=wp.uint64), mesh_wall: wp.array(dtype=wp.int32),
         placements: wp.array2d(dtype=Placement), row: int, swiftest: wp.array(dtype=wp.vec2d), watched: Watched, dt: wp.float64,
+        rows: Rows, near_feature: wp.array(dtype=wp.int32),
     ) -> wp.float64:  # fmt: skip
         """Time [s], at most ``best``, for which the grain at ``x`` meets no wall, ``k`` steps from now."""
         time = best
@@ -212,14 +214,17 @@ def build(
                 time = wp.min(time, least_time(way, closing, turning))
         if wp.static(shapes):
             for s in range(surface.planes + surface.revolutions + surface.spheres):
-                f = surface.triangles + s
-                motion = surface.motion[surface.wall[f]]
-                most = swiftest[motion]
-                body = local(placements[now, motion], x)
-                closing = speed + most[0] + most[1] * wp.length(x)
-                nearest, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, wp.float64(FAR))
-                turning = acceleration + wp.float64(2.0) * most[1] * closing
-                time = wp.min(time, least_time(distance - need, closing, turning))
+                feature = surface.triangles + s
+                if not is_listed(feature, rows.first[f], rows.first[f + 1] - rows.first[f], near_feature):
+                    motion = surface.motion[surface.wall[feature]]
+                    most = swiftest[motion]
+                    body = local(placements[now, motion], x)
+                    closing = speed + most[0] + most[1] * wp.length(x)
+                    nearest, direction, distance, mask, share = closest_on_feature(
+                        surface, feature, body, radius, wp.float64(FAR)
+                    )
+                    turning = acceleration + wp.float64(2.0) * most[1] * closing
+                    time = wp.min(time, least_time(distance - need, closing, turning))
         return time
 
     @kernel
@@ -239,6 +244,7 @@ def build(
         slot: wp.array(dtype=wp.int32),
         skin: wp.float64,
         rows: Rows,
+        near_feature: wp.array(dtype=wp.int32),
         surface: Surface,
         mesh: wp.array(dtype=wp.uint64),
         mesh_wall: wp.array(dtype=wp.int32),
@@ -253,9 +259,10 @@ def build(
         t = first + wp.tid()
         f = wanted[t]
         steps_out[t] = 0
-        if wp.static(meshes or shapes):
-            if rows.first[f + 1] > rows.first[f]:
-                return
+        if wp.static(meshes):
+            for e in range(rows.first[f], rows.first[f + 1]):
+                if near_feature[e] < surface.triangles:  # the distance of a mesh is that of all its triangles
+                    return
         path = flight[f]
         radius = grains[f][3]
         at = start[f]
@@ -285,12 +292,13 @@ def build(
                     look = wp.static(LOOKS)
                     time = wp.float64(0.0)
                 time = wp.min(time, least_time(wp.float64(wp.static(0.2 * shortest)), speed, bent))
-            half = wp.float64(0.5) * skin
-            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)
             if wp.static(meshes or shapes):
                 time = until_wall(
-                    k, x, v, radius, bent, base, time, surface, mesh, mesh_wall, placements, row, swiftest, watched, dt
-                )
+                    f, k, x, v, radius, bent, base, time, surface, mesh, mesh_wall, placements, row, swiftest, watched, dt,
+                    rows, near_feature,
+                )  # fmt: skip
+            half = wp.float64(0.5) * skin
+            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)

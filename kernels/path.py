@@ -2,6 +2,7 @@
 
 import warp as wp
 
+FAR = 1.0e30  # time or distance without bound [s, m]
 Flight = wp.types.vector(12, wp.float64)  # place, velocity, acceleration, allowance [m], first and last step; last < 0: none
 
 

@@ -9,6 +9,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.path import FAR, Flight, in_flight
 from warpdem.kernels.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
@@ -105,15 +106,22 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         surface: Surface,
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
+        flight: wp.array(dtype=Flight),
         rows: Rows,
     ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either."""
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either.
+
+        All that are near one in flight.
+        """
         i = first + wp.tid()
         state = grains[i]
         q = g.position(state)
         radius = state[3]
         at = rows.first[i]
         n = int(0)
+        within = radius + wp.float64(wp.static(gap)) + travel
+        if in_flight(flight, i):
+            within = wp.float64(wp.static(FAR))
         last = rows.first[i + 1]
         if wp.static(leave):
             if g.gone(state):
@@ -121,8 +129,7 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         for e in range(at, last):
             c = near_feature[e]
             placement = placements[surface.motion[surface.wall[around.feature_of(surface, c)]]]
-            reach = radius + wp.float64(wp.static(gap)) + travel
-            if around.reached(surface, placement, c, q, radius, reach, travel) >= 0:
+            if around.reached(surface, placement, c, q, radius, within, travel) >= 0:
                 n = add(c, 1, at, n, rows.feature)
         rows.candidates[i] = n
         if n == 0:

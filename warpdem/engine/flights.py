@@ -18,10 +18,10 @@ from warpdem.kernels.wall.surface import Surface
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
 LEAST_STEPS = 8  # that a path must be good for
 MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
-PAIRS = 4_000_000  # of grains in flight that are looked at for one set of paths
+PAIRS, PAIRS_ANEW = 500_000, 8_000_000  # of grains in flight looked at, at most, for new paths and for those of before
 ROUNDS = 4  # of laying paths, each without those that the one before found too short
 LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
-LONGEST = 2**30  # steps
+LONGEST = 2**17  # steps of a path
 
 
 class Flights:
@@ -81,13 +81,17 @@ class Flights:
             ``stray`` without those that fly, and the slots of all that were meant to fly.
         """
         must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
-        lost = bool((stray & OFF_PATH).any())
+        lost = np.flatnonzero(stray & OFF_PATH)
         self._wait = max(self._wait - 1, 0)
         nobody = np.zeros(0, dtype=np.int64)
-        if not self._possible or not must.any() or not (lost or (hasty and not self._wait)):
+        if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
+            return stray, nobody
+        if len(lost) and (self.path.numpy().reshape(-1, 12)[lost, 10] > self.sim.step_number - LEAST_STEPS).any():
+            self._failed += 1  # not free at all
+            self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
         wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
-        flying = self.lay(wanted)
+        flying = self.lay(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
         helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
@@ -97,18 +101,29 @@ class Flights:
 
     def lay_anew(self, wanted: np.ndarray) -> None:
         """Lay paths against new lists, unless it has helped nothing lately."""
-        if self._failed <= 1 and len(self.lay(wanted)) == len(wanted):
+        if self._failed <= 1 and len(self.lay(wanted, pairs=PAIRS_ANEW)) == len(wanted):
             self._failed = self._wait = 0
 
-    def lay(self, wanted: np.ndarray) -> np.ndarray:
-        """Lay paths from the present places for the grains in slots ``wanted``; returns those that fly now, of them."""
+    def lay(self, wanted: np.ndarray, must: np.ndarray | None = None, pairs: int = PAIRS) -> np.ndarray:
+        """Lay paths from the present places.
+
+        Args:
+            wanted: slots of the grains that are to fly.
+            must: those without which it is no use, as a mask of all grains, shape (n,).
+            pairs: of grains in flight that may be looked at.
+
+        Returns:
+            Slots of those of ``wanted`` that fly now.
+        """
         sim, lists = self.sim, self.lists
         others = np.setdiff1d(self.slots, wanted)
-        if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > PAIRS:
-            return np.zeros(0, dtype=np.int64)
+        nobody = np.zeros(0, dtype=np.int64)
+        if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
+            return nobody
         self.laid += 1
         n = lists.known
-        path = np.full((n, 12), -1.0) if self.path.shape[0] != n else self.path.numpy().reshape(n, 12).copy()
+        path = np.full((n, 12), -1.0)
+        path[: self.path.shape[0]] = self.path.numpy().reshape(-1, 12)  # it has no row for newcomers yet
         path[wanted] = self._from_here(wanted)
         self.path = wp.array(path, dtype=Flight, device=sim.device)
         blocks = -(-n // BLOCK)
@@ -119,6 +134,7 @@ class Flights:
         if sim.plan.walls:
             walls = [sim.walls.surface, *sim.walls.mesh_arrays[:2]]
         rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
+        beside = lists.near_feature if sim.plan.walls else wp.zeros(0, dtype=wp.int32)
         state, split, kernels = sim.state.record, sim.threads.split, sim.kernels.paths
         for _ in range(ROUNDS):
             split(kernels.enclose, blocks, [state, lists.near_reference, self.path, low, high], sim.device)
@@ -126,13 +142,13 @@ class Flights:
             steps = lists.rooms.zeros(len(wanted), wp.int32)
             inputs = [
                 slots, all_slots, now, longest, state, lists.near_reference, self.path, low, high, *lists.near[:3], lists.skin,
-                rows, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
+                rows, beside, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
             ]  # fmt: skip
             split(kernels.lay, len(wanted), inputs, sim.device)
             found = steps.numpy()
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
-            if ends > MOST_ENDS:
+            if ends > MOST_ENDS or (must is not None and must[wanted[~good]].any()):
                 good[:] = False
             if good.all():
                 break

@@ -193,15 +193,26 @@ class Lists:
         if (stray & (BEYOND_NEAR | OFF_PATH)).any():
             return None, fast
         new = [slot for slot in self.flights.slots if slot not in known]
-        unlisted = len(new) and self.near[1].numpy()[new].any()  # all in the rows of those that fly is listed
+        unlisted = False  # all that is in the rows of those that fly is in the contact list
+        if new:
+            unlisted = self.near[1].numpy()[new].any() or (self.rows and np.diff(self.rows.first.numpy())[new].any())
         return not (stray & BEYOND_REACH).any() and not unlisted, fast
 
     def _let_in(self, placement: np.ndarray) -> bool:
-        """Whether newcomers could be added to the lists as they are."""
+        """Whether newcomers could be added to the lists as they are.
+
+        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid anew.
+        """
+        known, flying = self.known, self.flights.slots
         if not self._newcomers.add(placement):
             return False
-        flying = self.flights.slots
-        return len(flying) == 0 or len(self.flights.lay(flying)) == len(flying)
+        if not len(flying):
+            return True
+        new = known + np.flatnonzero(self.sim.state.here[known:])
+        for slots in (new, self.flights.slots):
+            if len(self.flights.lay(slots)) == len(slots):
+                return True
+        return False
 
     @property
     def next_margin(self) -> float:
@@ -438,7 +449,8 @@ class Lists:
 
     def close_inputs(self, placements: wp.array) -> list:
         """Arguments of ``close_features`` for the walls at ``placements``."""
-        return [0, self.sim.state.record, 0.5 * self.margin, self.sim.walls.surface, placements, self.near_feature, self.rows]
+        near = self.near_feature, self.flights.path, self.rows
+        return [0, self.sim.state.record, 0.5 * self.margin, self.sim.walls.surface, placements, *near]
 
     # -- made on the device -----------------------------------------------------------------------
 

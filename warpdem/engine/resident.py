@@ -150,7 +150,8 @@ class Launches:
             setattr(contacts, name, getattr(lists, name))
         contacts.trial = lists.trial if len(sim.plan.scheme.STAGES) > 1 else lists.memory
         contacts.next = lists.spare.memory
-        self.select, self.fill = lists.select_inputs, {**lists.fill_inputs, "memory": contacts.memory}
+        self.select = {**lists.select_inputs, "flight": lists.flights.path}
+        self.fill = {**lists.fill_inputs, "memory": contacts.memory}
 
     def key(self) -> tuple:
         """What the graph holds by value, between two near lists made by the host, which forgets all graphs."""

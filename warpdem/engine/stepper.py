@@ -124,6 +124,7 @@ class Stepper:
         """Structs of grains, packs and wall rows for the present lists."""
         lists = self.sim.lists
         if self._arguments_of == lists.version:
+            self._arguments[0].flight = lists.flights.path  # paths are laid between two lists too
             return self._arguments
         sim, loop = self.sim, self.sim.kernels.loop
         lane, lane_int = sim.kernels.pairs.Lane, sim.kernels.pairs.LaneInt
