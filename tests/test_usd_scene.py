@@ -286,7 +286,7 @@ def lost_target(stage):
     ("change", "parts"),
     [
         (stray, "/Stray.dem:rate: the prim is no physics scene"),
-        (joint, "/Hinge is a RevoluteJoint, which grains know nothing of"),
+        (joint, "/Hinge: PhysicsRevoluteJoint: joints, drives and tendons hold and move nothing here"),
         (hull, "/Hull: approximation = convexHull: walls are the true triangles"),
         (unlike_twin, "/Looks/g.physics:density says 2500.0, but /Looks/g.dem:density says 2600.0"),
         (unlike_pair, "/Looks/g.physics:restitution says 0.5, but /pair.dem:restitution says 0.7"),

@@ -55,7 +55,7 @@ class Simulation:
             the GPU's launches give the CPU's bits.
 
     Attributes:
-        notes: what is odd or was mended in the scene's meshes, for people.
+        notes: what of the scene's file was not taken, and what is odd or was mended in its meshes, for people.
 
     Raises:
         SceneError: if the scene cannot be run: no such device, a bad mesh, overlapping start, time step over its limit.
@@ -97,7 +97,7 @@ class Simulation:
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
             size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
-            self.notes = mesh_notes(scene, self.meshes)
+            self.notes = [*scene.notes, *mesh_notes(scene, self.meshes)]
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
