@@ -30,6 +30,14 @@ def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
     export(layer, path)
 
 
+def state_units(layer) -> None:
+    """Say in a layer that it is in metres and kilograms, z upwards, and that /World is what it is about."""
+    layer.defaultPrim = WORLD.removeprefix("/")
+    for key, value in ((UsdGeom.Tokens.metersPerUnit, 1.0), (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.z),
+                       (UsdPhysics.Tokens.kilogramsPerUnit, 1.0)):  # fmt: skip
+        layer.pseudoRoot.SetInfo(key, value)
+
+
 def export(layer, path: Path) -> None:
     """Write a layer, whole or not at all.
 
@@ -63,12 +71,9 @@ class _Writer:
 
     def __init__(self, stage: Usd.Stage, tables: dict[str, Any]) -> None:
         self.stage, self.tables = stage, tables
-        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-        UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+        state_units(stage.GetRootLayer())
         for path in (WORLD, WALLS.rsplit("/", 1)[0]):
             UsdGeom.Xform.Define(stage, path)
-        stage.SetDefaultPrim(stage.GetPrimAtPath(WORLD))
         for path in (MATERIALS, GRAINS, WALLS):
             UsdGeom.Scope.Define(stage, path)
         names = list(tables["materials"])
