@@ -152,8 +152,11 @@ def convert(
     """
     from warpdem.scene.convert import convert as write
 
-    write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
-    Console(highlight=False).print(f"wrote {target}")
+    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    console = Console(highlight=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"wrote {target}")
 
 
 @app.command

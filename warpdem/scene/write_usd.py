@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from warpdem.errors import SceneError
 from warpdem.scene.tables import names_file
 from warpdem.write_tables import not_written, replaced
 
@@ -24,6 +25,7 @@ def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
 
     Raises:
         OutputError: The file cannot be written.
+        SceneError: A table has a name that USD does not allow.
     """
     layer = Sdf.Layer.CreateAnonymous(path.suffix)
     _Writer(Usd.Stage.Open(layer), tables)
@@ -91,6 +93,11 @@ class _Writer:
         """Author the keys of a table as attributes, those of tables in it with longer names, lists of tables as children."""
         for key, value in table.items():
             name = f"{prefix}:{key}"
+            if not Sdf.Path.IsValidNamespacedIdentifier(name):
+                raise SceneError(
+                    f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}: USD has no such names: rename {key!r} with "
+                    "letters, digits and _ only, or write the scene as TOML"
+                )
             if isinstance(value, dict):
                 self.table(prim, value, name)
             elif isinstance(value, list) and value and isinstance(value[0], dict):

@@ -187,7 +187,8 @@ class _Stage:
             return
         numbers = np.atleast_1d(value).astype(float)
         given = table[key]
-        same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=ROUNDING * np.abs(numbers).max())
+        slack = max(ROUNDING * np.abs(numbers).max(), float(np.finfo(np.float32).tiny))
+        same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=slack)
         if not same:
             raise SceneError(
                 f"{self.file}: {origin} says {value}, but {self.origins[(*place, key)]} says {given} for {key}: make them "
