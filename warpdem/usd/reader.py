@@ -20,6 +20,9 @@ MEMORY_SLACK = 512 << 20
 """Memory that reading may take beyond `MEMORY_SHARE` times the file [bytes]."""
 MEMORY_SHARE = 10
 """Memory that reading may take per byte of the files it opens [-]."""
+SECONDS = 30.0
+"""Processor time that reading may take [s], with another second for each `BYTES_PER_SECOND`."""
+BYTES_PER_SECOND = 1e6
 SHAPES = {
     "Cube": ("size",),
     "Sphere": ("radius",),
@@ -37,6 +40,8 @@ PHYSICS = re.compile(r"(physics|physx|newton|mjc|omniphysics|omnigraph|isaac)", 
 """Beginnings of the names of schemas, and of parts of the names of attributes, that are about physics."""
 TRUE_TRIANGLES = ("none", "sdf")
 """Approximations of a collider that are none."""
+GRAINS = "SpherePointsShape"
+"""Kind of the physics parser's shapes that are grains."""
 GRAIN_ARRAYS = ("positions", "velocities", "spins", "radii", "diameters", "types")
 """Arrays of grains in float64, SI and frame axes, as primvars:dem:NAME."""
 STANDARD = {
@@ -70,6 +75,15 @@ def limit_memory(size: int) -> None:
         return  # another system than Linux, or one that allows less already: the time limit remains
 
 
+def limit_time(size: int) -> None:
+    """Let this process take so much processor time for a file of ``size`` bytes, where the system can hold it to that."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        seconds = int(SECONDS + size / BYTES_PER_SECOND)
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+
+
 def open_stage(file: str, folders: list[str]):
     """The stage of a file, with all that it refers to.
 
@@ -78,6 +92,7 @@ def open_stage(file: str, folders: list[str]):
     """
     from pxr import Usd
 
+    limit_time(os.path.getsize(file))
     limit_memory(os.path.getsize(file))
     if folders:
         stay_inside(file, folders)
@@ -364,14 +379,14 @@ def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
 
     physics = UsdPhysics.UsdPhysicsLoadStageFromPrimRange(stage, ["/"])
     bodies = {str(desc.primPath): desc for kind, (_, found) in physics.items() if str(kind) == "RigidBody" for desc in found}
-    records = {str(d.primPath): d for kind, (_, found) in physics.items() if str(kind) != "RigidBody" for d in found}
+    descs = [desc for kind, (_, found) in physics.items() if str(kind) != "RigidBody" for desc in found]
+    strange = next((d for d in descs if str(d.type).endswith("Shape") and str(d.type) not in (*COLLIDERS, GRAINS)), None)
+    if strange is not None:
+        raise Refused(f"{strange.primPath} is a {strange.type}, which is no wall; make a Mesh of it, or make it inactive")
+    # joints and what else a prim may be besides are found by their schemas
+    records = {str(desc.primPath): desc for desc in descs if str(desc.type) in (*COLLIDERS, *STANDARD, GRAINS)}
     kinds = {path: str(desc.type) for path, desc in records.items()}
-    strange = {p: k for p, k in kinds.items() if k.endswith("Shape") and k not in (*COLLIDERS, "SpherePointsShape")}
-    if strange:
-        path, kind = next(iter(strange.items()))
-        raise Refused(f"{path} is a {kind}, which is no wall; make a Mesh of it, or make it inactive")
-    kinds = {p: k for p, k in kinds.items() if k in (*COLLIDERS, *STANDARD, "SpherePointsShape")}
-    frames = sorted({t for p, k in kinds.items() if k == "SpherePointsShape" for t in frame_codes(stage.GetPrimAtPath(p))})
+    frames = sorted({t for p, k in kinds.items() if k == GRAINS for t in frame_codes(stage.GetPrimAtPath(p))})
     code = frame_code(frames, at, stage.GetTimeCodesPerSecond())
     prims, arrays, facts, beside = {}, {}, [], []
     for prim in all_prims(stage):
@@ -403,7 +418,7 @@ def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
             prims[path]["standard"] = {a.GetName(): plain(a) for a in given if a and a.HasAuthoredValue()}
         elif kind in COLLIDERS:
             prims[path] |= collider(prim, records[path], bodies)
-        elif kind == "SpherePointsShape":
+        elif kind == GRAINS:
             prims[path] |= grains_of(prim, records[path], bodies, bool(frames))
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)

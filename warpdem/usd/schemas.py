@@ -100,7 +100,8 @@ def _moves_in_place(prim: Prim) -> bool:
 def _rules() -> Iterator[Rule]:
     # the scene
     yield Rule(
-        "PhysicsScene physics:gravityDirection physics:gravityMagnitude newton:gravityEnabled newton:timeStepsPerSecond",
+        "PhysicsScene physics:gravityDirection physics:gravityMagnitude NewtonSceneAPI newton:gravityEnabled "
+        "newton:timeStepsPerSecond",
         "taken",
     )
     yield Rule(
@@ -117,8 +118,8 @@ def _rules() -> Iterator[Rule]:
     )
     # materials
     yield Rule(
-        "PhysicsMaterialAPI physics:dynamicFriction physics:restitution newton:rollingFriction newton:mpm:youngsModulus "
-        "newton:mpm:poissonsRatio",
+        "PhysicsMaterialAPI physics:dynamicFriction physics:restitution NewtonMaterialAPI newton:rollingFriction "
+        "newton:mpm:youngsModulus newton:mpm:poissonsRatio",
         "taken",
     )
     yield Rule("physics:density", "taken", when=lambda prim: prim.applied("PhysicsMaterialAPI"))
@@ -209,6 +210,11 @@ def _rules() -> Iterator[Rule]:
     # colliders
     yield Rule("PhysicsCollisionAPI physics:collisionEnabled PhysicsMeshCollisionAPI physics:simulationOwner", "taken")
     yield Rule("physics:approximation", "taken", when=lambda prim: prim.applied("PhysicsMeshCollisionAPI"))
+    yield Rule(
+        "physxCollision:restOffset newton:contactMargin",
+        "noted",
+        "not taken: a wall is where its triangles are, without any distance",
+    )
     yield Rule(
         "PhysxTriggerAPI",
         "refused",
