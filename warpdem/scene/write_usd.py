@@ -94,9 +94,9 @@ class _Writer:
         for key, value in table.items():
             name = f"{prefix}:{key}"
             if not Sdf.Path.IsValidNamespacedIdentifier(name):
+                place = f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}"
                 raise SceneError(
-                    f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}: USD has no such names: rename {key!r} with "
-                    "letters, digits and _ only, or write the scene as TOML"
+                    f"{place}: USD allows letters, digits and _ in names: rename {key!r}, or write the scene as TOML"
                 )
             if isinstance(value, dict):
                 self.table(prim, value, name)
