@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import BaseModel
+from usd_stages import validation_errors
 
 from warpdem import Scene, SceneError, load_scene
 from warpdem.cli import app
@@ -48,7 +49,10 @@ def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
     scene, options = load_scene(path, allow_paths=[SCENES]), {"allow_paths": [SCENES]}
     for source, target in ((path, "a.toml"), (tmp_path / "a.toml", "b.usda")):
         convert(source, tmp_path / target, **options)
-        assert plain(load_scene(tmp_path / target, **options)) == plain(scene)
+        again = load_scene(tmp_path / target, **options)
+        assert plain(again) == plain(scene)
+        assert again.notes == ()
+    assert validation_errors(tmp_path / "b.usda") == []
 
 
 def everything(folder: Path) -> Scene:
@@ -98,8 +102,27 @@ def everything(folder: Path) -> Scene:
             "borders": {"x": {"min": -3.0, "kind": "open"}, "z": {"min": -4.0, "max": 5.0, "kind": ["open", "stop"]}},
             "outlets": [{"name": "drain", "box": {"min": [0, 0, -3], "max": [1, 1, -2]}}],
             "streams": [{"material": "é", "box": {"min": [0, 0, 3], "max": [1, 1, 4]}, "diameter": 0.01, "count_rate": 5}],
+            "measures": {
+                "momentum": True,
+                "flow": [{"name": name, "point": [0, 0, 0], "normal": [0, 0, -1]} for name in ("a-b", "a_b")],
+                "regions": [{"name": "all"}, {"name": "bed", "box": {"min": [0, 0, 0], "max": [1, 1, 1]}}],
+                "mixing": [{"name": "list", "by": "material", "cell": "15 mm"}],
+                "grid": {"box": {"min": [0, 0, 0], "max": [1, 1, 1]}, "cell": 0.1},
+            },
+            "observers": [{"name": "v", "model": "speed", "reduce": ["mean", "max"]}],
+            "phases": [
+                {"name": "first", "time": {"end": 0.5}},
+                {
+                    "name": "second", "without": ["a_b"], "gravity": [0, 0, -1e-50], "materials": {"é": {"density": 1000.0}},
+                    "walls": [{"name": "a-b", "motion": {"velocity": [0, 0, 1]}},
+                              {"name": "new", "material": "steel", "sphere": {"centre": [0, 0, 9], "radius": 0.5}}],
+                    "measures": {"flow": [{"name": "late", "point": [0, 0, 0], "normal": [0, 0, 1]}]},
+                    "streams": [], "observers": [{"name": "v", "model": "speed", "reduce": ["min"]}],
+                },
+            ],
             "time": {"end": 1.0, "step": "auto"},
-            "output": {"formats": []},
+            "output": {"formats": ["vtkhdf"], "contacts": True, "orientation": True, "history_interval": "1 ms"},
+            "engine": {"skin": "0.1 mm", "guards": "record", "precision": "mixed"},
         },
         folder,
     )  # fmt: skip
@@ -116,6 +139,18 @@ def test_everything_that_a_scene_can_say_comes_back(tmp_path):
     text = (tmp_path / "b.usda").read_text(encoding="utf-8")
     for part in ('def Material "glass_bead"', 'def Material "glass_bead_2"', 'def "a_b_2"', 'def Points "first_layer"'):
         assert part in text
+    assert [validation_errors(tmp_path / name) for name in ("b.usda", "c.usdc")] == [[], []]
+
+
+def test_names_that_usd_does_not_allow_are_refused_in_words(tmp_path):
+    scene = everything(tmp_path)
+    phases = [{"name": "one", "materials": {"glass bead": {"density": 1e3}}}]
+    (tmp_path / "a.toml").write_text(
+        toml_text(scene_tables(scene, relative_to(tmp_path)) | {"phases": phases}), encoding="utf-8"
+    )
+    with pytest.raises(SceneError, match=r"one: materials.glass bead: USD allows letters, digits and _ in names: rename"):
+        convert(tmp_path / "a.toml", tmp_path / "b.usda")
+    assert not (tmp_path / "b.usda").exists()
 
 
 def test_a_user_can_read_what_is_written(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Usd, UsdGeom, UsdPhysics
+from usd_stages import validation_errors
 
 from warpdem import SceneError, Simulation, load_scene
 from warpdem.errors import WarpdemError
@@ -14,7 +15,16 @@ from warpdem.output.write_usd import UsdWriter
 from warpdem.output.write_vtk import VtkWriter, read_results
 from warpdem.runner import run_scene
 from warpdem.scene.file import scene_from_dict
-from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
+from warpdem.snapshot import (
+    FramePose,
+    Placement,
+    RotationPart,
+    SampledPart,
+    Snapshot,
+    TranslationPart,
+    WallLoad,
+    WallMesh,
+)
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 GRAINS = "/World/Frame/Grains"
@@ -290,6 +300,40 @@ def test_frame_without_grains_is_written(tmp_path):
     assert len(grains.GetPointsAttr().Get(0.0)) == 0
 
 
+def layers_of(folder) -> list[Path]:
+    """All stages and layers of a result."""
+    return [*folder.glob("*.usd?"), *(folder / "result_usd").glob("*.usd?")]
+
+
+def test_stages_and_all_their_layers_are_valid(tmp_path):
+    """With loads on walls, over several chunks, after a resume, and with grains that come after the first frame."""
+    load = WallLoad(np.ones(3), np.zeros(3), np.zeros(3), 0.0, np.zeros((2, 3)), np.array([1.0, 2.0]))
+    late = {"id": np.zeros(0, int), "position": np.zeros((0, 3)), "velocity": np.zeros((0, 3)), "spin": np.zeros((0, 3))}
+    late |= {name: np.zeros(0) for name in ("radius", "mass")} | {name: np.zeros(0, np.int32) for name in ("type", "group")}
+    for frames, options in ((range(5), {}), (range(3, 8), {"resume": True})):
+        writer = UsdWriter(tmp_path, [BOX, PADDLE], frames_per_chunk=3, **options)
+        for k in frames:
+            shot = replace(snapshot(k), loads={BOX.name: load})
+            writer.write(replace(shot, **late) if k == 0 else shot)
+    assert len(layers_of(tmp_path)) > 8
+    assert {path.name: validation_errors(path) for path in layers_of(tmp_path)} == {p.name: [] for p in layers_of(tmp_path)}
+
+
+def test_without_a_time_the_grains_are_those_of_the_first_frame_that_has_any(tmp_path):
+    write(tmp_path, range(5), seed=1)
+    write(tmp_path, range(3, 6), seed=2, resume=True)
+    stage, grains = open_grains(tmp_path)
+    assert_allclose(grains.GetPointsAttr().Get(), snapshot(0, seed=1).position, rtol=0, atol=SINGLE)
+    assert_allclose(grains.GetWidthsAttr().Get(), 2.0 * snapshot(0, seed=1).radius, rtol=SINGLE)
+    # and hide no frame
+    for k in range(6):
+        wanted = snapshot(k, seed=1 if k < 3 else 2).position
+        assert_allclose(grains.GetPointsAttr().Get(100.0 * k), wanted, rtol=0, atol=SINGLE)
+    # a chunk by itself plays at the same pace
+    chunk = Usd.Stage.Open(str(tmp_path / "result_usd" / "chunk_0000.usdc"))
+    assert chunk.GetTimeCodesPerSecond() == stage.GetTimeCodesPerSecond()
+
+
 def test_a_simulation_in_a_nested_frame_is_shown_where_it_stands(tmp_path, make_simulation):
     """Grains of the USD stage and of the VTK files, taken to the laboratory, are those of the simulation."""
     frame = [
@@ -397,9 +441,12 @@ def test_a_run_from_a_frame_goes_the_way_of_the_run_before(moved):
 
 def test_result_holds_all_it_needs_and_is_found_by_time(moved, tmp_path):
     folder, _ = moved
+    assert {path.name: validation_errors(path) for path in layers_of(folder)} == {p.name: [] for p in layers_of(folder)}
     # meshes lie beside the results, so that no other folder is asked for
     assert (folder / "result_usd" / "box.stl").is_file()
-    assert load_scene(folder / "result.usda", at=0.0).walls[0].mesh == "result_usd/box.stl"
+    first = load_scene(folder / "result.usda", at=0.0)
+    assert first.walls[0].mesh == "result_usd/box.stl"
+    assert first.notes == ("/World/Frame/Grains: not taken of the grains: primvars:orientation",)
     scene = load_scene(folder / "result.usda", at=0.06)
     assert scene.frame[0].elapsed == pytest.approx(0.05)
     with pytest.raises(SceneError, match="at = 0.2 s: its frames lie between 0 and 0.15 s"):

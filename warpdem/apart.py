@@ -44,6 +44,8 @@ def ask(program: str, arguments: Sequence[str], limit: float, head: str, library
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as held:
             arrays = {name: held[name] for name in held.files}
         said = json.loads(str(arrays.pop("answer")))
+    elif done.returncode == -getattr(signal, "SIGXCPU", 0):
+        said["refused"] = "reading it took more processor time than its size can need: damaged?"
     elif done.returncode < 0:
         said["refused"] = f"{library} crashed on it ({signal.Signals(-done.returncode).name}): damaged?"
     else:

@@ -166,8 +166,11 @@ def convert(
     from warpdem.scene.convert import convert as write
 
     require_usable("TARGET", target)
-    write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
-    Console(highlight=False).print(f"wrote {target}", markup=False)
+    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    console = Console(highlight=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"wrote {target}", markup=False)
 
 
 @app.command

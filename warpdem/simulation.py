@@ -59,7 +59,7 @@ class Simulation:
             the GPU's launches give the CPU's bits.
 
     Attributes:
-        notes: what is odd or was mended in the scene's meshes, for people.
+        notes: what of the scene's file was not taken, and what is odd or was mended in its meshes, for people.
 
     Raises:
         SceneError: if the scene cannot be run: no such device, a bad mesh, overlapping start, time step over its limit.
@@ -105,7 +105,7 @@ class Simulation:
             self.expected = joined(start, representatives(scene))
             needs.check_masses(scene, self.expected)
             size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
-            self.notes = mesh_notes(scene, self.meshes)
+            self.notes = [*scene.notes, *mesh_notes(scene, self.meshes)]
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             images = wall_images(scene, self.meshes, self.schedule, self.domain, self.expected.radius)

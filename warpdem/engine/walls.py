@@ -1,11 +1,14 @@
 """The walls of a scene on the device: triangles in float64, their trees, analytic shapes, materials and motions."""
 
+from pathlib import Path
+
 import numpy as np
 import warp as wp
 
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
 from warpdem.mesh.check import size_warning
 from warpdem.mesh.geometry import TriangleMesh, load_mesh, require_closed
+from warpdem.mesh.usd_geometry import NOT_READ
 from warpdem.scene.sizes import size_law
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
@@ -40,8 +43,10 @@ def mesh_notes(scene, meshes: dict[str, TriangleMesh]) -> list[str]:
         if wall.mesh is None:
             continue
         key, mesh = f"walls[{number}].mesh", meshes[wall.name]
-        # borders are meant where a scene says that a mesh is open
-        notes += [f"{key}: {mesh.name}: {note}" for note in mesh.notes if not (wall.open and "open edges" in note)]
+        # borders are meant where a scene says that a mesh is open; the physics of its own stage a scene in USD has read
+        own = scene.resolve(wall.mesh).resolve() == Path(scene.source).resolve()
+        known = ["open edges"] * wall.open + [NOT_READ] * own
+        notes += [f"{key}: {mesh.name}: {note}" for note in mesh.notes if not any(words in note for words in known)]
     return notes
 
 

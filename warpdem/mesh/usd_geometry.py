@@ -19,6 +19,8 @@ from warpdem.usd import stage as usd_stage
 
 SEGMENTS = 96
 """Facets of a round shape [-]: it lies at most 5.4e-4 of its radius inside the true one."""
+NOT_READ = "physics is not read"
+"""Words of the notes on physics that a mesh file does not bring along; a scene in USD has read that of its own stage."""
 NOTHING = 2.0**-40
 """A coordinate this small against the largest is 0 [-]: what the cosine of a right angle leaves, far below float32."""
 AXES = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}
@@ -63,6 +65,7 @@ def _notes(said: dict) -> list[str]:
     """What a user may want to know about the surfaces of a stage."""
     surfaces = said["surfaces"]
     notes = [f"the file does not say its {unsaid}" for unsaid in said["unsaid"]]
+    notes += said["noticed"]
     notes += [f"left out: {', '.join(said['left_out'])}"] if said["left_out"] else []
     for surface in surfaces:
         if surface["kind"] not in ("Mesh", "Cube", "Plane"):
@@ -78,7 +81,9 @@ def _notes(said: dict) -> list[str]:
                 f"{surface['path']} is taken at time 0; wall.motion = {{usd, prim}} lets it follow its samples"
             )
     materials = sorted({surface["material"] for surface in surfaces if surface["material"]})
-    notes += [f"bound material: {', '.join(materials)} (its physics is not read)"] if materials else []
+    notes += [f"bound material: {', '.join(materials)} (its {NOT_READ})"] if materials else []
+    physics, more = said["physics"], max(0, len(said["physics"]) - 8)
+    notes += [f"{NOT_READ}: {', '.join(physics[:8])}{f' and {more} more' * (more > 0)}"] if physics else []
     return notes
 
 

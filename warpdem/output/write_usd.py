@@ -3,6 +3,7 @@
     result.usda              small root layer over the scene: units, frame motion, wall motion, lists of chunks
     scene.usda               the scene as it was run
     result_usd/walls.usdc    wall meshes, written once
+    result_usd/grains.usdc   grains of the first frame that has any, for readers that ask for no time
     result_usd/chunk_0000.usdc ...   grains in single precision and loads on walls, some frames each, for viewers
     result_usd/state_0000.usdc ...   the same grains in float64, to start from
     result_usd/manifest.usda, state.usda   names of what the chunks hold
@@ -28,7 +29,7 @@ from warpdem.scene.tables import relative_to, scene_tables
 from warpdem.scene.write_usd import GRAINS as _SOURCES
 from warpdem.scene.write_usd import MATERIALS as _MATERIALS
 from warpdem.scene.write_usd import WALLS as _WALLS
-from warpdem.scene.write_usd import export, unused_paths, write_usd_scene
+from warpdem.scene.write_usd import export, state_units, unused_paths, write_usd_scene
 from warpdem.snapshot import (
     FramePose,
     Placement,
@@ -46,6 +47,7 @@ ROOT = "result.usda"
 SCENE = "scene.usda"
 
 _PARTS = "result_usd"
+_FIRST = f"./{_PARTS}/grains.usdc"
 _FRAME = "/World/Frame"
 _GRAINS = "/World/Frame/Grains"
 
@@ -86,7 +88,9 @@ _GLASS = (0.70, 0.78, 0.85)
 class _Clips:
     """Frames of some attributes in files, some frames each, that the root layer plays as one set of value clips."""
 
-    def __init__(self, folder: Path, name: str, file: str, types: dict[str, str], frames: int, overlap: bool) -> None:
+    def __init__(
+        self, folder: Path, name: str, file: str, types: dict[str, str], rate: float, frames: int, overlap: bool
+    ) -> None:
         """Write the manifest.
 
         Args:
@@ -94,10 +98,12 @@ class _Clips:
             name: Name of the set.
             file: Name of its files, and of its manifest.
             types: Type of each attribute, by path.
+            rate: Time codes in one second [1/s].
             frames: Most frames in one file; fewer when they are large.
             overlap: Whether a file begins with the last frame of the one before, so that viewers interpolate across.
         """
-        self._folder, self._file, self._types, self._frames, self._overlap = folder, file, types, frames, overlap
+        self._folder, self._file, self._types, self._rate = folder, file, types, rate
+        self._frames, self._overlap = frames, overlap
         self.name = name
         self.clips: list[tuple[float, str]] = []
         self._layer = None
@@ -140,6 +146,8 @@ class _Clips:
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(suffix)
+        state_units(layer)
+        layer.timeCodesPerSecond = self._rate
         for path, kind in self._types.items():
             prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
             Sdf.AttributeSpec(prim, Sdf.Path(path).name, Sdf.ValueTypeNames.Find(kind))
@@ -223,8 +231,8 @@ class UsdWriter:
         state = {f"{_GRAINS}.{name}": kind for name, kind in _STATE.items()}
         many = self._frames_per_chunk
         self._sets = [
-            _Clips(self._folder, "default", "chunk", shown, many, overlap=True),
-            _Clips(self._folder, "state", "state", state, many, overlap=False),
+            _Clips(self._folder, "default", "chunk", shown, self._rate, many, overlap=True),
+            _Clips(self._folder, "state", "state", state, self._rate, many, overlap=False),
         ]
         self._root = _root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate)
         # only now that the stage of _root_layer is gone: it would look for the sublayers beside a layer without a place
@@ -271,6 +279,8 @@ class UsdWriter:
         """Take over what an earlier run wrote for times before ``code``."""
         if earlier.startTimeCode >= code:
             return
+        if _FIRST in earlier.subLayerPaths:
+            self._root.subLayerPaths.append(_FIRST)
         self._root.startTimeCode = earlier.startTimeCode
         paths = [*_frame_samples(self._first_frame)]
         paths += [f"{path}.{op}" for path in self._wall_paths.values() for op in _PLACEMENT_OPS]
@@ -285,6 +295,10 @@ class UsdWriter:
 
     def _write_sample(self, snapshot: Snapshot, code: float) -> None:
         shown, state = self._shown(snapshot), _state(snapshot)
+        if len(snapshot.id) and _FIRST not in self._root.subLayerPaths:
+            export(_first_layer(shown), self._folder / _FIRST)
+            # a layer below that of the clips, which values of no time beside them would hide
+            self._root.subLayerPaths.append(_FIRST)
         for clips, samples in zip(self._sets, (shown, state), strict=True):
             clips.add(code, samples, sum(_bytes(value) for value in samples.values()))
         self._root.GetPrimAtPath(_GRAINS).SetInfo("clips", {clips.name: clips.described(_GRAINS) for clips in self._sets})
@@ -344,16 +358,14 @@ _PLACEMENT_OPS = ("xformOp:translate", "xformOp:orient")
 
 def _root_layer(frame: FramePose, wall_paths: list[str], rate: float):
     """Root layer without frames: units, prims, transform ops."""
-    from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+    from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usda")
     stage = Usd.Stage.Open(layer)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    state_units(layer)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(25.0)
-    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    UsdGeom.Xform.Define(stage, "/World")
     _author_frame_ops(stage, frame)
     grains = UsdGeom.Points.Define(stage, _GRAINS)
     # a stage has only those attributes of its clips that a layer declares
@@ -434,6 +446,7 @@ def _walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str,
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
+    state_units(layer)
     stage = Usd.Stage.Open(layer)
     UsdGeom.Scope.Define(stage, _WALLS)
     for wall in walls:
@@ -452,6 +465,19 @@ def _walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str,
         mesh.CreateDisplayOpacityAttr(Vt.FloatArray([0.3]))
         if wall.name in loaded:
             UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("pressure", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
+    return layer
+
+
+def _first_layer(shown: dict[str, object]):
+    """Layer with places and sizes of the grains of a frame, for no time in particular."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    state_units(layer)
+    grains = Sdf.CreatePrimInLayer(layer, _GRAINS)
+    for name in ("points", "widths", "extent"):
+        attribute = Sdf.AttributeSpec(grains, name, Sdf.ValueTypeNames.Find(_SHOWN[name]))
+        attribute.default = shown[f"{_GRAINS}.{name}"]
     return layer
 
 

@@ -21,7 +21,7 @@ def convert(
     overwrite: bool = False,
     allow_paths: Sequence[Path] = (),
     plugins: Sequence[Path] = (),
-) -> None:
+) -> tuple[str, ...]:
     """Write the scene of ``source`` to ``target``: the same scene when it is read again.
 
     Numbers come out in SI; comments, and what a stage says beside the scene, stay behind. Files that the scene names are
@@ -34,6 +34,9 @@ def convert(
         overwrite: Allow a target that exists.
         allow_paths: As ``load_scene`` takes them.
         plugins: As ``load_scene`` takes them.
+
+    Returns:
+        Notes on what of the source the scene has no place for, and the target therefore lacks.
 
     Raises:
         SceneError: The scene is wrong, or the target exists or has another ending.
@@ -51,7 +54,8 @@ def convert(
     if target.suffix.lower() == ".toml":
         with replaced(target) as part:
             part.write_text(toml_text(tables), encoding="utf-8")
-        return
+        return scene.notes
     from warpdem.scene.write_usd import write_usd_scene
 
     write_usd_scene(target, tables)
+    return scene.notes

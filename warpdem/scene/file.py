@@ -45,11 +45,11 @@ def load_scene(
         SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
     file = paths.expanded(path)
-    access, origins, time = access_of_file(file.parent, allow_paths, plugins), {}, 0.0
+    access, origins, time, notes = access_of_file(file.parent, allow_paths, plugins), {}, 0.0, ()
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():
             raise SceneError(f"{file}: no such file{_similar_files(file)}")
-        data, origins, time = usd_scene.read(file, at, access.folders)
+        data, origins, time, notes = usd_scene.read(file, at, access.folders)
     else:
         if at is not None:
             raise SceneError(f"{path}: at = {at:g} s: only the result stage of a run (result.usda) has frames to start from")
@@ -57,6 +57,7 @@ def load_scene(
     for override in overrides:
         _apply_override(data, override, str(path))
     scene = scene_from_dict(data, file.parent, str(path), access, origins)
+    scene = scene.model_copy(update={"notes": tuple(notes)}) if notes else scene
     return scene.later(time) if time > 0.0 else scene
 
 

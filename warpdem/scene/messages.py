@@ -16,7 +16,7 @@ from warpdem.scene.start import Phase
 
 MAX_PROBLEMS = 7
 """Problems listed in one message [-]: two lines each, so that it stays on one screen."""
-PYTHON_ONLY = ("base", "access", "source")
+PYTHON_ONLY = ("base", "access", "source", "notes")
 """Keys of the scene that only Python may set: they say where it came from and what it may reach."""
 
 Place = tuple[str | int, ...]

@@ -386,6 +386,9 @@ class Scene(SceneModel):
     output: Output = Field(Output(), description="What is written, and how often.")
     engine: Engine = Field(Engine(), description="How the run is computed.")
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
+    notes: SkipJsonSchema[tuple[str, ...]] = Field(
+        (), exclude=True, description="What of the file is not taken into the scene, for people."
+    )
 
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
@@ -531,7 +534,7 @@ class Scene(SceneModel):
         return self.model_dump(mode="json", exclude_unset=True, exclude={"grains", "start", "phases", "title"})
 
     def _phase(self, number: int, data: dict[str, Any]) -> "Scene":
-        kept = {"base": self.base, "access": self.access, "source": self.source}
+        kept = {"base": self.base, "access": self.access, "source": self.source, "notes": self.notes}
         name = self.phases[number].name
         begin = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
         return Scene(**{**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})

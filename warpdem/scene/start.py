@@ -47,7 +47,7 @@ class Phase(SceneModel):
         return self.model_extra or {}
 
 
-NOT_IN_A_PHASE = ("base", "access", "source", "title", "grains", "start", "phases")
+NOT_IN_A_PHASE = ("base", "access", "source", "notes", "title", "grains", "start", "phases")
 _NAMED = {"walls": "name", "outlets": "name", "observers": "name", "pairs": "materials"}
 """Lists whose entries are known by a key."""
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from warpdem.errors import SceneError
 from warpdem.scene.tables import names_file
 from warpdem.write_tables import not_written, replaced
 
@@ -24,10 +25,19 @@ def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
 
     Raises:
         OutputError: The file cannot be written.
+        SceneError: A table has a name that USD does not allow.
     """
     layer = Sdf.Layer.CreateAnonymous(path.suffix)
     _Writer(Usd.Stage.Open(layer), tables)
     export(layer, path)
+
+
+def state_units(layer) -> None:
+    """Say in a layer that it is in metres and kilograms, z upwards, and that /World is what it is about."""
+    layer.defaultPrim = WORLD.removeprefix("/")
+    for key, value in ((UsdGeom.Tokens.metersPerUnit, 1.0), (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.z),
+                       (UsdPhysics.Tokens.kilogramsPerUnit, 1.0)):  # fmt: skip
+        layer.pseudoRoot.SetInfo(key, value)
 
 
 def export(layer, path: Path) -> None:
@@ -63,12 +73,9 @@ class _Writer:
 
     def __init__(self, stage: Usd.Stage, tables: dict[str, Any]) -> None:
         self.stage, self.tables = stage, tables
-        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-        UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+        state_units(stage.GetRootLayer())
         for path in (WORLD, WALLS.rsplit("/", 1)[0]):
             UsdGeom.Xform.Define(stage, path)
-        stage.SetDefaultPrim(stage.GetPrimAtPath(WORLD))
         for path in (MATERIALS, GRAINS, WALLS):
             UsdGeom.Scope.Define(stage, path)
         names = list(tables["materials"])
@@ -86,6 +93,11 @@ class _Writer:
         """Author the keys of a table as attributes, those of tables in it with longer names, lists of tables as children."""
         for key, value in table.items():
             name = f"{prefix}:{key}"
+            if not Sdf.Path.IsValidNamespacedIdentifier(name):
+                place = f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}"
+                raise SceneError(
+                    f"{place}: USD allows letters, digits and _ in names: rename {key!r}, or write the scene as TOML"
+                )
             if isinstance(value, dict):
                 self.table(prim, value, name)
             elif isinstance(value, list) and value and isinstance(value[0], dict):

@@ -20,6 +20,9 @@ MEMORY_SLACK = 512 << 20
 """Memory that reading may take beyond `MEMORY_SHARE` times the file [bytes]."""
 MEMORY_SHARE = 10
 """Memory that reading may take per byte of the files it opens [-]."""
+SECONDS = 30.0
+"""Processor time that reading may take [s], with another second for each `BYTES_PER_SECOND`."""
+BYTES_PER_SECOND = 1e6
 SHAPES = {
     "Cube": ("size",),
     "Sphere": ("radius",),
@@ -33,6 +36,12 @@ WITHOUT_SURFACE = ("Points", "Curves")
 """Ends of the schema names of what has no surface and is left out."""
 COLLIDERS = ("MeshShape", "CubeShape", "SphereShape", "CylinderShape", "ConeShape", "CapsuleShape", "PlaneShape")
 """Kinds of the physics parser's shapes that are walls."""
+PHYSICS = re.compile(r"(physics|physx|newton|mjc|omniphysics|omnigraph|isaac)", re.IGNORECASE)
+"""Beginnings of the names of schemas, and of parts of the names of attributes, that are about physics."""
+TRUE_TRIANGLES = ("none", "sdf")
+"""Approximations of a collider that are none."""
+GRAINS = "SpherePointsShape"
+"""Kind of the physics parser's shapes that are grains."""
 GRAIN_ARRAYS = ("positions", "velocities", "spins", "radii", "diameters", "types")
 """Arrays of grains in float64, SI and frame axes, as primvars:dem:NAME."""
 STANDARD = {
@@ -43,6 +52,11 @@ STANDARD = {
     ),
 }  # fmt: skip
 """Attributes of UsdPhysics and of Newton's schemas that a scene takes, by the kind of the prim."""
+GRAINS_TAKEN = re.compile(
+    r"(points|widths|velocities|ids|extent|visibility|purpose|doubleSided|orientation|proxyPrim)$|(xformOp|material:binding|dem)[:O]"
+    r"|primvars:(widths|omega|group|display\w+|dem:(" + "|".join(GRAIN_ARRAYS) + r"))(:|$)"
+)
+"""Attributes of grains that are taken, or that say how they look."""
 
 
 class Refused(Exception):
@@ -61,6 +75,15 @@ def limit_memory(size: int) -> None:
         return  # another system than Linux, or one that allows less already: the time limit remains
 
 
+def limit_time(size: int) -> None:
+    """Let this process take so much processor time for a file of ``size`` bytes, where the system can hold it to that."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        seconds = int(SECONDS + size / BYTES_PER_SECOND)
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+
+
 def open_stage(file: str, folders: list[str]):
     """The stage of a file, with all that it refers to.
 
@@ -69,6 +92,7 @@ def open_stage(file: str, folders: list[str]):
     """
     from pxr import Usd
 
+    limit_time(os.path.getsize(file))
     limit_memory(os.path.getsize(file))
     if folders:
         stay_inside(file, folders)
@@ -78,7 +102,44 @@ def open_stage(file: str, folders: list[str]):
     errors = stage.GetCompositionErrors()
     if errors:
         raise Refused(f"what it refers to cannot be put together: {str(errors[0])[:300]}")
+    for layer in stage.GetUsedLayers():
+        missing = [name for name in clip_assets(layer) if "#" not in name and not resolved(layer, name)]
+        if missing:
+            raise Refused(f"{layer.GetDisplayName()}: a value clip is missing: {missing[0]!r}")
     return stage
+
+
+def unchosen_variants(stage) -> list[str]:
+    """Notes on sets of variants of which none is chosen, so that USD leaves all of them out.
+
+    Raises:
+        Refused: a variant is chosen that does not exist; USD would leave out in silence what it should hold.
+    """
+    found = []
+    for prim in all_prims(stage):
+        sets = prim.GetVariantSets()
+        for name in sets.GetNames() if prim.HasVariantSets() else ():
+            chosen, there = sets.GetVariantSelection(name), sets.GetVariantSet(name).GetVariantNames()
+            if chosen and chosen not in there:
+                listed = ", ".join(there) or "none"
+                raise Refused(f"{prim.GetPath()}: variant {name} = {chosen!r}: no such variant; there is {listed}")
+            if there and not chosen:
+                found.append(f"{prim.GetPath()}: no variant of {name} is chosen ({', '.join(there)}): all are left out")
+    return found
+
+
+def all_prims(stage):
+    """All live, defined prims of a stage, those within instances too."""
+    from pxr import Usd
+
+    return Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+
+
+def resolved(layer, name: str) -> str:
+    """Where an asset that a layer names lies; empty if nowhere."""
+    from pxr import Ar, Sdf
+
+    return str(Ar.GetResolver().Resolve(Sdf.ComputeAssetPathRelativeToLayer(layer, name)))
 
 
 def stay_inside(file: str, folders: list[str]) -> None:
@@ -97,9 +158,11 @@ def stay_inside(file: str, folders: list[str]) -> None:
         clips = clip_assets(layer)
         for asset in [*layer.GetCompositionAssetDependencies(), *clips]:
             name = asset.split(":SDF_FORMAT_ARGS:")[0]
+            if not name:
+                continue  # a prim of the same file
             if name.startswith("`") or "#" in name or re.match(r"\w[\w+.-]+:", name):
                 raise Refused(f"{layer.GetDisplayName()} refers to {name!r}: read are files by their plain names only")
-            path = str(Ar.GetResolver().Resolve(Sdf.ComputeAssetPathRelativeToLayer(layer, name)))
+            path = resolved(layer, name)
             outer = Path(Ar.SplitPackageRelativePathOuter(path)[0]).resolve()
             if path and not any(outer.is_relative_to(folder) for folder in folders):
                 raise Refused(
@@ -199,9 +262,13 @@ def read_geometry(stage, path: str) -> tuple[dict, dict[str, np.ndarray]]:
 
     top = prim_at(stage, path, "Gprim") if path else stage.GetPseudoRoot()
     surfaces, arrays, left_out = [], {}, []
+    noticed, physics = [], [words for words in map(physics_words, carriers(top)) if words]
     cache = UsdGeom.XformCache(0.0)
     for prim in Usd.PrimRange(top, Usd.TraverseInstanceProxies()):
         name = str(prim.GetPath())
+        physics += [words] if (words := physics_words(prim)) else []
+        if prim != top and prim.HasAttribute("visibility") and prim.GetAttribute("visibility").ValueMightBeTimeVarying():
+            noticed.append(f"{name}: its visibility changes with time; it is taken as it is at time 0")
         if prim.IsA(UsdGeom.PointInstancer):
             raise Refused(f"{name} is a point instancer, which is not read; make its instances prims of their own")
         if not prim.IsA(UsdGeom.Gprim):
@@ -230,7 +297,22 @@ def read_geometry(stage, path: str) -> tuple[dict, dict[str, np.ndarray]]:
         raise Refused(
             f"the stage holds {len(surfaces)} surfaces ({names}): say with prim which one, or what they stand in"
         )
-    return {"surfaces": surfaces, "left_out": left_out}, arrays
+    return {"surfaces": surfaces, "left_out": left_out, "noticed": noticed, "physics": physics}, arrays
+
+
+def carriers(prim) -> list:
+    """What a prim stands in, the nearest first."""
+    found = []
+    while not prim.IsPseudoRoot() and not (prim := prim.GetParent()).IsPseudoRoot():
+        found.append(prim)
+    return found
+
+
+def physics_words(prim) -> str:
+    """The physics of a prim in words, which geometry leaves out; empty if it has none, or is no more than a collider."""
+    said = physics_of(prim, "")
+    names = [name for name in (said.get("schemas") or said.get("values", ())) if name != "PhysicsCollisionAPI"]
+    return f"{prim.GetPath()} ({', '.join(names)})" if names else ""
 
 
 def about(prim) -> dict:
@@ -293,22 +375,35 @@ def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
     Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, one of `COLLIDERS`, or Table), the nearest
     such prim ``above`` it, its tables ``dem``, the bound ``material``, and what its kind has; arrays are of grains.
     """
-    from pxr import Usd, UsdPhysics
+    from pxr import UsdGeom, UsdPhysics
 
     physics = UsdPhysics.UsdPhysicsLoadStageFromPrimRange(stage, ["/"])
     bodies = {str(desc.primPath): desc for kind, (_, found) in physics.items() if str(kind) == "RigidBody" for desc in found}
-    records = {str(d.primPath): d for kind, (_, found) in physics.items() if str(kind) != "RigidBody" for d in found}
+    descs = [desc for kind, (_, found) in physics.items() if str(kind) != "RigidBody" for desc in found]
+    strange = next((d for d in descs if str(d.type).endswith("Shape") and str(d.type) not in (*COLLIDERS, GRAINS)), None)
+    if strange is not None:
+        raise Refused(f"{strange.primPath} is a {strange.type}, which is no wall; make a Mesh of it, or make it inactive")
+    # joints and what else a prim may be besides are found by their schemas
+    records = {str(desc.primPath): desc for desc in descs if str(desc.type) in (*COLLIDERS, *STANDARD, GRAINS)}
     kinds = {path: str(desc.type) for path, desc in records.items()}
-    strange = {p: k for p, k in kinds.items() if k not in (*COLLIDERS, *STANDARD, "SpherePointsShape")}
-    if strange:
-        path, kind = next(iter(strange.items()))
-        raise Refused(f"{path} is a {kind}, which grains know nothing of; take it out, or make it inactive")
-    frames = sorted({t for p, k in kinds.items() if k == "SpherePointsShape" for t in frame_codes(stage.GetPrimAtPath(p))})
+    frames = sorted({t for p, k in kinds.items() if k == GRAINS for t in frame_codes(stage.GetPrimAtPath(p))})
     code = frame_code(frames, at, stage.GetTimeCodesPerSecond())
-    prims, arrays = {}, {}
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+    prims, arrays, facts, beside = {}, {}, [], []
+    for prim in all_prims(stage):
         path, tables = str(prim.GetPath()), dem_tables(prim)
         kind = kinds.get(path) or ("Table" if "list" in tables else "")
+        said = physics_of(prim, kind)
+        facts += [said] if said else []
+        if not kind and prim.IsA(UsdGeom.PointInstancer):
+            beside.append(instancer(prim))
+        collides = prim.HasAPI(UsdPhysics.CollisionAPI) and UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get()
+        if collides and not kind:
+            raise Refused(
+                f"{path} collides (PhysicsCollisionAPI) but is {a_kind(prim)}, which is no wall: apply the schema to each Mesh "
+                "or shape that is one"
+            )
+        if not kind and prim.IsA(UsdGeom.Gprim):
+            beside.append(path)
         if not kind:
             if tables:
                 raise Refused(
@@ -323,12 +418,124 @@ def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
             prims[path]["standard"] = {a.GetName(): plain(a) for a in given if a and a.HasAuthoredValue()}
         elif kind in COLLIDERS:
             prims[path] |= collider(prim, records[path], bodies)
-        elif kind == "SpherePointsShape":
+        elif kind == GRAINS:
+            prims[path] |= grains_of(prim, records[path], bodies, bool(frames))
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
     if not (np.isfinite(kilograms) and kilograms > 0.0):
         raise Refused(f"kilogramsPerUnit = {kilograms:g}, must be above 0")
-    return {"prims": list(prims.values()), "kilograms": kilograms, "code": code if frames else None}, arrays
+    check_overs(stage)
+    found = {"prims": list(prims.values()), "physics": facts, "beside": beside}
+    return {**found, "kilograms": kilograms, "code": code if frames else None}, arrays
+
+
+def a_kind(prim) -> str:
+    """Type of a prim with its article, for messages."""
+    return f"a {prim.GetTypeName()}" if prim.GetTypeName() else "of no type"
+
+
+def instancer(prim) -> str:
+    """Path of a point instancer.
+
+    Raises:
+        Refused: what it repeats is more than a picture.
+    """
+    from pxr import Usd, UsdGeom
+
+    path = prim.GetPath()
+    for target in UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets():
+        top = prim.GetStage().GetPrimAtPath(target)
+        for part in Usd.PrimRange(top, Usd.TraverseInstanceProxies()) if top else ():
+            if physics_of(part, "") or dem_tables(part):
+                raise Refused(
+                    f"{path} is a point instancer of {part.GetPath()}, which has physics: it is not read; make its instances "
+                    "prims of their own (grains: Points)"
+                )
+    return f"{path} (a point instancer)"
+
+
+def physics_of(prim, kind: str) -> dict:
+    """What a prim says about physics, in schemas and attributes known here or not; empty if nothing.
+
+    Returns:
+        The fields of `warpdem.usd.schemas.Prim`.
+    """
+    from pxr import Usd
+
+    info = prim.GetPrimTypeInfo()
+    kind_of_prim = str(info.GetTypeName())
+    schemas = [str(name) for name in info.GetAppliedAPISchemas() if PHYSICS.match(str(name))]
+    values, sampled = {}, []
+    for prop in prim.GetAuthoredProperties():
+        name = prop.GetName()
+        if not any(PHYSICS.match(part) for part in name.split(":")) and name != "node:type":
+            continue
+        if name.startswith(("material:binding", "dem:", "primvars:")):
+            continue
+        if isinstance(prop, Usd.Relationship):
+            values[name] = [str(target) for target in prop.GetTargets()]
+        elif prop.HasAuthoredValue():
+            values[name] = brief(prop)
+            sampled += [name] if prop.ValueMightBeTimeVarying() else []
+    physical = kind_of_prim if PHYSICS.match(kind_of_prim) else ""
+    if not (physical or schemas or values):
+        return {}
+    said = {"path": str(prim.GetPath()), "type": physical, "schemas": schemas, "values": values, "sampled": sampled}
+    return {**said, "kind": kind, "moves": has_samples(prim)}
+
+
+def has_samples(prim) -> bool:
+    """Whether the own transform of a prim has time samples."""
+    from pxr import UsdGeom
+
+    xform = UsdGeom.Xformable(prim)
+    return bool(xform and xform.GetTimeSamples())
+
+
+def brief(attribute) -> object:
+    """Value of an attribute of another program as JSON has it; of long ones their length."""
+    value = attribute.Get(0.0)
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    if hasattr(value, "__len__") and len(value) > 16:
+        return f"{len(value)} values"
+    try:
+        numbers = np.array(value)
+    except (TypeError, ValueError):
+        return str(value)
+    return numbers.tolist() if numbers.dtype.kind in "fiub" else str(value)
+
+
+def check_overs(stage) -> None:
+    """Look for prims that are changed but nowhere defined: USD passes over them in silence.
+
+    Raises:
+        Refused: one has something to say about the scene, as one does whose path is misspelt.
+    """
+    from pxr import Usd
+
+    for prim in Usd.PrimRange.AllPrims(stage.GetPseudoRoot()):
+        if prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract() and (physics_of(prim, "") or dem_tables(prim)):
+            raise Refused(f"{prim.GetPath()} is an over, and nothing defines the prim; correct its path, or take it out")
+
+
+def grains_of(prim, desc, bodies: dict, frames: bool) -> dict:
+    """Whether grains collide, the names of their attributes that are not taken, and of those of which one sample is.
+
+    Raises:
+        Refused: they would be one rigid body.
+    """
+    body = bodies.get(str(desc.rigidBody))
+    if body is not None and body.rigidBodyEnabled and desc.collisionEnabled:
+        raise Refused(
+            f"{prim.GetPath()}: its points would be one stiff body, by PhysicsRigidBodyAPI at {desc.rigidBody}; grains move "
+            "each by itself: take the schema out"
+        )
+    names = [attribute.GetName() for attribute in prim.GetAuthoredAttributes() if attribute.HasAuthoredValue()]
+    left = [name for name in names if not GRAINS_TAKEN.match(name)]
+    left = [name for name in left if not any(PHYSICS.match(part) for part in name.split(":"))]
+    moving = [name for name in ("points", "widths", "velocities", "ids") if prim.GetAttribute(name).ValueMightBeTimeVarying()]
+    return {"enabled": bool(desc.collisionEnabled), "left": left, "moving": [] if frames else moving}
 
 
 def above_of(path: str) -> list[str]:
@@ -410,7 +617,9 @@ def collider(prim, desc, bodies: dict) -> dict:
     from pxr import UsdGeom, UsdPhysics
 
     path = str(prim.GetPath())
-    if getattr(desc, "approximation", "none") != "none":
+    if not desc.collisionEnabled:
+        return {"enabled": False}
+    if getattr(desc, "approximation", "none") not in TRUE_TRIANGLES:
         raise Refused(f"{path}: approximation = {desc.approximation}: walls are the true triangles, so it must be none")
     if len({str(material) for material in desc.materials}) > 1:
         raise Refused(f"{path}: its parts have different physics materials; a wall has one")
@@ -420,7 +629,7 @@ def collider(prim, desc, bodies: dict) -> dict:
         "axis": str(getattr(desc, "axis", "Z")),
         "radius": float(prim.GetAttribute("radius").Get(0.0)) if prim.HasAttribute("radius") else 0.0,
         "moves": bool(sample_codes(prim)),
-        "enabled": bool(desc.collisionEnabled),
+        "enabled": True,
     }
     body = bodies.get(str(desc.rigidBody))
     if body is None or not body.rigidBodyEnabled:
@@ -431,14 +640,38 @@ def collider(prim, desc, bodies: dict) -> dict:
         )
     moved, cache = prim.GetStage().GetPrimAtPath(desc.rigidBody), UsdGeom.XformCache(0.0)
     rigid = UsdPhysics.RigidBodyAPI(moved)
+    check_carriers(moved, bodies)
     said["body"] = {
         "path": str(desc.rigidBody),
         "parent": np.array(cache.GetParentToWorldTransform(moved)).T.tolist(),
         "origin": matrix_of(cache, moved)[:3, 3].tolist(),
         "velocity": plain(rigid.GetVelocityAttr()),
         "spin": plain(rigid.GetAngularVelocityAttr()),
+        "moves": has_samples(moved),
     }
     return said
+
+
+def check_carriers(body, bodies: dict) -> None:
+    """Look for bodies that a body stands in.
+
+    Raises:
+        Refused: one of them moves by its velocities, which the inner one would not follow.
+    """
+    from pxr import UsdGeom
+
+    here = body
+    while not here.IsPseudoRoot():
+        xform = UsdGeom.Xformable(here)
+        if xform and xform.GetResetXformStack():
+            return
+        here = here.GetParent()
+        outer = bodies.get(str(here.GetPath()))
+        if outer is not None and outer.rigidBodyEnabled and any([*outer.linearVelocity, *outer.angularVelocity]):
+            raise Refused(
+                f"{body.GetPath()} is a body within the body {here.GetPath()}, which moves by its velocities: it would not be "
+                "carried along; give the inner one dem:motion with both motions, the outer one first, and take its schema out"
+            )
 
 
 def grain_arrays(prim, code: float) -> dict[str, np.ndarray]:
@@ -452,13 +685,18 @@ def grain_arrays(prim, code: float) -> dict[str, np.ndarray]:
         "omega": api.GetPrimvar("omega"), "ids": prim.GetAttribute("ids"), "group": api.GetPrimvar("group"),
         **{f"dem.{name}": api.GetPrimvar(f"dem:{name}") for name in GRAIN_ARRAYS},
     }  # fmt: skip
-    held = {name: source.Get(code) for name, source in sources.items() if source}
+    held = {name: value_at(source, code) for name, source in sources.items() if source}
     arrays = {name: shortest(np.array(values)) for name, values in held.items() if values is not None}
     for name, values in held.items():
         if name.startswith("dem.") and values is not None:
             arrays[name] = np.array(values)
     arrays["matrix"] = matrix_of(UsdGeom.XformCache(code), prim)
     return arrays
+
+
+def value_at(source, code: float):
+    """Value of an attribute or primvar at a time code; one with indices is spread out by them."""
+    return source.ComputeFlattened(code) if getattr(source, "IsIndexed", bool)() else source.Get(code)
 
 
 def answer(what: str, file: str, about_what: str, folders: list[str]) -> dict[str, np.ndarray]:
@@ -468,8 +706,10 @@ def answer(what: str, file: str, about_what: str, folders: list[str]) -> dict[st
     arrays: dict[str, np.ndarray] = {}
     try:
         stage = open_stage(file, folders)
+        noticed = unchosen_variants(stage)
         said, arrays = {"geometry": read_geometry, "motion": read_motion, "scene": read_scene}[what](stage, about_what)
         said |= units_of(stage)
+        said["noticed"] = [*noticed, *said.get("noticed", ())]
     except Refused as refused:
         said = {"refused": str(refused)}
     except MemoryError:

@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.usd import not_taken
+from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
 
 Place = tuple[str | int, ...]
@@ -35,7 +37,7 @@ ROUNDING = 2.0**-22
 
 def read(
     file: Path, at: float | None, folders: Sequence[Path] | None
-) -> tuple[dict[str, Any], dict[Place, str], float]:
+) -> tuple[dict[str, Any], dict[Place, str], float, list[str]]:
     """Tables of the scene of a stage, as TOML gives them.
 
     A frame of a result is a scene that begins at its own time 0, with what is left of ``time.end``, and without friction
@@ -47,8 +49,8 @@ def read(
         folders: Folders that all files it refers to must lie in; None is no bound.
 
     Returns:
-        The tables; the attribute or prim that each of their places comes from; and how long the motions and streams of the
-        scene have been going on [s].
+        The tables; the attribute or prim that each of their places comes from; how long the motions and streams of the
+        scene have been going on [s]; and notes on what of the stage is not taken.
 
     Raises:
         SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
@@ -56,11 +58,28 @@ def read(
     said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
     if said["unsaid"]:
         raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
+    notes = not_taken.notes(file, said["physics"])
     stage = _Stage(file, said, arrays)
     time = 0.0 if said["code"] is None else said["code"] / said["rate"]
     if said["code"] is not None:
         _go_on(stage.data, time, file)
-    return stage.data, stage.origins, time
+    return stage.data, stage.origins, time, [*said["noticed"], *notes, *_beside(said)]
+
+
+def _beside(said: dict) -> list[str]:
+    """Notes on shapes and points that are no part of the scene, and on arrays of grains that are not taken."""
+    notes, listed = [], not_taken.listed
+    off = [prim["path"] for prim in said["prims"] if prim.get("enabled") is False]
+    if off:
+        notes.append(f"{listed(off)}: no walls or grains, since physics:collisionEnabled = false")
+    if said["beside"]:
+        notes.append(f"{listed(said['beside'])}: no walls or grains, since PhysicsCollisionAPI is not applied")
+    for prim in said["prims"]:
+        if prim.get("left"):
+            notes.append(f"{prim['path']}: not taken of the grains: {', '.join(prim['left'])}")
+        if prim.get("moving"):
+            notes.append(f"{prim['path']}: {', '.join(prim['moving'])}: changes with time; grains start as they are at time 0")
+    return notes
 
 
 def _go_on(data: dict[str, Any], time: float, file: Path) -> None:
@@ -98,6 +117,8 @@ class _Stage:
             if prim["kind"] == "RigidBodyMaterial":
                 self.material(prim)
         for prim in self.prims:
+            if prim.get("enabled") is False:
+                continue  # noted
             if prim["kind"] == "SpherePointsShape":
                 self.grains(prim)
             elif prim["kind"] == "Table":
@@ -166,7 +187,8 @@ class _Stage:
             return
         numbers = np.atleast_1d(value).astype(float)
         given = table[key]
-        same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=ROUNDING * np.abs(numbers).max())
+        slack = max(ROUNDING * np.abs(numbers).max(), float(np.finfo(np.float32).tiny))
+        same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=slack)
         if not same:
             raise SceneError(
                 f"{self.file}: {origin} says {value}, but {self.origins[(*place, key)]} says {given} for {key}: make them "
@@ -234,8 +256,6 @@ class _Stage:
 
     def wall(self, prim: dict) -> None:
         """A collider: where it is, what it is made of, how it moves."""
-        if not prim["enabled"]:
-            return
         table = self.entry(prim, "walls")
         inside = table.pop("inside", None)
         table.setdefault("name", self.unused_name(prim))
@@ -283,6 +303,11 @@ class _Stage:
     def motion(self, prim: dict) -> Iterator[dict]:
         """Motions of a collider, outermost first: its samples, or the velocities of its kinematic body."""
         body = prim.get("body")
+        if prim["moves"] and body and not body["moves"] and any([*body["velocity"], *body["spin"]]):
+            raise SceneError(
+                f"{self.file}: {prim['path']} moves by time samples of transforms, and its body {body['path']} by its "
+                "velocities: take one of them out, or say both with dem:motion"
+            )
         if prim["moves"]:
             yield {"usd": self.file.name, "prim": prim["path"]}
             return
@@ -303,6 +328,10 @@ class _Stage:
         """The groups of grains of a Points prim: one, or one for each of its materials."""
         path = prim["path"]
         held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
+        unknown = [name for name in prim["left"] if name.startswith("primvars:dem:")]
+        if unknown:
+            known = ", ".join(usd_reader.GRAIN_ARRAYS)
+            raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
         columns = self.columns(path, held)
         types = held.get("dem.types")
         if types is None:
