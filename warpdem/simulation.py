@@ -97,7 +97,7 @@ class Simulation:
             start = replace(start, position=self.domain.wrapped(start.position))
             self.expected = joined(start, representatives(scene))
             size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
-            self.notes = mesh_notes(scene, self.meshes)
+            self.notes = [*mesh_notes(scene, self.meshes), *start.notes]
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             start_spin, start_velocity = (start.spin, start.velocity) if scheme.RELATIVE else self._to_absolute(start)
