@@ -67,13 +67,15 @@ PROGRESS = 1e-3
 """Share by which an overlap counts as smaller [-]."""
 MOST_STEPS = 5000
 """Steps of one attempt."""
-SMALLER = 0.003, 1.4
+SMALLER = 0.005, 1.5
 """Least share by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to
 the next [-]."""
-SMALLER_ATTEMPTS = 14
+SMALLER_ATTEMPTS = 10
 """Attempts with smaller grains."""
-SMALLER_WORK = 4_000_000
-"""Grains times steps of one of these attempts, which are 100 to 1000 steps."""
+SMALLER_WORK = 2_000_000
+"""Grains times steps of one of these attempts."""
+SMALLER_STEPS = 100, 1000
+"""Least and most steps of one of these attempts; the least are also its patience."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,6 +327,7 @@ class Pack:
         self._neighbours = _Neighbours(self._position, self._radius, self._loose, skin, self._threads)
         self._steps = 0
         self._stage = ""
+        self._most_steps, self._patience = MOST_STEPS, PATIENCE
 
     def __enter__(self) -> "Pack":
         return self
@@ -368,14 +371,14 @@ class Pack:
         """Factor on the radii [-] at which the grains would have this solid fraction, at most 1."""
         return min(1.0, (fraction / self._fraction) ** (1.0 / 3.0))
 
-    def _settle(self, goal: float = 1.0, start: float = 1.0, growing: int = 0, most: int = MOST_STEPS) -> float:
+    def _settle(self, goal: float = 1.0, start: float = 1.0, growing: int = 0) -> float:
         """Heavy-ball steps until nothing overlaps at `goal` times the radii; then 0, else the least overlap found [-].
 
-        The grains grow from `start` times their radii within the first `growing` steps of at most `most`.
+        The grains grow from `start` times their radii within the first `growing` steps.
         """
         self._last[:] = 0.0
         best, best_step, least_out = np.inf, 0, np.inf
-        for step in range(most):
+        for step in range(self._most_steps):
             growth = min(goal, start + (goal - start) * step / max(growing, 1)) if step < growing else goal
             overlap = self._push_apart(growth)
             if step >= growing:
@@ -388,7 +391,7 @@ class Pack:
                 overlap = max(overlap, 0.0)
                 if overlap < (1.0 - PROGRESS) * best:
                     best, best_step = overlap, step
-                elif step - best_step > PATIENCE:
+                elif step - best_step > self._patience:
                     break
             self._advance(MOMENTUM)
         return max(best, OVERLAP)
@@ -447,16 +450,16 @@ class Pack:
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""
-        stuck = self._stuck_in_wall() if left <= OVERLAP else ""
         goal, (least, growth) = 1.0, SMALLER
-        most = int(np.clip(SMALLER_WORK // self._loose, 100, 1000))
+        self._most_steps, self._patience = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS)), SMALLER_STEPS[0]
         for attempt in range(SMALLER_ATTEMPTS):
             # a small grain may lie many of its radii deep in a large one
             goal *= 1.0 - min(max(0.08 * left, least * growth**attempt), 0.1)
             self._stage = f" to find what fits, at {goal**3:.2f} of the volume"
-            left = self._settle(goal, most=most)
+            left = self._settle(goal)
             if left <= 0.0:
                 break
+        stuck = "" if left <= 0.0 else self._stuck_in_wall()
         found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
         if left > 0.0:
             found = "less than {:.3f} would fit, {:.0f} grains of these sizes"
