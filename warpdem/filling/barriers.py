@@ -1,7 +1,7 @@
 """Walls that fillings and streams keep clear of: how far grains are from each, and which way leads off it."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,8 @@ WHOLE = 0.999
 """Share of a region inside a closed mesh from which the mesh holds all of it [-]."""
 FITTING = 0.1
 """Volume over that of a mesh around it below which a body is a fitting of it, not a vessel of its own [-]."""
+STRADDLED = 0.02
+"""Share of a region on the wrong side of a closed mesh above which it is told [-]."""
 PROBES = 200
 """Corners of a mesh that are looked at to tell what it lies in."""
 
@@ -62,6 +64,10 @@ class Barrier:
 
     def is_near(self, bounds: np.ndarray, reach: float) -> bool:
         """Whether it may come nearer than ``reach`` [m] to a box (2, 3) [m], or the box is on its wrong side."""
+        if self.side >= 0 and isinstance(self.surface, TriangleMesh):
+            low, high = self.bounds
+            if (low > bounds[1] + reach).any() or (bounds[0] - reach > high).any():
+                return False
         middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
         return bool(self.distance(middle[None])[0][0] < np.linalg.norm(half) + reach)
 
@@ -120,34 +126,56 @@ def _images(scene) -> np.ndarray:
 
 
 def with_sides(
-    walls: Sequence[Barrier], points: np.ndarray, filled: TriangleMesh | None = None
+    walls: Sequence[Barrier],
+    points: np.ndarray,
+    filled: TriangleMesh | None = None,
+    is_body: Callable[[Barrier], bool] = lambda wall: False,
 ) -> tuple[list[Barrier], list[str]]:
     """The walls, with grains inside those closed meshes that are vessels of a region; and the names of these.
 
-    A region without a mesh of its own lies in a closed mesh that holds most of it, unless that is a fitting within another
-    one: a box may poke out of its vessel, and a blade may take up most of a box around it. Around a mesh that is filled
-    only a mesh that holds it whole is a vessel.
+    A region without a mesh of its own lies in a closed mesh that holds most of it and reaches as far on all sides: a box may
+    poke out of a round vessel; but not in a fitting within another mesh, as a blade that takes up most of a box around it.
+    Around a mesh that is filled only a mesh that holds it whole is a vessel.
 
     Args:
         walls: Walls, outside of which the grains are.
         points: Points of the region [m], shape (n, 3).
         filled: Mesh that the region is bounded by, which is none of the walls.
+        is_body: Whether a closed mesh is a body that has no grains inside, though the region is there.
     """
     closed = [wall for wall in walls if wall.is_closed]
     share = {id(wall): float((wall.distance(points)[0] < 0.0).mean()) for wall in closed}
     vessels = []
+    inner = np.array([points.min(axis=0), points.max(axis=0)]) if filled is None else filled.bounds
     for wall in closed:
-        held = share[id(wall)]
+        held, (low, high) = share[id(wall)], wall.bounds
+        if held <= (0.5 if filled is None else WHOLE) or (low > inner[0]).any() or (inner[1] > high).any():
+            continue
         if filled is not None:
-            low, high = wall.bounds
-            if held > WHOLE and (low <= filled.bounds[0]).all() and (filled.bounds[1] <= high).all():
-                vessels.append(wall)
-        elif held > 0.5:
+            vessels.append(wall)
+        else:
             around = [other for other in closed if other is not wall and share[id(other)] > 0.5 and _lies_in(wall, other)]
             small = any(abs(wall.surface.volume) < FITTING * abs(other.surface.volume) for other in around)
-            if not around or (held > WHOLE and not small):
+            if (not around or (held > WHOLE and not small)) and not is_body(wall):
                 vessels.append(wall)
     return [replace(wall, side=-1) if wall in vessels else wall for wall in walls], [wall.name for wall in vessels]
+
+
+def straddled(walls: Sequence[Barrier], points: np.ndarray, key: str) -> list[str]:
+    """Notes on closed meshes that hold a part of a region that is not theirs, or lack a part of one that is.
+
+    Args:
+        walls: Walls with the sides that grains are on.
+        points: Points of the region [m], shape (n, 3).
+        key: Scene key of the region, for messages.
+    """
+    notes = []
+    for wall in walls:
+        within = float((wall.distance(points)[0] < 0.0).mean()) if wall.is_closed else 0.0
+        if within > STRADDLED:
+            what = "inside" if wall.side > 0 else "outside"
+            notes.append(f"{key}: {within:.0%} of it is {what} the closed mesh {wall.name!r} and left out")
+    return notes
 
 
 def _lies_in(inner: Barrier, outer: Barrier) -> bool:

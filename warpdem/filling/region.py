@@ -168,15 +168,27 @@ def is_cup(mesh: TriangleMesh, up) -> bool:
     return pool is not None and pool.volume > abs(mesh.volume)
 
 
-def free_volume(space: Region, walls: Sequence[Barrier]) -> Region:
-    """The region with the volume that walls leave of it, measured at `SAMPLES` points; the same where they take nothing."""
+def free_volume(space: Region, walls: Sequence[Barrier], key: str) -> Region:
+    """The region with the volume that walls leave of it, measured at `SAMPLES` points; the same where they take nothing.
+
+    Raises:
+        SceneError: They leave nothing; names them.
+    """
     near = [wall for wall in walls if wall.is_near(space.bounds, 0.0)]
     if not near or space.pool is not None:
         return space
     points = sample_points(space, SAMPLES)
     taken = np.zeros(len(points), bool)
+    within = []
     for wall in near:
-        taken |= wall.distance(points)[0] < 0.0
+        behind = wall.distance(points)[0] < 0.0
+        within += [wall.name] if behind.any() else []
+        taken |= behind
+    if taken.all():
+        raise SceneError(
+            f"{key}: the region lies wholly within or behind {', '.join(map(repr, dict.fromkeys(within)))}: walls are left out "
+            "of a filling; give a region beside them"
+        )
     return replace(space, volume=space.volume * (1.0 - float(taken.mean()))) if taken.any() else space
 
 

@@ -1,12 +1,12 @@
 """Which space a filling of a scene means, and the walls that it keeps clear of."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, is_closed, with_sides
+from warpdem.filling.barriers import Barrier, is_closed, straddled, with_sides
 from warpdem.filling.region import Region, free_volume, is_cup, open_region, region, sample_points
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.mesh.shells import cavities, corners_in_file
@@ -50,9 +50,11 @@ def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[Barrier], a
     """
     if asked.wall is None:
         space = region(None, (asked.box.min, asked.box.max), key, asked.height, up)
-        sided, vessels = with_sides([w for w in walls if w.is_near(space.bounds, 0.0)], sample_points(space, SIDES))
-        far = [w for w in walls if w.name not in {s.name for s in sided}]
-        return Space(free_volume(space, sided), [*sided, *far], tuple(vessels), ())
+        near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
+        points = sample_points(space, SIDES)
+        sided, vessels = with_sides(near, points, is_body=bodies(scene, up))
+        notes = straddled(sided, points, f"{key.split(': ')[-1]}.box")
+        return Space(free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
     mesh = meshes[asked.wall]
     box = None if asked.region is None else (asked.region.min, asked.region.max)
     others, vessels = with_sides([w for w in walls if w.name != asked.wall], mesh.vertices, mesh)
@@ -62,7 +64,7 @@ def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[Barrier], a
         space = region(inner, box, key, asked.height, up)
         around = others if inner is mesh else [*own, *others]
         held = (asked.wall,) if inner is mesh else ()
-        return Space(free_volume(space, around), around, (*held, *vessels), note)
+        return Space(free_volume(space, around, key), around, (*held, *vessels), note)
     radius = 0.5 * size_law(asked.diameter).extremes[0]
     point = None if asked.point is None else np.asarray(asked.point, float)
     space = open_region(mesh, [*own, *others], box, radius, key, asked.height, up, point)
@@ -94,6 +96,22 @@ def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[
             f"which is filled; point = {_point_inside(mesh)} fills its inside ({abs(mesh.volume):.4g} m3)",
         )
     return mesh, ()
+
+
+def bodies(scene, up: np.ndarray) -> Callable[[Barrier], bool]:
+    """What tells whether a closed mesh wall is a body that holds more than it has inside: a tank or cup of solid walls.
+
+    Args:
+        scene: Validated scene.
+        up: Direction against gravity in frame axes, any length.
+    """
+
+    def is_body(wall: Barrier) -> bool:
+        mesh, number = wall.surface, [one.name for one in scene.walls].index(wall.name)
+        held = sum(abs(hollow.volume) for hollow in _hollows(scene, number, mesh))
+        return held > abs(mesh.volume) or is_cup(mesh, up @ wall.axes)
+
+    return is_body
 
 
 def _hollows(scene, number: int, mesh: TriangleMesh) -> list[TriangleMesh]:
