@@ -22,6 +22,8 @@ CELL = 1.0
 """Width of a cell in radii of the smallest grain [-], if that is neither too few nor too many nodes."""
 POCKET = 0.1
 """Share of the largest pool below which another one is a pocket that is left empty [-]."""
+SURE = 1.001
+"""Sum of the distances of two nodes from the walls over the way between them from which no wall is between [-]: rounding."""
 CHUNK = 200_000
 """Nodes whose distance is found at once."""
 BISECTIONS = 12
@@ -47,11 +49,8 @@ class Pool:
     """Nodes that are within, up to the walls, bool, shape (a, b, c)."""
     bounds: np.ndarray
     """Least and greatest corner along its axes [m], shape (2, 3)."""
-
-    @property
-    def volume(self) -> float:
-        """Volume [m3]."""
-        return float(self.within.sum() * self.cell.prod())
+    volume: float
+    """Volume [m3]."""
 
     def holds(self, position: np.ndarray) -> np.ndarray:
         """Whether the node nearest to each point (n, 3) [m] is one at which a grain fits, bool, shape (n,)."""
@@ -131,7 +130,7 @@ def find_pool(
     nodes, gap = np.argwhere(within), np.maximum(grid.distance[within], 0.0)[:, None]
     places = grid.low + (nodes + 0.5) * grid.cell
     bounds = np.array([np.maximum((places - gap).min(axis=0), box[0]), np.minimum((places + gap).max(axis=0), box[1])])
-    return Pool(low, cell, axes, fits, within, bounds)
+    return Pool(low, cell, axes, fits, within, bounds, grid.volume(within))
 
 
 def where_it_runs_out(
@@ -204,7 +203,7 @@ class _Grid:
         here = tuple(slice(max(-w, 0), n - max(w, 0)) for w, n in zip(way, self.shape, strict=True))
         there = tuple(slice(max(w, 0), n - max(-w, 0)) for w, n in zip(way, self.shape, strict=True))
         length = float(np.linalg.norm(way * self.cell))
-        return here, there, self.distance[here] + self.distance[there] > length
+        return here, there, self.distance[here] + self.distance[there] > SURE * length
 
     def labels(self, nodes: np.ndarray) -> np.ndarray:
         """Number of the pool of each node, shape of the grid; what is not among ``nodes`` has one of its own."""
@@ -223,6 +222,16 @@ class _Grid:
             here, there, joined = self._joined(way)
             out[there] |= nodes[here] & joined & (self.distance[there] > 0.0)
         return out
+
+    def volume(self, nodes: np.ndarray) -> float:
+        """Volume of the space around ``nodes`` up to the walls [m3]: cells that a wall cuts count by the part on this side."""
+        beside = np.zeros(self.shape, bool)
+        for way in NEXT:
+            here, there, _ = self._joined(way)
+            beside[there] |= nodes[here]
+        beside &= ~nodes
+        share = np.abs(self.distance) / float(np.cbrt(self.cell.prod()))
+        return float(np.minimum(0.5 + share[nodes], 1.0).sum() + np.maximum(0.5 - share[beside], 0.0).sum()) * self.cell.prod()
 
     def way(self, nodes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """A shortest way over ``nodes`` from one of ``start`` to one of ``end``, indices (k, 3); empty if there is none."""
