@@ -273,9 +273,13 @@ def _runs_out(grid: _Grid, seed: tuple, radius: float, key: str) -> str:
     way = grid.way(grid.distance >= low, start, end)
     where = ""
     if len(way):
-        middle = way[np.argmin(grid.distance[tuple(way.T)])]
-        place = _words(grid.place(middle[None])[0])
-        where = f" at about ({place}) m, where the walls leave an opening some {2.0 * low:.3g} m wide"
+        narrowest = way[np.argmin(grid.distance[tuple(way.T)])]
+        if (narrowest == seed).all():  # from there on it gets wider and wider
+            exit_ = grid.way(grid.distance >= low, start, grid.outside)[:1]
+            where = f" at about ({_words(grid.place(exit_)[0])}) m, where there is no wall"
+        else:
+            place = _words(grid.place(narrowest[None])[0])
+            where = f" at about ({place}) m, where the walls leave an opening some {2.0 * low:.3g} m wide"
     return (
         f"{key}: the filling would run out{where}: close it with a wall (a gate), limit the filling by a region, whose sides "
         "hold the grains at the start, or by a height below which the walls hold them"
