@@ -30,7 +30,7 @@ def explicit(positions, radii, **more):
 
 
 def filled(**fields):
-    keys = ("wall", "box", "region", "height", "count", "mass", "solid_fraction")
+    keys = ("wall", "box", "region", "point", "height", "count", "mass", "solid_fraction")
     asked = {**dict.fromkeys(keys), "seed": 0, **fields}
     return SimpleNamespace(**{**vars(REST), "fill": SimpleNamespace(**asked)})
 

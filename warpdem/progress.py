@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
 LONG = 1.0
 """Seconds of wall time after which a word is due."""
 LINE_EVERY = 10.0
 """Seconds of wall time between two lines where no bar can be drawn."""
+REFRESH = 0.2
+"""Seconds of wall time between two states that a terminal shows."""
 
 
 def duration_text(seconds: float) -> str:
@@ -27,15 +30,57 @@ def beside(console: Console) -> Console:
 
 @contextmanager
 def told_if_long(text: str, console: Console, quiet: bool) -> Iterator[None]:
-    """Print ``text`` if the block runs longer than `LONG`; nothing if ``quiet``."""
+    """Print ``text`` if the block runs longer than `LONG`, and then what it says by ``tell``; nothing if ``quiet``."""
+    global _teller
     word = threading.Timer(LONG, lambda: beside(console).print(text, markup=False))
     word.daemon = True
     if not quiet:
         word.start()
+    before, _teller = _teller, None if quiet else _States(beside(console))
     try:
         yield
     finally:
         word.cancel()
+        if _teller is not None:
+            _teller.end()
+        _teller = before
+
+
+def tell(state: str) -> None:
+    """Say how far what takes long is: shown in a terminal, else as a line every `LINE_EVERY`; within ``told_if_long`` only."""
+    if _teller is not None:
+        _teller.tell(state)
+
+
+class _States:
+    """Shows the state of a block that takes long."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._begin = self._told = time.perf_counter()
+        self._status = None
+
+    def tell(self, state: str) -> None:
+        """Show a state if it is time to."""
+        now = time.perf_counter()
+        if not self._console.is_terminal:
+            if now - self._told >= LINE_EVERY:
+                self._console.print(f"{state}, {duration_text(now - self._begin)}", markup=False, soft_wrap=True)
+                self._told = now
+        elif now - self._begin >= LONG and now - self._told >= REFRESH:
+            if self._status is None:
+                self._status = self._console.status("")
+                self._status.start()
+            self._status.update(f"{escape(state)}, {duration_text(now - self._begin)}")
+            self._told = now
+
+    def end(self) -> None:
+        """Take away what is shown."""
+        if self._status is not None:
+            self._status.stop()
+
+
+_teller: _States | None = None
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from warpdem.engine.wall_images import wall_images
 from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.filling.grain_source import check_start, joined, load_grains
-from warpdem.filling.streams import Feeder, representatives
+from warpdem.filling.streams import Feeder, FeedWalls, representatives
 from warpdem.guards.watch import Guards
 from warpdem.kernels import grain
 from warpdem.kernels.budget import WallEntry
@@ -105,7 +105,7 @@ class Simulation:
             self.expected = joined(start, representatives(scene))
             needs.check_masses(scene, self.expected)
             size_warnings(scene, self.meshes, 2.0 * self.expected.radius)
-            self.notes = [*scene.notes, *mesh_notes(scene, self.meshes)]
+            self.notes = [*scene.notes, *mesh_notes(scene, self.meshes), *start.notes]
             scheme = model("integrator", scene.engine.integrator)
             self.schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
             images = wall_images(scene, self.meshes, self.schedule, self.domain, self.expected.radius)
@@ -146,7 +146,8 @@ class Simulation:
         self._cut_short = False  # an interrupt came between the first step of a batch and its count
         self.steps_done = 0
         self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
-        self.feeders = [Feeder(number, scene, self.dt) for number in range(len(scene.streams))]
+        self.feeders = [Feeder(number, scene, self.dt, self._feed_walls(number)) for number in range(len(scene.streams))]
+        self.notes += [note for feeder in self.feeders for note in feeder.walls.notes]
         self.budget = Budget(self) if self.plan.sums else None
         self._next_id = int(start.id.max(initial=-1)) + 1
         self.guards = Guards(self)
@@ -311,6 +312,15 @@ class Simulation:
             if self.budget is not None:
                 self.budget.left(np.flatnonzero(gone))
         return np.flatnonzero(gone)
+
+    def _feed_walls(self, number: int) -> FeedWalls:
+        """The walls beside the box of a stream."""
+
+        def places(time: float) -> list:
+            return [(body[:9].reshape(3, 3), body[9:12]) for body in self.schedule.bodies(time)]
+
+        moves = self.schedule.wall_motion < self.schedule.moving
+        return FeedWalls(number, self.scene, self.meshes, places, moves)
 
     def _let_in(self) -> None:
         """Add what the streams bring at the present step, before its forces are called."""

@@ -102,6 +102,12 @@ def speed_text(seconds_per_step: float, grains: int) -> str:
     return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
 
 
+def shortfalls(sim) -> list[str]:
+    """Which streams brought less so far than they should have."""
+    found = [feeder.shortfall(sim.step_number) for feeder in sim.feeders]
+    return [words for words in found if words is not None]
+
+
 def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
     """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
     table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
@@ -130,6 +136,8 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     for feeder in sim.feeders:
         waits = "; the next waits for room" if feeder.blocked else ""
         table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {escape(feeder.stream.material)}{waits}")
+    for words in shortfalls(sim):
+        table.add_row("[bold red]warning[/]", escape(words))
     for name, (count, mass) in sim.left.items():
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
     for guard, message in sim.noticed.items():

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.barriers import Barrier, barriers, places_at_start
 from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
-from warpdem.filling.region import region
+from warpdem.filling.spaces import Space, space_of
 from warpdem.filling.state_file import read_state
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.scene.motion import Chain, frame_chain, wall_chain
@@ -35,6 +36,10 @@ class Grains0:
     """Angular velocity relative to the frame [rad/s], shape (n, 3)."""
     packings: tuple[Packing, ...] = ()
     """What packing the fillings took."""
+    vessels: tuple[str, ...] = ()
+    """Closed mesh walls inside of which fillings are."""
+    notes: tuple[str, ...] = ()
+    """What is to be known of the fillings, for people."""
 
     def __len__(self) -> int:
         return len(self.id)
@@ -50,7 +55,7 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     """All grains of a scene, group after group in the scene's order.
 
     Grains without ids get the least numbers that no other grain has, running on from group to group. Fillings
-    keep clear of all other grains, but know their own wall or box only: `check_start` finds grains beyond other walls.
+    keep clear of all other grains and of all walls, where these stand at time 0.
 
     Args:
         scene: Validated scene.
@@ -63,7 +68,7 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
     if not scene.grains:
         none = np.zeros(0, np.int32)
         return Grains0(none.astype(np.int64), none, none, np.zeros(0), *(np.zeros((0, 3)) for _ in range(3)))
-    groups, packings = _placed(scene, meshes)
+    groups, filled = _placed(scene, meshes)
     for number, (group, grains) in enumerate(zip(scene.grains, groups, strict=True)):
         if group.velocities_in == "laboratory":
             grains = groups[number] = _relative_to_frame(grains, frame_chain(scene))
@@ -73,13 +78,13 @@ def load_grains(scene, meshes: dict[str, TriangleMesh]) -> Grains0:
         key: np.concatenate([g[key] for g in groups])
         for key in ("type", "group", "radius", "position", "velocity", "spin")
     }
-    return Grains0(id=_unique_ids(groups, scene.source), **fields, packings=packings)
+    return Grains0(id=_unique_ids(groups, scene.source), **fields, **filled)
 
 
 def check_start(grains: Grains0, meshes: dict[str, TriangleMesh], scene, known: Collection[str] = ()) -> None:
     """Refuse a start that the engine would answer with an explosion.
 
-    A closed mesh with more than half of the grains inside, or one that a filling names, is a container: all other
+    A closed mesh with more than half of the grains inside, or one whose inside is filled, is a container: all other
     grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
     meshes have no inside. ``known`` walls, which were there before the start, are not checked.
 
@@ -113,33 +118,41 @@ def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
     return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)
 
 
-def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], tuple[Packing, ...]]:
-    """Fields of all groups by name, without type, fillings among the grains of all others; and what packing took."""
+def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], dict[str, tuple]]:
+    """Fields of all groups by name, without type, fillings among the grains of all others; and what else fillings tell."""
     keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
-    fillings = {k: _filling(scene, meshes, g, f"{keys[k]}.fill") for k, g in enumerate(scene.grains) if g.fill is not None}
+    walls = barriers(scene, meshes, places_at_start(scene)) if any(g.fill is not None for g in scene.grains) else []
+    spaces = {k: _space(scene, meshes, walls, g, f"{keys[k]}.fill") for k, g in enumerate(scene.grains) if g.fill is not None}
+    fillings = {k: _filling(scene, spaces[k], scene.grains[k], f"{keys[k]}.fill") for k in spaces}
     groups = {k: _given(scene, g, keys[k]) for k, g in enumerate(scene.grains) if g.fill is None}
     held = [np.concatenate([g[name] for g in groups.values()]) for name in ("position", "radius")] if groups else None
     places, packings = pack(list(fillings.values()), held)
     for (k, asked), position in zip(fillings.items(), places, strict=True):
         rest = np.zeros_like(position)
         groups[k] = {"position": position, "radius": asked.radius, "velocity": rest, "spin": rest, "id": None}
-    return [groups[k] for k in range(len(scene.grains))], tuple(packings)
+    vessels = tuple(dict.fromkeys(name for space in spaces.values() for name in space.vessels))
+    notes = tuple(note for space in spaces.values() for note in space.notes)
+    told = {"packings": tuple(packings), "vessels": vessels, "notes": notes}
+    return [groups[k] for k in range(len(scene.grains))], told
 
 
-def _filling(scene, meshes: dict[str, TriangleMesh], group, key: str) -> Filling:
-    """Region and sizes that a filling asks for."""
+def _space(scene, meshes: dict[str, TriangleMesh], walls: list[Barrier], group, key: str) -> Space:
+    """Where a filling goes."""
     asked = group.fill
-    mesh, box = (meshes[asked.wall], asked.region) if asked.wall is not None else (None, asked.box)
-    corners = None if box is None else (box.min, box.max)
-    if mesh is not None:
+    if asked.wall is not None:
         number = [wall.name for wall in scene.walls].index(asked.wall)
-        if not np.array_equal(in_body_axes(scene, number, corner := mesh.bounds), corner):
+        if not np.array_equal(in_body_axes(scene, number, corner := meshes[asked.wall].bounds), corner):
             raise SceneError(f"{key}.wall: {asked.wall!r} has been moving before time 0; only a wall in place can be filled")
     axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
-    space = region(mesh, corners, key, asked.height, up=-(np.asarray(scene.gravity, float) @ axes))
+    return space_of(scene, meshes, walls, asked, -(np.asarray(scene.gravity, float) @ axes), key)
+
+
+def _filling(scene, space: Space, group, key: str) -> Filling:
+    """Sizes that a filling asks for, in its space."""
+    asked = group.fill
     volume = None if asked.mass is None else asked.mass / scene.materials[group.material].density
     fraction = HEIGHT_FRACTION if (asked.count, volume, asked.solid_fraction) == (None,) * 3 else asked.solid_fraction
-    return filling(space, size_law(asked.diameter), asked.seed, asked.count, fraction, volume, key)
+    return filling(space.region, size_law(asked.diameter), asked.seed, asked.count, fraction, volume, key, space.walls)
 
 
 def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
@@ -266,13 +279,12 @@ def _check_closed_meshes(
     grains: Grains0, distance: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
 ) -> None:
     keys = {wall.name: f"walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
-    filled = {group.fill.wall for group in scene.grains if group.fill is not None}
     depth = {
         name: -distance[name]
         for name, mesh in meshes.items()
         if name in distance and mesh.is_closed and mesh.twisted_edges == 0
     }
-    containers = {name for name, d in depth.items() if name in filled or 2 * int((d > 0.0).sum()) > len(grains)}
+    containers = {name for name, d in depth.items() if name in grains.vessels or 2 * int((d > 0.0).sum()) > len(grains)}
     contained = np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else np.zeros(len(grains), bool)
     for name, d in depth.items():
         within = d > 0.0

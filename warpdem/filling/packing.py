@@ -16,6 +16,7 @@ Fillings whose regions meet are packed together: none overlaps another, in whate
 """
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +24,12 @@ import warp as wp
 
 from warpdem import memory
 from warpdem.errors import SceneError
+from warpdem.filling.barriers import TOUCH, Barrier
 from warpdem.filling.region import Region, region
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import packing as kernels
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
+from warpdem.progress import tell
 from warpdem.scene.sizes import DiameterDistribution, SizeLaw, size_law
 from warpdem.threads import Threads, available_threads
 
@@ -58,13 +61,24 @@ MOMENTUM = 0.95
 SKIN = 0.6
 """Reach of the neighbour table beyond touching, in mean radii [-]."""
 TRIES = 1_000_000
-"""Random places in a row that are all outside the mesh, after which no grain is said to fit (200 to 5000 for each)."""
+"""Random places in a row that are all outside the mesh, after which no grain is said to fit (20 to 5000 for each)."""
+MOST_TRIES = 300_000_000
+"""Random places for all grains together, after which the rest is said to find none [-]."""
 PATIENCE = 300
 """Steps within which the largest overlap must shrink by `PROGRESS`, or growing to the full size is given up."""
 PROGRESS = 1e-3
 """Share by which an overlap counts as smaller [-]."""
 MOST_STEPS = 5000
 """Steps of one attempt."""
+SMALLER = 0.005, 1.5
+"""Least share by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to
+the next [-]."""
+SMALLER_ATTEMPTS = 10
+"""Attempts with smaller grains."""
+SMALLER_WORK = 2_000_000
+"""Grains times steps of one of these attempts."""
+SMALLER_STEPS = 100, 1000
+"""Least and most steps of one of these attempts; the least are also its patience."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +92,8 @@ class Filling:
     """Random numbers of the places; sizes come from a stream of their own."""
     key: str
     """Scene key, for messages."""
+    walls: tuple[Barrier, ...] = ()
+    """Walls that may come near them, beside the mesh of the region."""
 
     @property
     def solid_fraction(self) -> float:
@@ -111,6 +127,7 @@ def filling(
     solid_fraction: float | None = None,
     volume: float | None = None,
     key: str = "fill",
+    walls: Sequence[Barrier] = (),
 ) -> Filling:
     """Draw the sizes of the grains of a filling.
 
@@ -124,6 +141,7 @@ def filling(
         solid_fraction: Volume of the grains over volume of the region [-].
         volume: Volume of the grains [m3].
         key: Scene key, for messages.
+        walls: Walls to keep clear of, beside the mesh of the region.
 
     Raises:
         SceneError: Less than half a grain, or a solid fraction above that of the densest packing.
@@ -147,7 +165,8 @@ def filling(
                 f"{key}: {wanted:.6g} m3 of grains (solid fraction {wanted / space.volume:.3g} of {space.volume:.6g} m3) "
                 f"is less than half a grain of {sizes.draw(np.random.default_rng(seed), 1)[0]:.6g} m"
             )
-    asked = Filling(space, 0.5 * diameter, places, key)
+    reach = 0.5 * float(diameter.max())
+    asked = Filling(space, 0.5 * diameter, places, key, tuple(w for w in walls if w.is_near(space.bounds, reach)))
     _refuse_too_dense(len(diameter), asked.solid_fraction, space, key)
     return asked
 
@@ -252,17 +271,31 @@ def _first_places(asked: Filling) -> np.ndarray:
         raise _no_place(asked, radius[narrow])
     position = np.empty((len(radius), 3))
     left = np.arange(len(radius))
-    in_vain = 0
+    in_vain = tried = 0
     while len(left):
+        tell(f"placing {len(radius)} grains: {len(left)} left")
         position[left] = space.random_points(asked.places, radius[left])
-        if space.mesh is None:
+        tried += len(left)
+        if space.mesh is None and space.pool is None and not asked.walls:
             break
-        outside = left[signed_distance(space.mesh, position[left])[0] > -radius[left]]
+        outside = left[~_is_free(asked, position[left], radius[left])]
         in_vain = in_vain + 1 if len(outside) == len(left) else 0
-        if in_vain > np.clip(TRIES // len(left), 200, 5000):
+        if in_vain > np.clip(TRIES // len(left), 20, 5000) or (tried > MOST_TRIES and len(outside)):
             raise _no_place(asked, radius[left])
         left = outside
     return position
+
+
+def _is_free(asked: Filling, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Whether grains, (n, 3) and (n,) [m], are clear of the mesh and the walls of a filling, bool, shape (n,)."""
+    space = asked.region
+    free = np.ones(len(position), bool) if space.pool is None else space.pool.holds(position)
+    if space.mesh is not None:
+        free &= signed_distance(space.mesh, position)[0] <= -radius
+    for wall in asked.walls:
+        some = np.flatnonzero(free)
+        free[some] = wall.gap(position[some], radius[some]) >= -TOUCH * radius[some]
+    return free
 
 
 def _no_place(asked: Filling, radius: np.ndarray) -> SceneError:
@@ -296,9 +329,7 @@ class Pack:
         self._position = np.concatenate([*(p[o] for p, o in zip(places, self._order, strict=True)), held_position])
         for part, order in zip(self._parts, self._order, strict=True):
             self._radius[part] = self._radius[part][order]
-        self._walls = [
-            _MeshWall(asked.region.mesh, self._radius[part]) for asked, part in zip(fillings, self._parts, strict=True)
-        ]
+        self._walls = [_walls_of(asked, self._radius[part]) for asked, part in zip(fillings, self._parts, strict=True)]
         self._last = np.zeros((self._loose, 3))
         self._move = np.zeros((self._loose, 3))
         self._fraction = sum(asked.solid_fraction for asked in fillings)
@@ -306,6 +337,8 @@ class Pack:
         skin = SKIN * float(self._radius[: self._loose].mean())
         self._neighbours = _Neighbours(self._position, self._radius, self._loose, skin, self._threads)
         self._steps = 0
+        self._stage = ""
+        self._most_steps, self._patience = MOST_STEPS, PATIENCE
 
     def __enter__(self) -> "Pack":
         return self
@@ -334,6 +367,7 @@ class Pack:
             if left <= 0.0:
                 break
             before, shakes = left, shakes + 1
+            self._stage = f", shaken {shakes} of up to {len(SHAKES)} times"
             self._shake(steps)
             left = self._settle()
             if left > SHAKING_HELPS * before:
@@ -354,16 +388,21 @@ class Pack:
         The grains grow from `start` times their radii within the first `growing` steps.
         """
         self._last[:] = 0.0
-        best, best_step = np.inf, 0
-        for step in range(MOST_STEPS):
+        best, best_step, least_out = np.inf, 0, np.inf
+        for step in range(self._most_steps):
             growth = min(goal, start + (goal - start) * step / max(growing, 1)) if step < growing else goal
             overlap = self._push_apart(growth)
             if step >= growing:
-                if overlap <= OVERLAP and self._all_inside():
-                    return 0.0
+                if overlap <= OVERLAP:
+                    out = self._furthest_out()
+                    if out <= 0.0:
+                        return 0.0
+                    if out < (1.0 - PROGRESS) * least_out:
+                        least_out, best_step = out, step
+                overlap = max(overlap, 0.0)
                 if overlap < (1.0 - PROGRESS) * best:
                     best, best_step = overlap, step
-                elif step - best_step > PATIENCE:
+                elif step - best_step > self._patience:
                     break
             self._advance(MOMENTUM)
         return max(best, OVERLAP)
@@ -384,8 +423,10 @@ class Pack:
         # at least two margins of the overlap vanish with the margins
         return float(overlap.max(initial=0.0)) * (1.0 + MARGIN) - 2.0 * MARGIN
 
-    def _all_inside(self) -> bool:
-        return all(wall.holds(self._position[part]) for wall, part in zip(self._walls, self._parts, strict=True))
+    def _furthest_out(self) -> float:
+        """How far a grain reaches into a wall at most, in its own radii [-]; 0 if none does."""
+        reached = (wall.reached(self._position[p]) for walls, p in zip(self._walls, self._parts, strict=True) for wall in walls)
+        return max(reached, default=0.0)
 
     def _advance(self, momentum: float) -> None:
         """Move all loose grains: a share of their last moves again, the pushes, and back from the walls."""
@@ -393,32 +434,67 @@ class Pack:
         self._last *= momentum
         self._last += self._move
         before = loose.copy()
+        for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
+            if asked.region.pool is not None:
+                _keep_this_side(self._last[part], walls)
         loose += self._last
-        for asked, part, wall in zip(self._fillings, self._parts, self._walls, strict=True):
+        for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
             asked.region.clamp(loose[part], self._radius[part])
-            wall.push_in(loose[part])
+            for wall in walls:
+                came_from = loose[part].copy() if len(walls) > 1 else None
+                wall.push_in(loose[part])
+                if came_from is not None:  # the other walls count on knowing of every move
+                    for other in walls:
+                        if other is not wall:
+                            other.note(loose[part] - came_from)
+            if asked.region.pool is not None:
+                strayed = ~asked.region.pool.is_near(loose[part])
+                loose[part][strayed] = before[part][strayed]
+                for wall in walls:
+                    wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
         np.subtract(loose, before, out=self._last)
-        for part, wall in zip(self._parts, self._walls, strict=True):
-            wall.note(self._last[part])
+        for part, walls in zip(self._parts, self._walls, strict=True):
+            for wall in walls:
+                wall.note(self._last[part])
         self._steps += 1
+        tell(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
 
     def _too_dense(self, left: float) -> SceneError:
-        """Error that says which solid fraction is within reach: smaller grains are tried until they fit."""
-        goal = 1.0
-        while left > 0.0:
-            goal *= 1.0 - min(max(0.08 * left, 0.003), 0.1)  # a small grain may lie many of its radii deep in a large one
+        """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""
+        goal, (least, growth) = 1.0, SMALLER
+        self._most_steps, self._patience = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS)), SMALLER_STEPS[0]
+        for attempt in range(SMALLER_ATTEMPTS):
+            # a small grain may lie many of its radii deep in a large one
+            goal *= 1.0 - min(max(0.08 * left, least * growth**attempt), 0.1)
+            self._stage = f" to find what fits, at {goal**3:.2f} of the volume"
             left = self._settle(goal)
+            if left <= 0.0:
+                break
+        stuck = "" if left <= 0.0 else self._stuck_in_wall()
+        found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
+        if left > 0.0:
+            found = "less than {:.3f} would fit, {:.0f} grains of these sizes"
         asked = "; ".join(
             f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} ({len(one.radius)} grains in "
-            f"{one.region.volume:.6g} m3), reached {one.solid_fraction * goal**3:.3f} without overlap"
+            f"{one.region.volume:.6g} m3), {found.format(one.solid_fraction * goal**3, len(one.radius) * goal**3)}"
             for one in self._fillings
         )
         held = len(self._radius) - self._loose
         among = f" among {held} grains given by place" if held else ""
         return SceneError(
-            f"{asked}{among} (after {self._steps} steps, {time.perf_counter() - self._begin:.1f} s); ask for fewer grains, "
-            "smaller ones or a larger region"
+            f"{asked}{among} (after {self._steps} steps, {time.perf_counter() - self._begin:.1f} s){stuck}; ask for fewer "
+            "grains, smaller ones or a larger region"
         )
+
+    def _stuck_in_wall(self) -> str:
+        """Which grain keeps reaching into a wall, in words; nothing if none does."""
+        for walls, part in zip(self._walls, self._parts, strict=True):
+            for wall in walls:
+                position = self._position[part]
+                if wall.reached(position) > 0.0:
+                    where = ", ".join(f"{x:.4g}" for x in position[wall.worst(position)])
+                    return f"; a grain at ({where}) m keeps reaching into {wall.name!r}, where there is too little room for it"
+        return ""
 
 
 class _Neighbours:
@@ -480,36 +556,73 @@ class _Neighbours:
         return float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
 
 
-class _MeshWall:
-    """The mesh as a wall of the packing; only grains that may have come near it are measured again."""
+class _Wall:
+    """A wall of the packing; only grains that may have come near it are measured again.
 
-    def __init__(self, mesh: TriangleMesh | None, radius: np.ndarray):
-        self._mesh, self._radius = mesh, radius
-        self._slack = np.zeros(len(radius))
+    Args:
+        name: Name of the wall or mesh, for messages.
+        distance: Distance of points (n, 3) [m] from it [m], (n,), negative where no grain may be, and its gradient, (n, 3).
+        radius: Radii of the grains [m], shape (n,).
+        touch: Overlap that is left alone, in radii [-]: a box that ends at a wall holds its grains itself.
+    """
+
+    def __init__(self, name: str, distance: Callable, radius: np.ndarray, touch: float):
+        self.name, self.radius, self._distance, self._touch = name, radius, distance, touch
+        self.slack = np.zeros(len(radius))
         """Lower bound of each grain's gap to the wall [m]."""
 
     def note(self, move: np.ndarray) -> None:
         """Take note that the grains have moved [m], (n, 3)."""
-        if self._mesh is not None:
-            self._slack -= np.sqrt(np.einsum("ij,ij->i", move, move))
+        self.slack -= np.sqrt(np.einsum("ij,ij->i", move, move))
 
     def _measure(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Grains that may touch the wall, and the gradient of the distance at each, (k, 3)."""
-        near = np.flatnonzero(self._slack <= MARGIN * self._radius)
-        distance, gradient = signed_distance(self._mesh, position[near])
-        self._slack[near] = -distance - self._radius[near]
+        near = np.flatnonzero(self.slack <= MARGIN * self.radius)
+        distance, gradient = self._distance(position[near])
+        self.slack[near] = distance - self.radius[near]
         return near, gradient
 
     def push_in(self, position: np.ndarray) -> None:
-        """Move each grain inwards, in place, until it is a margin away from its nearest face inside."""
-        if self._mesh is not None:
-            near, gradient = self._measure(position)
-            out = np.minimum(self._slack[near] - MARGIN * self._radius[near], 0.0)
-            position[near] += out[:, None] * gradient
+        """Move each grain off the wall, in place, until it is a margin away from its nearest face."""
+        near, gradient = self._measure(position)
+        radius = self.radius[near]
+        away = np.maximum(MARGIN * radius - self.slack[near], 0.0)
+        if self._touch:
+            away[self.slack[near] >= -self._touch * radius] = 0.0
+        position[near] += away[:, None] * gradient
 
-    def holds(self, position: np.ndarray) -> bool:
-        """Whether all grains are inside, whole."""
-        if self._mesh is None:
-            return True
+    def reached(self, position: np.ndarray) -> float:
+        """How far a grain reaches into the wall, in its own radii [-]; 0 if none does."""
         near, _ = self._measure(position)
-        return bool((self._slack[near] >= 0.0).all())
+        into = -self.slack[near] / self.radius[near]
+        return float(into[into > self._touch].max(initial=0.0))
+
+    def worst(self, position: np.ndarray) -> int:
+        """Number of the grain that reaches deepest into the wall."""
+        self._measure(position)
+        return int(np.argmin(self.slack / self.radius))
+
+
+def _walls_of(asked: Filling, radius: np.ndarray) -> list[_Wall]:
+    """Walls of a filling for its grains (n,) [m]: the mesh that it fills, and those that may come near."""
+    mesh = asked.region.mesh
+    walls = [_Wall(wall.name, wall.distance, radius, TOUCH) for wall in asked.walls]
+    if mesh is None:
+        return walls
+
+    def depth(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance, gradient = signed_distance(mesh, position)
+        return -distance, -gradient
+
+    return [_Wall(mesh.name, depth, radius, 0.0), *walls]
+
+
+def _keep_this_side(move: np.ndarray, walls: Sequence[_Wall]) -> None:
+    """Shorten moves (n, 3) [m], in place, so that no centre crosses a wall: it is at least ``slack`` and a radius away."""
+    if not walls:
+        return
+    free = np.min([wall.slack + wall.radius for wall in walls], axis=0)
+    length = np.sqrt(np.einsum("ij,ij->i", move, move))
+    longest = np.maximum(0.9 * free, 0.0)
+    far = length > longest
+    move[far] *= (longest[far] / length[far])[:, None]

@@ -142,14 +142,18 @@ class Guards:
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."
         over = self.stability.told
+        fastest = max(met["pair_approach_speed"], met["wall_approach_speed"])
+        deepest = float(contacts.overlap.max(initial=0.0))
+        remedy = "Take a smaller time.step, or a stiffer material."
+        if deepest > 0.0 and fastest * max(sim.time, sim.dt) < 0.5 * deepest:
+            remedy = "Nothing moved as far as that: it was so when the grain was placed. Give it, or its wall, another place."
         self.notice(
             "overlap",
             f"{instant(sim)}: {kind} overlap by {share:.3g} of the radius, "
             f"allowed is engine.max_overlap = {limit:g}. {where} Time step {sim.dt:.3g} s, "
             f"{over + '; ' if over else ''}stability limit of an impact "
             f"{sim.limits.stable:.3g} s at {sim.limits.max_speed:.3g} m/s; largest approach speed met "
-            f"{max(met['pair_approach_speed'], met['wall_approach_speed']):.3g} m/s. "
-            "Take a smaller time.step, or a stiffer material.",
+            f"{fastest:.3g} m/s. {remedy}",
         )
 
     def stop_not_finite(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import core_schema
 
-from warpdem.scene.base import Duration, FileName, Label, Length, SceneModel, Vec3, exactly_one, wrong
+from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, wrong
 from warpdem.scene.borders import Box
 from warpdem.scene.sizes import Diameter, size_law
 from warpdem.scene.units import Array, Quantity, Vector
@@ -28,13 +28,16 @@ GROUP_NAME = Field(
 class Fill(SceneModel):
     """Grains placed at random, dense and without overlap, inside a mesh wall or a box.
 
-    How many follows from their number, their mass, or their share of the volume. Fillings keep clear of each other and of
-    the grains given by positions or files.
+    How many follows from their number, their mass, or their share of the volume that walls leave. Fillings keep clear of all
+    walls, of each other, and of the grains given by positions or files.
     """
 
-    wall: str | None = Field(None, description="Name of the closed mesh wall to fill; this or box.")
+    wall: str | None = Field(None, description="Name of the mesh wall to fill; this or box.")
     box: Box | None = Field(None, description="Box to fill; this or wall.")
     region: Box | None = Field(None, description="With wall: only the part of its inside that lies in this box.")
+    point: Point | None = Field(
+        None, description="With wall: a point of the space to fill [m], where the mesh bounds more than one."
+    )
     height: Length | None = Field(
         None,
         description="Only what lies less than this above the lowest point, against gravity [m], > 0; without count, mass and "
@@ -58,6 +61,8 @@ class Fill(SceneModel):
         amounts = ("count", "mass", "solid_fraction")
         if self.height is None or any(getattr(self, key) is not None for key in amounts):
             exactly_one(self, *amounts)
+        if self.point is not None and self.wall is None:
+            raise wrong([(("point",), None, "tells which space of a wall is meant; a box is filled whole")])
         if self.region is not None and self.wall is None:
             raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
         return self
