@@ -112,8 +112,8 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         for e in range(at, rows.first[i + 1]):
             c = near_feature[e]
             placement = placements[surface.motion[surface.wall[around.feature_of(surface, c)]]]
-            reach = radius + wp.float64(wp.static(gap)) + travel
-            if around.reached(surface, placement, c, q, radius, reach, travel) >= 0:
+            limit = radius + wp.float64(wp.static(gap)) + travel
+            if around.reached(surface, placement, c, q, radius, limit, travel) >= 0:
                 n = add(c, 1, at, n, rows.feature)
         rows.candidates[i] = n
         if n == 0:
