@@ -15,7 +15,7 @@ LAYERS = (
     "errors", "memory", "apart", "vtk_header", "interrupts", "process", "cores", "threads", "start_warp", "snapshot", "rigid",
     "progress", "paths", "write_tables", "claim", "cadence",
     "usd", "scene", "mesh", "filling", "engine", "measure", "output",
-    "advice", "summary", "guards", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
+    "guards", "advice", "summary", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
     "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""

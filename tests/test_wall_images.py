@@ -165,6 +165,22 @@ def test_a_floor_has_no_seam_at_the_border(lanes, tmp_path, begin):
         np.testing.assert_allclose(b, a, rtol=0, atol=3e-6 * size)  # corners are float32
 
 
+def test_a_tube_that_ends_at_the_borders_has_no_seam(lanes):
+    """A grain that rolls along the bottom of a tube, and stays beside the border at its end, has one contact."""
+    tube = {"name": "tube", "material": "g", "cylinder": {"point": [LOWER, 0, 0], "axis": [1, 0, 0], "radius": 0.01}}
+    ends = []
+    for length in ({"length": LENGTH}, {}):
+        walls = [tube | {"cylinder": tube["cylinder"] | length}, *lanes.walls[-2:]]
+        grain = [{"material": "g", "positions": [[UPPER - 0.02e-3, 0, -9e-3]], "velocities": [[0.01, 0, 0]], "radius": R}]
+        sim = simulated(lanes.scene(walls=walls, grains=grain, gravity=[0, 0, -9.81]))
+        sim.step(1000)
+        assert len(sim.contacts().i) == 1
+        ends.append((sim.particles.position[0], sim.particles.velocity[0], sim.particles.spin[0]))
+    assert LOWER < ends[0][0][0] < LOWER + R
+    for a, b, size in zip(*ends, (R, 0.01, 10.0), strict=True):
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * size)
+
+
 def beside(lanes, *walls, time=None, **keys):
     """A scene of one grain far from all walls."""
     grain = [{"material": "g", "positions": [[MIDDLE, 0, 0]], "radius": R}]
