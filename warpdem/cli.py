@@ -262,6 +262,9 @@ def demo(
 
 def main() -> None:
     """Entry point: exit codes 0 done, 2 wrong scene or argument, 3 run stopped itself, 130 interrupted."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # names of files may hold bytes that are no text
+            stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except WarpdemError as error:
@@ -276,9 +279,8 @@ def main() -> None:
 
 
 def _say(text: str) -> None:
-    """Print on standard error, whatever bytes the names of files hold."""
-    shown = text.encode("utf-8", "backslashreplace").decode()
-    Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(shown)
+    """Print on standard error."""
+    Console(stderr=True, highlight=False, markup=False, soft_wrap=True).print(text)
 
 
 if __name__ == "__main__":
