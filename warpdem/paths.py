@@ -28,6 +28,8 @@ def unusable(name: str | Path) -> str | None:
     text = str(name)
     if not text or any(unicodedata.category(c) == "Cc" for c in text):
         return "must be the name of a file: not empty, and without control characters"
+    if any(unicodedata.category(c) == "Cs" for c in text):
+        return "must be the name of a file in UTF-8: VTK and USD know no others"
     longest = max((len(os.fsencode(part)) for part in Path(text).parts), default=0)
     if longest > LONGEST_NAME or len(os.fsencode(text)) > LONGEST_PATH:
         return f"must be the name of a file: at most {LONGEST_NAME} bytes long, with its folders {LONGEST_PATH}"

@@ -130,7 +130,8 @@ def _streams() -> Iterator[tuple[Stream, Stream]]:
     before = sys.stdout, sys.stderr
     for stream in before:
         with suppress(AttributeError, ValueError):
-            stream.reconfigure(errors="replace")  # a character that a terminal does not know is no reason to stop
+            # a character that a terminal does not know, or a name of a file that is no text, is no reason to stop
+            stream.reconfigure(errors="backslashreplace")
     sys.stdout, sys.stderr = streams = Stream(before[0]), Stream(before[1])
     try:
         yield streams
