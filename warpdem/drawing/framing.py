@@ -76,22 +76,17 @@ class Framing:
             return
         along = position @ self._directions.T
         low, high = along - radius[:, None], along + radius[:, None]
-        everything = Box(low.min(axis=0), high.max(axis=0))
         lower, upper = np.quantile(along, [0.25, 0.75], axis=0, method="nearest")
         reach = FENCE * (upper - lower) + radius.max()
         usual = (low >= lower - reach) & (high <= upper + reach)
         # along each direction by itself: one that flies off upwards is no outlier sideways
         bulk = Box(np.where(usual, low, np.inf).min(axis=0), np.where(usual, high, -np.inf).max(axis=0))
         bulk = Box(np.minimum(bulk.low, lower), np.maximum(bulk.high, upper))
-        self._bulk, self._all = self._bulk.joined(bulk), self._all.joined(everything)
+        self._bulk, self._all = self._bulk.joined(bulk), self._all.joined(self._around(position, radius))
 
     def meet_start(self, position: np.ndarray, radius: np.ndarray) -> None:
         """The grains of the first frame of the results, which may not be drawn."""
-        if len(position):
-            along = position @ self._directions.T
-            self._start = self._start.joined(
-                Box((along - radius[:, None]).min(axis=0), (along + radius[:, None]).max(axis=0))
-            )
+        self._start = self._start.joined(self._around(position, radius))
 
     @property
     def bounded(self) -> bool:
@@ -108,8 +103,8 @@ class Framing:
             return self._planes if self._planes.there else Box(np.full_like(core.low, -1.0), np.full_like(core.high, 1.0))
         return core.taking(self._all)
 
-    def _around(self, points: np.ndarray) -> Box:
+    def _around(self, points: np.ndarray, radius: np.ndarray | float = 0.0) -> Box:
         if not len(points):
             return Box.empty(len(self._directions))
-        along = points @ self._directions.T
-        return Box(along.min(axis=0), along.max(axis=0))
+        along, reach = points @ self._directions.T, np.reshape(radius, (-1, 1))
+        return Box((along - reach).min(axis=0), (along + reach).max(axis=0))

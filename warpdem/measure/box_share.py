@@ -44,7 +44,12 @@ class BoxShare:
         """Share [-] of each straight line from ``start`` to ``end`` [m] (n, 3) that is inside, shape (n,)."""
         way = end - start
         place = self._shifted(start)
-        return sum(_clipped(place + image, way, self._low, self._high) for image in self._images)
+        least, most = np.minimum(place, place + way), np.maximum(place, place + way)
+        share = np.zeros(len(start))
+        for image in self._images:
+            near = ((most + image >= self._low) & (least + image <= self._high)).all(axis=1)
+            share[near] += _clipped(place[near] + image, way[near], self._low, self._high)
+        return share
 
     def _shifted(self, position: np.ndarray) -> np.ndarray:
         """Images of positions (n, 3) [m] within one period from the lowest corner on."""
