@@ -455,7 +455,8 @@ class Pack:
         goal, (least, growth) = 1.0, SMALLER_BY
         self._most_steps = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS))
         self._patience = min(PATIENCE, self._most_steps // 3)
-        for attempt in range(SMALLER_ATTEMPTS):
+        in_wall = left <= OVERLAP  # no overlap is left that smaller grains would lose
+        for attempt in range(0 if in_wall else SMALLER_ATTEMPTS):
             # half of what is left parts a pair; a small grain may lie many of its radii deep in a large one
             goal *= 1.0 - min(max(0.08 * left, min(0.5 * left, least * growth**attempt), LEAST_SMALLER), 0.1)
             self._stage = f" to find what fits, at {goal**3:.2f} of the volume"
@@ -464,7 +465,9 @@ class Pack:
                 break
         stuck = "" if left <= 0.0 else self._stuck_in_wall()
         found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
-        if left > 0.0:
+        if in_wall:
+            found = "not all found a place clear of the walls"
+        elif left > 0.0:
             found = "less than {:.3f} would fit, {:.0f} grains of these sizes"
         asked = "; ".join(
             f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} ({len(one.radius)} grains in "
