@@ -72,6 +72,8 @@ SMALLER_BY = 0.005, 1.5
 next [-]."""
 LEAST_SMALLER = 0.003
 """Least share by which they are [-]."""
+IN_WALL = 0.1
+"""How far a grain that has no room reaches into a wall, though each step ends with moving it off, in its own radii [-]."""
 SMALLER_ATTEMPTS = 10
 """Attempts with smaller grains."""
 SMALLER_WORK = 2_000_000
@@ -461,7 +463,8 @@ class Pack:
             goal *= 1.0 - min(max(0.08 * left, min(0.5 * left, least * growth**attempt), LEAST_SMALLER), 0.1)
             self._stage = f" to find what fits, at {goal**3:.2f} of the volume"
             left = self._settle(goal)
-            if left <= 0.0:
+            in_wall = left > 0.0 and self._furthest_out() > IN_WALL
+            if left <= 0.0 or in_wall:
                 break
         stuck = "" if left <= 0.0 else self._stuck_in_wall()
         found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
