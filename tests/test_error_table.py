@@ -145,6 +145,14 @@ TABLE = {
     ),
     "name with a blank": ("walls.0.name='the floor'", ["walls[0].name", "letters, digits, _ and -"]),
     "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 comes 2 times"]),
+    "point of a box": (
+        "grains=[{material='glass', fill={box={min=[0, 0, 0], max=[1, 1, 1]}, point=[0, 0, 0], count=1, diameter='2 mm'}}]",
+        ["grains[0].fill.point", "a box is filled whole"],
+    ),
+    "stream behind a wall": (
+        stream("mass_rate=1", low="[0, 0, -0.02]", high="[0.01, 0.01, -0.01]"),
+        ["streams[0].box", "clear of the wall 'floor'", "move the box off it"],
+    ),
     "fill without wall": (
         "grains=[{material='glass', fill={wall='cup', count=1, diameter='2 mm'}}]",
         ["grains[0].fill.wall", "no such wall", '"tub"'],
@@ -236,7 +244,7 @@ TABLE = {
     ),
     "filling of an open mesh": (
         "walls.1.mesh=open.stl ;; walls.1.open=true ;; " + fill("count=10, diameter='2 mm'"),
-        ["grains[0].fill", "open.stl", "must be closed", "fill a box instead: fill = { box = { min"],
+        ["grains[0].fill", "open.stl", "would run out at about (-0.0", "0.0197 m wide", "close it with a wall (a gate)"],
     ),
     "empty mesh": ("walls.1.mesh=empty.stl", ["walls[1].mesh", "empty.stl", "0 triangles"]),
     "damaged mesh": ("walls.1.mesh=junk.stl", ["walls[1].mesh", "junk.stl (8 bytes)", "cannot be read as a mesh"]),
@@ -318,7 +326,7 @@ TABLE = {
         shape("cylinder={point=[0, 0, -0.1], axis=[0, 0, 1], radius='0.5 mm', inside=true}"),
         ["walls[0].cylinder.radius = 0.0005 m", "grain 0", "does not fit"],
     ),
-    "more than fits": (fill("count=100000, diameter='2 mm'"), ["grains[0].fill", "solid fraction of 6.54", "at most 0.74"]),
+    "more than fits": (fill("count=100000, diameter='2 mm'"), ["grains[0].fill", "solid fraction of 13.1", "at most 0.74"]),
     "solid fraction": (fill("solid_fraction=0.9, diameter='2 mm'"), ["grains[0].fill.solid_fraction = 0.9", "<= 0.74"]),
     "sizes upside down": (
         fill("count=10, diameter={uniform=['2 mm', '1 mm']}"),

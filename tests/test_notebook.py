@@ -10,7 +10,7 @@ from rich.console import Console
 
 import warpdem
 from warpdem.output.write_vtk import VtkWriter
-from warpdem.progress import progress_bar
+from warpdem.progress import progress_bar, tell, told_if_long
 
 SCENE = {
     "gravity": [0, 0, 0],
@@ -83,3 +83,24 @@ def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, 
         for step, state in ((40, "first"), (43, "too soon"), (50, "half of it"), (53, "too soon again")):
             tell(step, state)
     assert capfd.readouterr().err.splitlines() == lines
+
+
+@pytest.mark.parametrize(("quiet", "lines"), [(False, ["packing: 12.0 s", "packed: 31.0 s"]), (True, [])])
+def test_what_takes_long_before_the_run_is_told_by_lines(monkeypatch, capfd, quiet, lines):
+    clock = iter([0.0, 3.0, 12.0, 13.0, 31.0])
+    monkeypatch.setattr("warpdem.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    with told_if_long("setting up", Console(file=StringIO()), quiet):
+        for state in ("too soon", "packing:", "too soon again", "packed:"):
+            tell(state)
+    tell("nobody asked")
+    assert [line.replace(":,", ":") for line in capfd.readouterr().err.splitlines()] == lines
+
+
+def test_what_takes_long_before_the_run_is_shown_in_a_terminal(monkeypatch):
+    monkeypatch.setattr("warpdem.progress.LONG", 0.0)
+    monkeypatch.setattr("warpdem.progress.REFRESH", 0.0)
+    out = StringIO()
+    with told_if_long("setting up", Console(force_terminal=True, file=out, width=120), False):
+        tell("packing [5] grains")
+        tell("packing [6] grains")
+    assert "packing [6] grains" in out.getvalue()

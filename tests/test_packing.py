@@ -293,3 +293,27 @@ def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkey
     with pytest.raises(SceneError, match=r"asked for solid fraction 0\.524 .* reached 0\.148 without"):
         fill(None, CUBE, 1e-3, 0, count=1000)
     np.testing.assert_allclose(goals, 0.9 ** np.arange(5))
+
+
+def test_a_filling_whose_grains_cannot_be_kept_off_a_wall_ends_soon_with_the_place(monkeypatch):
+    """Where a grain never gets off a wall no overlap is left that could shrink: not each attempt takes all its steps."""
+    mesh = ball()
+    asked = filling(region(mesh, None, "fill"), size_law(1e-3), 0, count=300)
+
+    class Stubborn(packing._Wall):
+        def reached(self, position):
+            return 0.5
+
+    monkeypatch.setattr(packing, "_Wall", Stubborn)
+    with packing.Pack([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
+        with pytest.raises(SceneError, match=r"not all found a place clear of the walls .* keeps reaching into 'mesh'"):
+            packed.run()
+        assert packed._steps < packing.MOST_STEPS // 2
+
+
+def test_what_does_not_fit_is_told_with_what_fits():
+    with pytest.raises(SceneError, match=r"reached 0\.(5|6)\d+ without overlap: about \d+ grains of these sizes fit") as error:
+        fill(None, CUBE, 1e-3, 0, count=1350)
+    fits = int(str(error.value).split("about ")[1].split()[0])
+    assert 950 < fits < 1150
+    fill(None, CUBE, 1e-3, 0, count=fits)

@@ -205,13 +205,16 @@ def test_an_open_hopper_that_something_closes_is_filled_to_a_height(tmp_path, cl
 
 
 def test_a_filling_that_would_run_out_is_refused_with_the_place(tmp_path):
-    with pytest.raises(SceneError, match=r"fill: the filling would run out at about \(.*\) m, .* 0\.0(29|3)\d* m wide") as e:
+    words = r"fill: hopper.stl: the filling would run out at about \(.*\) m, .* 0\.0(29|3)\d* m wide"
+    with pytest.raises(SceneError, match=words) as e:
         loaded(tmp_path, {"hopper": (HOPPER, {"open": True})}, {"wall": "hopper", "height": 0.06})
     x, y, z = (float(v) for v in str(e.value).split("at about (")[1].split(")")[0].split(","))
     assert np.hypot(x, y) < 0.004 and abs(z) < 0.003
     # a hole that no grain passes holds them
     small = lathe([(0.001, 0.0), (0.04, 0.04), (0.04, 0.08)])
     loaded(tmp_path, {"hopper": (small, {"open": True})}, {"wall": "hopper", "count": 300})
+    with pytest.raises(SceneError, match=r"at point = \[1, 0, 0\] m no grain of 0.003 m in diameter fits"):
+        loaded(tmp_path, {"cup": (SHELL, {"open": True})}, {"wall": "cup", "count": 9, "point": [1, 0, 0]})
     # without gravity nothing tells which side is up
     with pytest.raises(SceneError, match="would run out"):
         loaded(tmp_path, {"cup": (SHELL, {"open": True})}, {"wall": "cup", "count": 300}, gravity=[0, 0, 0])

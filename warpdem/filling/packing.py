@@ -70,15 +70,19 @@ PROGRESS = 1e-3
 """Share by which an overlap counts as smaller [-]."""
 MOST_STEPS = 5000
 """Steps of one attempt."""
-SMALLER = 0.005, 1.5
-"""Least share by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to
-the next [-]."""
+SMALLER_BY = 0.005, 1.5
+"""Share by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to the
+next [-]."""
+LEAST_SMALLER = 0.003
+"""Least share by which they are [-]."""
+IN_WALL = 0.1
+"""How far a grain that has no room reaches into a wall, though each step ends with moving it off, in its own radii [-]."""
 SMALLER_ATTEMPTS = 10
 """Attempts with smaller grains."""
 SMALLER_WORK = 2_000_000
 """Grains times steps of one of these attempts."""
 SMALLER_STEPS = 100, 1000
-"""Least and most steps of one of these attempts; the least are also its patience."""
+"""Least and most steps of one of these attempts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -461,18 +465,23 @@ class Pack:
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""
-        goal, (least, growth) = 1.0, SMALLER
-        self._most_steps, self._patience = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS)), SMALLER_STEPS[0]
-        for attempt in range(SMALLER_ATTEMPTS):
-            # a small grain may lie many of its radii deep in a large one
-            goal *= 1.0 - min(max(0.08 * left, least * growth**attempt), 0.1)
+        goal, (least, growth) = 1.0, SMALLER_BY
+        self._most_steps = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS))
+        self._patience = min(PATIENCE, self._most_steps // 3)
+        in_wall = left <= OVERLAP  # no overlap is left that smaller grains would lose
+        for attempt in range(0 if in_wall else SMALLER_ATTEMPTS):
+            # half of what is left parts a pair; a small grain may lie many of its radii deep in a large one
+            goal *= 1.0 - min(max(0.08 * left, min(0.5 * left, least * growth**attempt), LEAST_SMALLER), 0.1)
             self._stage = f" to find what fits, at {goal**3:.2f} of the volume"
             left = self._settle(goal)
-            if left <= 0.0:
+            in_wall = left > 0.0 and self._furthest_out() > IN_WALL
+            if left <= 0.0 or in_wall:
                 break
         stuck = "" if left <= 0.0 else self._stuck_in_wall()
         found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
-        if left > 0.0:
+        if in_wall:
+            found = "not all found a place clear of the walls"
+        elif left > 0.0:
             found = "less than {:.3f} would fit, {:.0f} grains of these sizes"
         asked = "; ".join(
             f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} ({len(one.radius)} grains in "

@@ -113,7 +113,7 @@ def find_pool(
     if point is not None:
         seed = grid.node_at(point, fits, 2.0 * float(np.linalg.norm(cell)))
         if seed is None:
-            raise SceneError(f"{key}.point: at ({_words(point)}) m no grain of {2.0 * radius:.4g} m in diameter fits")
+            raise SceneError(f"{key}: at point = [{_words(point)}] m no grain of {2.0 * radius:.4g} m in diameter fits")
         chosen = np.array([label[seed]])
         if np.isin(chosen, outside).any():
             raise SceneError(_runs_out(grid, seed, radius, key))

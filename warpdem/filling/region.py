@@ -142,6 +142,7 @@ def open_region(
         leaks = np.array([np.asarray(box[0]) < mesh.bounds[0] - cut, np.asarray(box[1]) > mesh.bounds[1] + cut])
     if k is not None:
         leaks[top, k] = False  # grains do not run upwards
+    key = f"{key}: {mesh.name}"
     if height is not None:
         floor = corners[1 - top, k]
         if is_closed(mesh) and (pool := find_pool(walls, corners, axes, leaks, radius, key, point)) is not None:

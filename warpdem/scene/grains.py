@@ -69,7 +69,7 @@ class Fill(SceneModel):
 
 
 class Stream(SceneModel):
-    """Grains that come in while the run goes on, at random free places of a region."""
+    """Grains that come in while the run goes on, at random places of a region that are free of grains and walls."""
 
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
