@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
-from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, HALFWAY, NEAR_HALFWAY, OFF_PATH
+from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
 from warpdem.kernels.path import Flight
 from warpdem.kernels.renewal import HASTY
 from warpdem.kernels.wall.surface import Surface
@@ -77,7 +77,7 @@ class Flights:
             hasty: whether lists would be made anew sooner than usual.
 
         Returns:
-            ``stray`` without those that fly, and the slots of all that were meant to fly.
+            ``stray`` without those that fly, and the slots of those that had to.
         """
         must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
@@ -89,14 +89,16 @@ class Flights:
             self._failed += 1  # not free at all
             self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
-        wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
+        wanted = np.flatnonzero(stray)
+        if not hasty or len(wanted) * (len(wanted) + len(self.slots)) > PAIRS:
+            wanted = np.flatnonzero(must)
         flying = self.lay(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
         helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
         self._failed = 0 if helped else self._failed + 1
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
-        return stray, wanted
+        return stray, np.flatnonzero(must)
 
     def lay_anew(self, wanted: np.ndarray) -> None:
         """Lay paths against new lists, unless it has helped nothing lately."""
@@ -206,7 +208,7 @@ class Flights:
 
     def leave(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` have left the domain."""
-        if np.isin(gone, self.slots).any():
+        if len(self.slots) and np.isin(gone, self.slots).any():
             self.slots = np.setdiff1d(self.slots, gone)
             path = self.path.numpy().reshape(-1, 12).copy()
             path[gone, 11] = -1.0
