@@ -8,6 +8,7 @@ often. Where every wall moves, lists follow the walls and know no place in frame
 import numpy as np
 import warp as wp
 
+from warpdem.engine.state import changed
 from warpdem.kernels import grain
 from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
 from warpdem.kernels.path import Flight
@@ -201,10 +202,10 @@ class Flights:
         """Those that fly have no reference but their path."""
         lists, slots = self.lists, self.slots
         if len(slots):
-            where = lists.rooms.upload(slots.astype(np.int32), wp.int32)
             for reference in (lists.near_reference, lists.reference):
                 if reference is not None and reference.shape[0] == lists.known:
-                    wp.launch(self.sim.kernels.paths.unplace, len(slots), inputs=[where, reference], device=self.sim.device)
+                    with changed(reference) as values:
+                        values[slots] = np.inf  # beyond reach of any place, so that it is always the path that is looked at
 
     def leave(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` have left the domain."""

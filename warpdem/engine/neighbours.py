@@ -464,6 +464,8 @@ class Lists:
 
     def renewed_on_device(self, times: int) -> None:
         """The near list was made anew."""
+        if times:
+            self.flights.land()
         self.rebuilds += times
         self.renewals_left -= times
 

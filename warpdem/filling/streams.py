@@ -6,7 +6,7 @@ from warpdem.filling.grain_source import Grains0
 from warpdem.scene.sizes import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
-LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each look makes new lists
+LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each look that brings grains makes new contact lists
 
 
 def representatives(scene) -> Grains0:
