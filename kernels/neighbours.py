@@ -65,14 +65,6 @@ def build(
         return low
 
     @kernel
-    def park(slot: wp.array(dtype=wp.int32), grains_out: wp.array(dtype=g.Record)):
-        """Put grains that have left the domain out of the way, each at a place of its own (``grain``)."""
-        i = slot[wp.tid()]
-        at = wp.vec3d(wp.float64(wp.static(grain.GONE)), wp.float64(16.0) * wp.float64(i), wp.float64(0.0))
-        rest = wp.vec3d()
-        grains_out[i] = g.record(at, grains_out[i][3], rest, rest, rest, rest)
-
-    @kernel
     def insert_grains(grids: SizeGrids, grains: wp.array(dtype=g.Record)):
         """Put the grains on the grids; on a CPU one thread does it."""
         i = wp.tid()
@@ -304,7 +296,6 @@ def build(
         put_constants(p, k, owner[p, k], partner[p, k], grains, inverse, kind, coefficients, constants_out)
 
     return Built(
-        park=park,
         insert_grains=insert_grains,
         near_rows=near_rows,
         carry_contacts=carry_contacts,

@@ -250,6 +250,63 @@ def test_a_stream_brings_what_is_due_and_the_books_balance(tmp_path):
     assert hashes == {resumed.state_hash()}
 
 
+def made_anew(sim):
+    """Lists made anew whenever they are looked at, at each grain that comes or leaves too."""
+    update = sim.lists.update
+    sim.lists.update = lambda grown: update(force_rebuild=True)
+    return sim
+
+
+def readings(sim):
+    """What a run shows at an instant: nothing of those that have left."""
+    contacts, p = sim.contacts(), sim.particles
+    return [
+        p.id, p.position, p.velocity, p.spin, p.force, p.mass, contacts.i, contacts.j, contacts.overlap, contacts.force,
+        contacts.spring, np.array(list(sim.energy().values())), *(load.force for load in sim.wall_loads().values()),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("resident", [False, True])
+def test_grains_that_come_and_leave_change_nothing_for_the_others(tmp_path, resident):
+    """The lists stay as they are, with those that left in their slots and newcomers behind the others."""
+    sim = Simulation(chute(), device="cpu", threads=1, resident=resident)
+    anew = made_anew(Simulation(chute(), device="cpu", threads=1))
+    there, in_slots = [], 0
+    for part in range(10):
+        for one in (sim, anew):
+            one.step(650)
+        in_slots += sim.state.slots > len(sim.state)
+        assert sim.left == anew.left
+        for mine, theirs in zip(readings(sim), readings(anew), strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+        assert sim.state_hash() == anew.state_hash()
+        if part in (6, 8):
+            sim.save_checkpoint(tmp_path / f"{part}.h5")
+            there.append(Simulation.from_checkpoint(tmp_path / f"{part}.h5", threads=2))
+    assert sim.left["hole"][0] > 10 and in_slots > 2
+    for resumed in there:
+        resumed.step(sim.step_number - resumed.step_number)
+        assert resumed.state_hash() == sim.state_hash() and resumed.left == sim.left
+    if not resident:
+        assert sim.lists.rebuilds < 0.5 * anew.lists.rebuilds
+
+
+def test_a_grain_that_leaves_makes_no_lists(device):
+    """A layer that nothing moves, and grains that leave one after the other."""
+    rest = np.stack(np.meshgrid(*[np.arange(8)] * 2), -1).reshape(-1, 2) * 2.05 * R
+    fast = np.column_stack([-0.001 * np.arange(12), np.full(12, 0.05)])
+    places = np.pad(np.concatenate([rest, 2.1 * fast * [1, 1]]), ((0, 0), (0, 1)))
+    ways = np.zeros_like(places)
+    ways[64:, 0] = 1.0
+    border = {"x": {"max": 0.02, "kind": "open"}}
+    sim = simulated(places, grain={"velocities": ways}, borders=border, device=device)
+    sim.step(14_000)
+    before = sim.lists.rebuilds, sim.left["x max"][0]
+    sim.step(5000)
+    assert sim.left["x max"][0] - before[1] > 3
+    assert sim.lists.rebuilds - before[0] <= 3
+
+
 def test_streamed_grains_fly_exactly(device):
     sim = Simulation(
         scene(streams=[{**STREAM, "count_rate": 100.0}], gravity=[0, 0, -9.81], frame={"axis": [0, 1, 0], "rate": 3.0}),

@@ -137,14 +137,6 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
             rows.place_count[1, i] = 0
 
     @kernel
-    def forget_places(slot: wp.array(dtype=wp.int32), rows: Rows):
-        """Grains that have left the domain touch nothing any more."""
-        i = slot[wp.tid()]
-        rows.candidates[i] = 0
-        for generation in range(rows.place_count.shape[0]):
-            rows.place_count[generation, i] = 0
-
-    @kernel
     def carry_places(
         first: int,
         parity: int,
@@ -164,6 +156,4 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(
-        near_features=near_features, close_features=close_features, carry_places=carry_places, forget_places=forget_places
-    )
+    return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)

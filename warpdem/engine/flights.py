@@ -9,8 +9,9 @@ walls act at their periodic images, which paths don't know.
 import numpy as np
 import warp as wp
 
+from warpdem.engine.state import changed
 from warpdem.kernels import grain
-from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, HALFWAY, NEAR_HALFWAY, OFF_PATH
+from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
 from warpdem.kernels.path import Flight
 from warpdem.kernels.renewal import HASTY
 from warpdem.kernels.wall.surface import Surface
@@ -78,7 +79,7 @@ class Flights:
             hasty: whether lists would be made anew sooner than usual.
 
         Returns:
-            ``stray`` without those that fly, and the slots of all that were meant to fly.
+            ``stray`` without those that fly, and the slots of those that had to.
         """
         must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
@@ -90,14 +91,16 @@ class Flights:
             self._failed += 1  # not free at all
             self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
-        wanted = np.flatnonzero(stray & (HALFWAY | BEYOND_REACH | NEAR_HALFWAY | BEYOND_NEAR | OFF_PATH))
+        wanted = np.flatnonzero(stray)
+        if not hasty or len(wanted) * (len(wanted) + len(self.slots)) > PAIRS:
+            wanted = np.flatnonzero(must)
         flying = self.lay(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
         helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
         self._failed = 0 if helped else self._failed + 1
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
-        return stray, wanted
+        return stray, np.flatnonzero(must)
 
     def lay_anew(self, wanted: np.ndarray) -> None:
         """Lay paths against new lists, unless it has helped nothing lately."""
@@ -200,14 +203,14 @@ class Flights:
         """Those that fly have no reference but their path."""
         lists, slots = self.lists, self.slots
         if len(slots):
-            where = lists.rooms.upload(slots.astype(np.int32), wp.int32)
             for reference in (lists.near_reference, lists.reference):
                 if reference is not None and reference.shape[0] == lists.known:
-                    wp.launch(self.sim.kernels.paths.unplace, len(slots), inputs=[where, reference], device=self.sim.device)
+                    with changed(reference) as values:
+                        values[slots] = np.inf  # beyond reach of any place, so that it is always the path that is looked at
 
     def leave(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` have left the domain."""
-        if np.isin(gone, self.slots).any():
+        if len(self.slots) and np.isin(gone, self.slots).any():
             self.slots = np.setdiff1d(self.slots, gone)
             path = self.path.numpy().reshape(-1, 12).copy()
             path[gone, 11] = -1.0

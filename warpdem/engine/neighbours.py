@@ -8,6 +8,7 @@ import warp as wp
 from warpdem.engine.flights import Flights
 from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.rooms import Rooms
+from warpdem.engine.state import changed
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes, starts
 from warpdem.kernels import grain
 from warpdem.kernels.dissipation import ENTRY
@@ -235,12 +236,13 @@ class Lists:
     def _leave(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
         sim = self.sim
-        sim.state.leave(gone, sim.kernels.lists.park)
+        sim.state.leave(gone)
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that has just come in is in no list
         if sim.plan.walls and len(gone):
-            slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=sim.device)
-            wp.launch(sim.kernels.walls.forget_places, len(gone), inputs=[slots, self.rows], device=sim.device)
+            for array in (self.rows.candidates, self.rows.place_count):
+                with changed(array) as values:
+                    values[..., gone] = 0
 
     def _adapt_skin(self) -> None:
         """A wider skin where near lists were made often; once it is right the device makes the next ones alone."""
@@ -462,6 +464,8 @@ class Lists:
 
     def renewed_on_device(self, times: int) -> None:
         """The near list was made anew."""
+        if times:
+            self.flights.land()
         self.rebuilds += times
         self.renewals_left -= times
 

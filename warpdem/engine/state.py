@@ -4,13 +4,25 @@ A grain that has left the domain keeps its slot until the lists are made anew (`
 the others are now. ``rank`` passes it over, and so does all that is read by it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 
 import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
+
+GONE_APART = 16.0  # what has left is so far apart [m]
+
+
+@contextmanager
+def changed(array: wp.array) -> Iterator[np.ndarray]:
+    """The contents of an array, to be changed in place: on a CPU its memory, else a copy that goes back."""
+    values = array.numpy()
+    yield values
+    if not array.device.is_cpu:
+        array.assign(values)
 
 
 def unturned(count: int) -> np.ndarray:
@@ -77,10 +89,12 @@ class State:
             self._rank = order if self._count == self.slots else order[self.here[order]]
         return self._rank
 
-    def leave(self, gone: np.ndarray, park) -> None:
-        """Take the grains in slots ``gone`` out of the domain; ``park`` is the kernel of ``neighbours.build``."""
-        slots = wp.array(gone.astype(np.int32), dtype=wp.int32, device=self.device)
-        wp.launch(park, len(gone), inputs=[slots, self.record], device=self.device)
+    def leave(self, gone: np.ndarray) -> None:
+        """Take the grains in slots ``gone`` out of the domain: out of the way, each to a place of its own."""
+        with changed(self.record) as record:
+            radius = record[gone, grain.RADIUS]
+            record[gone] = 0.0
+            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, GONE_APART * gone, radius
         here = self.here.copy()  # what was copied aside for writers keeps the old one
         here[gone] = False
         self.here, self._count = here, int(here.sum())

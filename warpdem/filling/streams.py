@@ -17,7 +17,7 @@ SAMPLES = 4000  # places of a box at which is asked whether walls leave it free
 INSTANTS = 24  # at which that is asked where walls move
 BLOCKED = 0.01  # of a box: what walls may take of it before it is told
 BEHIND = 0.02  # of what was due: what may be missing at the end before it is told
-LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each look makes new lists
+LEAST_EVENT_STEPS = 16  # steps between two looks at a stream, at least: each look that brings grains makes new contact lists
 
 
 def representatives(scene) -> Grains0:
