@@ -86,4 +86,4 @@ def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
 
 
 def test_command_is_installed(project):
-    assert project["project"]["scripts"] == {"warpdem": "warpdem.cli:main"}
+    assert project["project"]["scripts"] == {"warpdem": "warpdem.__main__:main"}
