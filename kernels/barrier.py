@@ -11,7 +11,6 @@ the machine, twice per step; one that sleeps leaves its core to the others, and 
 
 import ctypes
 import os
-import platform
 
 import numpy as np
 import warp as wp
@@ -35,9 +34,10 @@ def ways_to_wait() -> np.ndarray:
         return ways
     library = ctypes.CDLL(None)
     ways[0] = ctypes.cast(library.sched_yield, ctypes.c_void_p).value or 0
-    if platform.system() == "Linux" and platform.machine() in FUTEX and ctypes.sizeof(ctypes.c_void_p) == 8:
+    system = os.uname()
+    if system.sysname == "Linux" and system.machine in FUTEX and ctypes.sizeof(ctypes.c_void_p) == 8:
         ways[1:3] = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in (library.clock_gettime, library.syscall)]
-        ways[3] = FUTEX[platform.machine()]
+        ways[3] = FUTEX[system.machine]
     return ways
 
 

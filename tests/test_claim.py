@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import psutil
@@ -91,15 +92,30 @@ def test_many_at_once_have_it_one_at_a_time(tmp_path):
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
+def test_a_lock_that_its_owner_has_just_removed_is_none(tmp_path, monkeypatch):
+    """Opened before it went and locked after: the next one that comes would make a file of its own."""
+    real, removed = claim._lock, []
+
+    def lock(descriptor, folder, new):
+        real(descriptor, folder, new)
+        if not removed:
+            removed.append((folder / LOCK).unlink())
+
+    monkeypatch.setattr(claim, "_lock", lock)
+    with claimed(tmp_path):
+        assert is_taken(tmp_path)
+
+
 def test_who_only_looks_keeps_nobody_out(tmp_path):
+    """A look has the lock for a moment."""
     (tmp_path / LOCK).touch()
-    with ThreadPoolExecutor(1) as pool:
-        looks = pool.submit(lambda: [is_taken(tmp_path) for _ in range(300)])
-        for _ in range(20):
-            with claimed(tmp_path):
-                pass
-            (tmp_path / LOCK).touch()
-        looks.result()
+    descriptor = os.open(tmp_path / LOCK, os.O_RDWR)
+    claim.fcntl.flock(descriptor, claim.fcntl.LOCK_EX)
+    look = threading.Timer(0.03, lambda: claim.fcntl.flock(descriptor, claim.fcntl.LOCK_UN))
+    look.start()
+    with claimed(tmp_path):
+        pass
+    os.close(descriptor)
 
 
 def test_the_word_of_another_host_is_heeded_where_a_name_is_free_to_choose(tmp_path):

@@ -90,13 +90,21 @@ def test_a_closed_standard_output_is_told(folder, arguments):
     assert arguments != RUN or json.loads((folder / "out" / "run.json").read_text())["status"] == "done"
 
 
+def closed() -> None:
+    """Close what a process begins with."""
+    for descriptor in (0, 1, 2):
+        os.close(descriptor)
+
+
+def test_no_file_becomes_the_standard_output_of_a_library(folder):
+    """The system gives the lowest free number to the next file."""
+    opens = "os.write(os.open('number', os.O_CREAT | os.O_RDWR), str(os.open('other', os.O_CREAT)).encode())"
+    code = f"import os; from warpdem.process import answer; answer(lambda: lambda: {opens})"
+    subprocess.run([sys.executable, "-c", code], cwd=folder, preexec_fn=closed, check=True, timeout=60)
+    assert int((folder / "number").read_text()) > 2
+
+
 def test_what_prints_nothing_needs_no_output(folder):
-    """And no file becomes the standard output or error of a library."""
-
-    def closed():
-        for descriptor in (0, 1, 2):
-            os.close(descriptor)
-
     done = ended(folder, [*RUN, "--quiet"], stdin=None, stdout=None, stderr=None, preexec_fn=closed)
     assert done.returncode == 0
     assert json.loads((folder / "out" / "run.json").read_text())["status"] == "done"
