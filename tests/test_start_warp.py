@@ -10,6 +10,12 @@ from warpdem.errors import WarpdemError
 LINE = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver. GPU execution will not be available.\n"
 
 
+@pytest.fixture(autouse=True)
+def cache(monkeypatch, tmp_path):
+    """A folder for compiled kernels, as the start of Warp would name it."""
+    monkeypatch.setattr(start_warp.wp.config, "kernel_cache_dir", str(tmp_path))
+
+
 def starting(monkeypatch, *written, error=None):
     """Start as a process does for the first time, with a Warp that writes these lines."""
 
