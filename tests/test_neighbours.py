@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
+from warpdem.engine.flights import Flights
 from warpdem.engine.neighbours import morton_order
 from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes, starts
 
@@ -318,8 +319,9 @@ def test_starts_are_exclusive_sums_with_the_total():
     np.testing.assert_array_equal(starts(np.zeros(0, dtype=int)), [0])
 
 
-def test_grains_that_go_with_a_turning_wall_have_not_moved(make_simulation):
+def test_grains_that_go_with_a_turning_wall_have_not_moved(make_simulation, monkeypatch):
     """Where every wall moves, lists look at ways in the walls' axes: a drum costs the same in the laboratory and its frame."""
+    monkeypatch.setattr(Flights, "_possible", False)  # no path is laid in the laboratory
     turn, r = {"axis": [0, 0, 1], "rate": 30.0}, 1e-3
     places = np.array([[0.01, 0, r], [0.0125, 0, r], [-0.01, 0.002, r]])
     disk = {"name": "disk", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}

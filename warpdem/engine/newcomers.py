@@ -52,6 +52,8 @@ class Newcomers:
         """
         lists, sim = self.lists, self.sim
         record, known, n = sim.state.record.numpy(), lists.known, sim.state.slots
+        if n == known:  # nobody came: the lists are wanted anew
+            return False
         pairs = self._neighbours(record, known)
         start, count, slot, contact = lists.near
         partner, added = np.unique(pairs[pairs[:, 1] < known, 1], return_counts=True)
