@@ -48,7 +48,7 @@ def limit_rows(sim) -> list[dict]:
     rows = [
         ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
         ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
-        ("packing", "a packing with the overlaps of impacts everywhere", found.packed, PACKED_SHARE),
+        ("packing", "dense packing at impact overlaps", found.packed, PACKED_SHARE),
         ("bed", "stability limit of the bed at rest", found.settled, None),
         ("impact", "stability limit of one impact", found.stable, None),
         ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
