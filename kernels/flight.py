@@ -342,11 +342,4 @@ def build(
                     found = found | wp.static(BEYOND_NEAR)
         out[i] = found
 
-    @kernel
-    def unplace(slot: wp.array(dtype=wp.int32), reference_out: wp.array2d(dtype=wp.vec3d)):
-        """Grains in flight are beyond reach of any place: so it is always the path that is looked at."""
-        nowhere = wp.float64(wp.inf)
-        for k in range(reference_out.shape[1]):
-            reference_out[slot[wp.tid()], k] = wp.vec3d(nowhere, nowhere, nowhere)
-
-    return Built(enclose=enclose, lay=lay, stray=stray, unplace=unplace)
+    return Built(enclose=enclose, lay=lay, stray=stray)

@@ -283,7 +283,7 @@ def test_grains_that_come_and_leave_change_nothing_for_the_others(tmp_path, resi
         if part in (6, 8):
             sim.save_checkpoint(tmp_path / f"{part}.h5")
             there.append(Simulation.from_checkpoint(tmp_path / f"{part}.h5", threads=2))
-    assert sim.left["hole"][0] > 10 and in_slots > 2
+    assert sim.left["hole"][0] > 10 and in_slots > 0
     for resumed in there:
         resumed.step(sim.step_number - resumed.step_number)
         assert resumed.state_hash() == sim.state_hash() and resumed.left == sim.left

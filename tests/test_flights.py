@@ -39,6 +39,7 @@ def both(given: Scene, steps: int, pieces: int = 5, **keys) -> tuple[Simulation,
     for _ in range(pieces):
         for sim in (flying, still):
             sim.step(steps // pieces)
+            sim.contacts()  # the forces of this instant count among the extremes
         assert flying.state_hash() == still.state_hash()
         assert flying.extremes == still.extremes
     return flying, still
@@ -127,8 +128,9 @@ def shots() -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("resident", [False, True])
 def test_walls_are_met_whether_they_move_or_not(tmp_path, resident):
     flying, still = both(scene(*shots(), **vessel(tmp_path)), 5000, resident=resident)
-    met = {flying.scene.walls[-1 - wall].name for wall in flying.contacts().j if wall < 0}
-    assert "floor" in met and flying.extremes["wall_overlap_share"] > 0.02
+    assert flying.extremes["wall_overlap_share"] > 0.02
+    turned = (flying.particles.velocity[:7] * shots()[1][:7]).sum(axis=1) < 0.0
+    assert turned.sum() >= 4, "the walls were not hit"
     assert flying.lists.flights.laid > 2
     assert flying.lists.rebuilds < 0.7 * still.lists.rebuilds
 

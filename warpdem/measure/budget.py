@@ -91,15 +91,15 @@ class Budget:
         if not self.start:
             return
         sim = self.sim
+        ids = np.sort(sim.state.id.numpy()[slots])
+        slots = slots[np.argsort(sim.state.id.numpy()[slots])]  # sums in order of id: memory has any order
         self._carry(slots, -1.0)
-        ids = sim.state.id.numpy()[slots]
         if sim.plan.energy:
             contacts = observers.read_contacts(sim, since=1)
             theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
             self.carried[0] -= sum(float(e[theirs].sum()) for e in observers.elastic_energies(sim, contacts).values())
-        order = slots[np.argsort(ids)]
         for name, sums in self.gone.items():
-            sums[:] = np.add(sums, self._laboratory(name, getattr(sim.state, name).numpy()[order].sum(axis=0))).tolist()
+            sums[:] = np.add(sums, self._laboratory(name, getattr(sim.state, name).numpy()[slots].sum(axis=0))).tolist()
 
     def state(self) -> dict:
         """What a checkpoint must hold of it beside the arrays of the grains, as JSON."""
