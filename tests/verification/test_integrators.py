@@ -39,7 +39,7 @@ def flown(make_simulation, scheme, frame, step, end=0.6):
     """Errors of position, velocity and spin in the laboratory after free flight, each in its own unit."""
     sim = make_simulation(
         **START, radius=0.05, gravity=GRAVITY.tolist(), frame=frame, velocities_in="laboratory", step=step,
-        engine={"integrator": scheme},
+        engine={"integrator": scheme, "guards": "record"},
     )  # fmt: skip
     sim.run(until=end)
     t, p = sim.time, sim.particles
@@ -72,7 +72,7 @@ def test_order_with_a_force_of_position(make_simulation, scheme):
     field = {"model": "harmonic", "parameters": {"stiffness": mass * w**2}}
     error = []
     for step in (1 / 256, 1 / 512):
-        sim = make_simulation([[1.0, 0, 0]], radius=0.05, step=step, fields=[field], engine={"integrator": scheme})
+        sim = make_simulation([[1.0, 0, 0]], radius=0.05, step=step, fields=[field], engine={"integrator": scheme, "guards": "record"})
         sim.run(until=0.625)
         error.append(np.abs(sim.particles.position[0, 0] - np.cos(w * sim.time)))
     assert np.log2(error[0] / error[1]) == pytest.approx(model("integrator", scheme).ORDER, abs=0.1)
@@ -85,7 +85,7 @@ def test_fields_act_on_the_absolute_velocity_whatever_the_scheme_holds(make_simu
     field = {"model": "drag", "parameters": {"coefficient": 2.0 * mass}}
     sim = make_simulation(
         **START, radius=0.05, frame={"axis": [1, 2, 2], "rate": 5.0}, velocities_in="laboratory", step=2e-4, fields=[field],
-        engine={"integrator": scheme},
+        engine={"integrator": scheme, "guards": "record"},
     )  # fmt: skip
     sim.run(until=0.5)
     left = np.exp(-2.0 * sim.time)

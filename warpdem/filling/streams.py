@@ -82,7 +82,7 @@ class FeedWalls:
         smallest, largest = (0.5 * diameter for diameter in law.extremes)
         self._reach = largest
         self.notes: list[str] = []
-        walls = barriers(scene, meshes, places(0.0))
+        walls = barriers(scene, meshes, places(stream.start))  # which side is whose is told when the first grains come
         moving = {wall.name for wall, goes in zip(scene.walls, moves, strict=True) if goes}
         # in axes that turn, gravity has no direction to tell a cup by
         up = -np.asarray(scene.gravity, float) if scene.frame is None else np.zeros(3)
@@ -95,7 +95,9 @@ class FeedWalls:
         self._look(key, stream, points, smallest)
 
     def _look(self, key: str, stream, points: np.ndarray, radius: float) -> None:
-        """Refuse a box that is never free, and note what walls leave of it."""
+        """Refuse a box that is never free, and note what walls leave of it; of a stream that comes after the end, neither."""
+        if stream.start >= self._scene.time.end:
+            return
         middle, half = self._box.mean(axis=0), 0.5 * np.ptp(self._box, axis=0)
         centres = middle + (points - middle) * (1.0 - radius / half)
         end = min(self._scene.time.end, stream.until or np.inf)

@@ -34,8 +34,8 @@ def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, float]:
         were apart at most, in units of the file.
     """
     vertices, triangles = _equal(corners)
-    loose = _loose(triangles)
-    if not len(loose):
+    loose, gaps = _loose(triangles)
+    if not gaps:
         return vertices, triangles, 0, 0.0
     before, largest = len(vertices), float(np.abs(vertices).max())
     # only here may something change
@@ -44,11 +44,11 @@ def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, float]:
     part, farthest = triangles[near], 0.0
     for share in _shares(corners):
         kept = _joined(vertices, part, loose, share * largest)
-        left = _loose(kept[part], at_loose)
-        if len(left) < len(loose):
+        left, open_still = _loose(kept[part], at_loose)
+        if open_still < gaps:
             moved = np.linalg.norm(vertices - vertices[kept], axis=1)
-            farthest, part, loose = max(farthest, float(moved.max())), kept[part], left
-        if not len(loose):
+            farthest, part, loose, gaps = max(farthest, float(moved.max())), kept[part], left, open_still
+        if not gaps:
             break
     if farthest == 0.0:
         return vertices, triangles, 0, 0.0
@@ -66,8 +66,10 @@ def _equal(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return flat[first] + 0.0, group.reshape(-1, 3)
 
 
-def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> np.ndarray:
-    """Ends of the edges that an odd number of triangles have, ascending; a triangle that is there twice counts once.
+def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> tuple[np.ndarray, int]:
+    """Ends of the edges that an odd number of triangles have, ascending, and how many such edges there are.
+
+    A triangle that is there twice counts once.
 
     Args:
         triangles: Corner numbers, shape (t, 3).
@@ -80,7 +82,8 @@ def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> np.ndarray
         edge = edge[among[edge].all(axis=1)]
     size = int(edge.max(initial=0)) + 1
     key, uses = np.unique(edge[:, 0] * size + edge[:, 1], return_counts=True)
-    return np.unique(np.divmod(key[uses % 2 == 1], size))
+    odd = key[uses % 2 == 1]
+    return np.unique(np.divmod(odd, size)), len(odd)
 
 
 def _shares(corners: np.ndarray) -> list[float]:
