@@ -170,7 +170,10 @@ def in_row(number: int):
 # grains 17, box, result.pvd 19, chunk 20, state, result.usda 22, journals 23 and 24; checkpoint 25; and, with a row and a
 # checkpoint at the same step, the third frame: 26 to 33
 TRAPS = {
-    **{f"before file {k}": before_replace(k) for k in (16, 28, 31, 2, 5, 8, 11, 12, 13, 14, 15, 17, 19, 20, 21, 22, 23, 24, 34)},
+    **{
+        f"before file {k}": before_replace(k)
+        for k in (16, 28, 31, 2, 5, 8, 11, 12, 13, 14, 15, 17, 19, 20, 21, 22, 23, 24, 34)
+    },
     **{f"in file {k}": in_part(k) for k in (16, 15, 5, 11, 13, 14, 19, 20, 22, 23, 34)},
     **{f"in row {k}": in_row(k) for k in (9, 1, 2, 4)},
 }

@@ -72,7 +72,8 @@ def test_order_with_a_force_of_position(make_simulation, scheme):
     field = {"model": "harmonic", "parameters": {"stiffness": mass * w**2}}
     error = []
     for step in (1 / 256, 1 / 512):
-        sim = make_simulation([[1.0, 0, 0]], radius=0.05, step=step, fields=[field], engine={"integrator": scheme, "guards": "record"})
+        engine = {"integrator": scheme, "guards": "record"}
+        sim = make_simulation([[1.0, 0, 0]], radius=0.05, step=step, fields=[field], engine=engine)
         sim.run(until=0.625)
         error.append(np.abs(sim.particles.position[0, 0] - np.cos(w * sim.time)))
     assert np.log2(error[0] / error[1]) == pytest.approx(model("integrator", scheme).ORDER, abs=0.1)

@@ -15,9 +15,10 @@ def way_out(scene, smallest: float) -> list[str]:
     round its grains, a bore that is closed at its lower end, by planes too. Not looked at: meshes, a frame that turns.
     """
     gravity = np.asarray(scene.gravity, float)
-    if not scene.walls or not gravity.any() or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).turns:
+    pull = np.linalg.norm(gravity)
+    if not scene.walls or not pull or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).turns:
         return []
-    down = gravity / np.linalg.norm(gravity)
+    down = gravity / pull
     planes = [wall.shape for wall in scene.walls if isinstance(wall.shape, Plane)]
     if any(_holds(wall.shape, down, planes, smallest) for wall in scene.walls):
         return []
