@@ -165,6 +165,20 @@ def test_a_grain_that_was_outside_may_be_there_and_not_inside(make_scene):
         sim.guards.look()
 
 
+def test_looks_do_not_count_on_grains_that_have_left(make_scene):
+    """They keep their places in memory until the next lists; a look names the others by their own ids."""
+    box = {"name": "box", "mesh": BOX}
+    positions = [[1.2, 0.5, 0.5], [0.5, 0.5, 0.5], [0.3, 0.3, 0.3], [0.7, 0.7, 0.7], [0.7, 0.3, 0.7]]
+    scene = make_scene(positions, radius=0.01, walls=[box], velocities=[[10, 0, 0]] + 4 * [[0, 0, 0]], step=1e-4)
+    border = {"borders": {"x": {"max": 1.3, "kind": "open"}}}
+    sim = Simulation(Scene.model_validate(scene.model_dump(mode="json") | border), device="cpu", threads=1)
+    sim.step(450)
+    assert len(sim.state) == 4 < sim.state.slots
+    put(sim, 1, 0, 1.2)
+    with pytest.raises(StabilityError, match=r"grain 2 at \(1.2, 0.3, 0.3\) m is on the wrong side of the wall 'box'"):
+        sim.guards.look()
+
+
 @pytest.mark.parametrize(("start", "end"), [(0.5, 1.2), (1.2, 0.5)])
 def test_what_has_passed_is_not_taken_for_granted(make_scene, start, end):
     """With guards that record, a grain that has gone through a wall is still on the wrong side at the next look."""

@@ -505,7 +505,7 @@ class Simulation:
     def state_hash(self) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal hashes."""
         digest = hashlib.sha256(str(self.step_number).encode())
-        digest.update(self.state.id.numpy()[self.state.rank].tobytes())
+        digest.update(self.state.ids.tobytes())
         digest.update(np.ascontiguousarray(self.state.record.numpy()[self.state.rank]).tobytes())
         return digest.hexdigest()
 

@@ -89,6 +89,11 @@ class State:
             self._rank = order if self._count == self.slots else order[self.here[order]]
         return self._rank
 
+    @property
+    def ids(self) -> np.ndarray:
+        """Ids of the grains that are there, ascending, shape (n,), on the host."""
+        return self.id.numpy()[self.rank]
+
     def leave(self, gone: np.ndarray) -> None:
         """Take the grains in slots ``gone`` out of the domain: out of the way, each to a place of its own."""
         with changed(self.record) as record:

@@ -69,7 +69,7 @@ class SideGuard:
     def _distances(self) -> tuple[np.ndarray, np.ndarray]:
         """Ids in ascending order, shape (n,), and signed distances from each closed mesh [m], shape (n, meshes)."""
         sim = self.sim
-        ids, position = np.sort(sim.state.id.numpy()), sim.state.by_id(grain.POSITION)
+        ids, position = sim.state.ids, sim.state.by_id(grain.POSITION)
         found = [
             signed_distance(sim.meshes[sim.scene.walls[number].name], self._in_body(position, number))[0]
             for number in self._meshes

@@ -162,9 +162,9 @@ class Guards:
         Raises:
             StabilityError: always.
         """
-        sim, record = self.sim, self.sim.state.record.numpy()
-        bad = ~np.isfinite(record).all(axis=1)
-        ids = np.sort(sim.state.id.numpy()[bad])
+        sim = self.sim
+        bad = ~np.isfinite(sim.state.record.numpy()[sim.state.rank]).all(axis=1)
+        ids = sim.state.ids[bad]
         raise StabilityError(
             f"stopped {instant(sim)}: the state of grain {ids[0]} is not finite "
             f"({len(ids)} of {len(bad)} grains). Largest approach speed met before: "

@@ -1,7 +1,5 @@
 """How guards tell where and when."""
 
-import numpy as np
-
 from warpdem.kernels import grain
 
 
@@ -13,4 +11,4 @@ def instant(sim) -> str:
 def grain_at(sim, row: int) -> str:
     """Grain number ``row`` in order of id, with its place, in words."""
     where = ", ".join(f"{x:.4g}" for x in sim.state.by_id(grain.POSITION)[row])
-    return f"grain {int(np.sort(sim.state.id.numpy())[row])} at ({where}) m"
+    return f"grain {int(sim.state.ids[row])} at ({where}) m"

@@ -36,7 +36,7 @@ class Particles:
     @property
     def id(self) -> np.ndarray:
         """Ids, shape (n,), int64, ascending."""
-        return self._state.id.numpy()[self._state.rank]
+        return self._state.ids
 
     @property
     def type(self) -> np.ndarray:
