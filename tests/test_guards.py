@@ -168,14 +168,15 @@ def test_a_grain_that_was_outside_may_be_there_and_not_inside(make_scene):
 def test_looks_do_not_count_on_grains_that_have_left(make_scene):
     """They keep their places in memory until the next lists; a look names the others by their own ids."""
     box = {"name": "box", "mesh": BOX}
-    positions = [[1.2, 0.5, 0.5], [0.5, 0.5, 0.5], [0.3, 0.3, 0.3], [0.7, 0.7, 0.7], [0.7, 0.3, 0.7]]
+    positions = [[1.4, 0.1, 0.1], [1.5, 0.5, 0.5], [1.5, 0.3, 0.3], [1.5, 0.7, 0.7], [1.5, 0.3, 0.7]]
     scene = make_scene(positions, radius=0.01, walls=[box], velocities=[[10, 0, 0]] + 4 * [[0, 0, 0]], step=1e-4)
-    border = {"borders": {"x": {"max": 1.3, "kind": "open"}}}
+    border = {"borders": {"x": {"max": 1.8, "kind": "open"}}}
     sim = Simulation(Scene.model_validate(scene.model_dump(mode="json") | border), device="cpu", threads=1)
     sim.step(450)
     assert len(sim.state) == 4 < sim.state.slots
-    put(sim, 1, 0, 1.2)
-    with pytest.raises(StabilityError, match=r"grain 2 at \(1.2, 0.3, 0.3\) m is on the wrong side of the wall 'box'"):
+    sim.guards.look()
+    put(sim, 1, 0, 0.5)
+    with pytest.raises(StabilityError, match=r"grain 2 at \(0.5, 0.3, 0.3\) m is on the wrong side of the wall 'box'"):
         sim.guards.look()
 
 
