@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from warpdem.kernels.motion import LEFT
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
 
@@ -305,6 +306,19 @@ def test_a_grain_that_leaves_makes_no_lists(device):
     sim.step(5000)
     assert sim.left["x max"][0] - before[1] > 3
     assert sim.lists.rebuilds - before[0] <= 3
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_grain_that_leaves_does_not_put_the_lists_in_question(threads, monkeypatch):
+    """What the steps report of it is that it left, not that the lists are out of date: these are not even looked at."""
+    places = np.array([[0.0199, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]])
+    border = {"x": {"max": 0.02, "kind": "open"}}
+    sim = simulated(places, grain={"velocities": [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]]}, borders=border, threads=threads)
+    told, advance = [], sim.stepper.advance
+    monkeypatch.setattr(sim.stepper, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
+    sim.step(80)
+    assert sim.left["x max"][0] == 1
+    assert [moved for _, moved in told if moved] == [LEFT]
 
 
 def test_streamed_grains_fly_exactly(device):

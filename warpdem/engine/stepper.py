@@ -205,8 +205,8 @@ class Stepper:
         wall, used = time.perf_counter(), time.process_time()
         sim.threads.together([job(t) for t in range(n)])
         if count == 0:
-            return 0, False
+            return 0, 0
         done = int(control.done.numpy()[0])
         if most > 1:
             self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
-        return done, bool(control.moved.numpy()[::SPAN].any())
+        return done, int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))
