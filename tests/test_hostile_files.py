@@ -272,7 +272,8 @@ ROWS = b"x,y,z,radius\n"
 STATES = {
     "points.vtp": (VTP.format(10**12, 1, 0.01), ["NumberOfPoints = 1000000000000", "bytes long"]),
     "tuples.vtp": (VTP.format(1, 10**12, 0.01), ["NumberOfTuples = 1000000000000", "bytes long"]),
-    "components.vtp": (VTP.replace('Components="3"', 'Components="999999999999"').format(1, 1, 0.01), [".vtp"]),
+    "components.vtp": (VTP.replace('Components="3"', 'Components="999999999999"').format(1, 1, 0.01),
+                       ["NumberOfComponents = 999999999999"]),
     "raw.vtp": (RAW, ["raw.vtp"]),
     "empty.vtp": ("", ["empty.vtp", "cannot be read as .vtp"]),
     "tags.vtp": ("<a>" * 20000, ["tags.vtp", "cannot be read as .vtp"]),

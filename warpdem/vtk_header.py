@@ -6,7 +6,8 @@ from xml.parsers import expat
 
 THINGS_PER_BYTE = 100
 """Points, cells or numbers that a byte of a file may stand for [-]: some tens where arrays of equal numbers are compressed."""
-COUNTS = tuple(f"NumberOf{what}" for what in ("Points", "Cells", "Verts", "Lines", "Strips", "Polys", "Tuples"))
+COUNTED = "Points", "Cells", "Verts", "Lines", "Strips", "Polys", "Tuples", "Components"
+COUNTS = tuple(f"NumberOf{what}" for what in COUNTED)
 """Attributes that say how many of something follow."""
 
 
