@@ -4,8 +4,8 @@ On a CPU one launch per thread runs many steps and meets the others at a barrier
 launch of a captured graph (``resident``). A scheme of several stages calls the forces between as well, from the memory of the
 step's beginning, and drops what they make of it. A run rests with the forces of its instant evaluated, so reading results
 never computes anything again. It stops before a force call when a grain has moved by more than the lists allow (or is no
-longer finite); then new lists are made and the forces come first. It rests at the step whose contacts are deeper than the
-scene allows, whatever the length of the batch.
+longer finite); then new lists are made and the forces come first. A batch also ends at the force call in which an overlap
+exceeds the allowed one, so that the step of that does not depend on how a run is divided into batches.
 """
 
 import functools
@@ -108,7 +108,7 @@ def build(
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
-        deepest: wp.array(dtype=wp.float64)  # [1]: overlap over the radius at which the run rests [-]
+        deepest: wp.array(dtype=wp.float64)  # [1]: largest overlap over the radius that is allowed [-]
         scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)

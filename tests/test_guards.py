@@ -232,6 +232,15 @@ def test_looks_come_often_at_first_and_change_no_bit(make_scene, monkeypatch):
     assert watched.state_hash() == alone.state_hash()
 
 
+def test_a_danger_that_was_recorded_is_not_confirmed_again(make_scene, monkeypatch):
+    """With guards that only record, a run in danger goes on, and is not looked at every few steps from then on."""
+    looks = looked_at(monkeypatch)
+    sim = sheared_pair(make_scene, 1.6 * measured_limit(sheared_pair(make_scene, 1e-7)), spin=1e-15)
+    monkeypatch.setattr(stability.StabilityGuard, "_share", lambda self: (1.6, 1e-5, 0))
+    sim.step(250)
+    assert looks == [0, stability.CONFIRM, 100, 200]
+
+
 def test_what_an_unstable_pair_gains_is_noticed(make_scene):
     """It has flown apart before a second look at its contact could confirm the first."""
     sim = sheared_pair(make_scene, 1.2 * measured_limit(sheared_pair(make_scene, 1e-7)))

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from rich.console import Console
+from usd_stages import define_loose_mesh
 
 from warpdem import Scene, SceneError, Simulation
 from warpdem.check import describe
@@ -30,15 +31,6 @@ def new_stage(path, metres=1.0, up="Z"):
     return stage
 
 
-def define_mesh(stage, path, corners):
-    """A mesh of loose triangles (t, 3, 3)."""
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(corners.reshape(-1, 3), np.float32)))
-    mesh.CreateFaceVertexCountsAttr([3] * len(corners))
-    mesh.CreateFaceVertexIndicesAttr(list(range(3 * len(corners))))
-    return mesh
-
-
 def drum(path, name="Drum"):
     """MESH in a stage in centimetres with y upwards, in nested transforms of which one has samples.
 
@@ -56,7 +48,7 @@ def drum(path, name="Drum"):
     far.AddTranslateOp().Set(Gf.Vec3d(*map(float, -np.array([30, 20, -10]) @ around)))
     far.AddScaleOp().Set(Gf.Vec3f(50.0))
     y_up = np.stack([MESH[..., 0], MESH[..., 2], -MESH[..., 1]], axis=-1)
-    define_mesh(stage, f"/World/Turn/Far/{name}", 2.0 * y_up @ around)
+    define_loose_mesh(stage, f"/World/Turn/Far/{name}", 2.0 * y_up @ around)
     stage.Save()
 
 
@@ -134,7 +126,7 @@ def refusal(stage, prim="") -> str:
 
 def test_instances_are_read_where_they_stand_and_mirrored_ones_keep_their_outside(tmp_path):
     stage = new_stage(tmp_path / "a.usda")
-    define_mesh(stage, "/Parts/Ball/Skin", MESH)
+    define_loose_mesh(stage, "/Parts/Ball/Skin", MESH)
     stage.OverridePrim("/Parts").SetSpecifier(Sdf.SpecifierClass)
     for name, shift, scale in (("One", 1.0, (1, 1, 1)), ("Two", 2.0, (-1, 1, 2))):
         xform = UsdGeom.Xform.Define(stage, f"/World/{name}")
@@ -163,8 +155,8 @@ def test_polygons_holes_handedness_and_what_is_left_out(tmp_path):
     mesh.CreateSubdivisionSchemeAttr("catmullClark")
     steel = UsdShade.Material.Define(stage, "/Looks/Steel")
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(steel)
-    define_mesh(stage, "/World/Hidden", MESH).MakeInvisible()
-    define_mesh(stage, "/World/Hull", MESH).CreatePurposeAttr("guide")
+    define_loose_mesh(stage, "/World/Hidden", MESH).MakeInvisible()
+    define_loose_mesh(stage, "/World/Hull", MESH).CreatePurposeAttr("guide")
     UsdGeom.BasisCurves.Define(stage, "/World/Line")
     corners, notes = read(stage, "/World")
     assert corners.tolist() == [points[[2, 1, 0]].tolist(), points[[3, 2, 0]].tolist()]
@@ -181,7 +173,7 @@ def test_polygons_holes_handedness_and_what_is_left_out(tmp_path):
 
 def test_units_that_the_file_leaves_unsaid_are_those_of_usd_and_are_told(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
-    define_mesh(stage, "/Ball", MESH)
+    define_loose_mesh(stage, "/Ball", MESH)
     corners, notes = read(stage)
     turned = 0.01 * np.stack([MESH[..., 0], -MESH[..., 2], MESH[..., 1]], axis=-1).astype(float)
     np.testing.assert_allclose(corners, turned, rtol=1e-7)
@@ -230,11 +222,11 @@ def test_what_is_no_surface_at_rest_is_refused(tmp_path):
     assert "/Many/Balls is a point instancer" in refusal(stage, "/Many")
     UsdGeom.NurbsPatch.Define(stage, "/Patch")
     assert "/Patch is a NurbsPatch; read are Mesh" in refusal(stage, "/Patch")
-    mesh = define_mesh(stage, "/Bellows", MESH)
+    mesh = define_loose_mesh(stage, "/Bellows", MESH)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(MESH.reshape(-1, 3)), 0.0)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(2 * MESH.reshape(-1, 3)), 10.0)
     assert "/Bellows: its points change with time" in refusal(stage, "/Bellows")
-    define_mesh(stage, "/Odd", MESH).GetFaceVertexIndicesAttr().Set([0, 1, 900])
+    define_loose_mesh(stage, "/Odd", MESH).GetFaceVertexIndicesAttr().Set([0, 1, 900])
     assert "/Odd: the faces ask for" in refusal(stage, "/Odd")
     UsdGeom.Sphere.Define(stage, "/Ball").CreateRadiusAttr(-1.0)
     assert "/Ball: radius = -1, must be above 0" in refusal(stage, "/Ball")

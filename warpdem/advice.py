@@ -87,7 +87,7 @@ def _step(sim) -> Iterator[str]:
     if dt > found.settled:
         yield (
             f"time.step = {dt:.3g} s is {dt / found.settled:.3g} times the stability limit {found.settled:.3g} s of the bed at "
-            f"rest: its grains chatter, and from {DANGER:g} times the limit of the contacts that there are the run stops "
+            f"rest: its grains vibrate, and above {DANGER:g} times the limit of the contacts present the run stops "
             f'itself; take at most {rounded_down(found.settled)} s, or "auto"'
         )
     if dt > RAYLEIGH_SHARE * found.rayleigh:

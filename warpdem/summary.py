@@ -126,7 +126,7 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     table.add_row("largest approach speed", f"{met['pair_approach_speed']:.3g} m/s between grains, "
                                             f"{met['wall_approach_speed']:.3g} m/s at walls")  # fmt: skip
     table.add_row("steps per contact", f"{steps_per_contact(sim):.1f} at these speeds (damped contact, lightest grain)")
-    if over := sim.guards.stability.told:
+    if over := sim.guards.stability.excess:
         table.add_row("time step", over)
     if turning is not None:
         table.add_row("turning", turning_line(turning))

@@ -46,13 +46,18 @@ def collide(prim):
     return prim
 
 
-def define_mesh(stage, path, corners):
-    """A collider of loose triangles (t, 3, 3)."""
+def define_loose_mesh(stage, path, corners):
+    """A mesh of loose triangles (t, 3, 3)."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(corners.reshape(-1, 3), np.float32)))
     mesh.CreateFaceVertexCountsAttr([3] * len(corners))
     mesh.CreateFaceVertexIndicesAttr(list(range(3 * len(corners))))
-    return collide(mesh)
+    return mesh
+
+
+def define_mesh(stage, path, corners):
+    """A collider of loose triangles (t, 3, 3)."""
+    return collide(define_loose_mesh(stage, path, corners))
 
 
 def define_grains(stage, path="/Grains", points=((0.01, 0.0, 0.3),), width=0.01):

@@ -63,7 +63,7 @@ class Stepper:
         return self.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
 
     def pass_over_overlaps(self) -> None:
-        """Rest no longer where contacts are too deep."""
+        """Let batches go on whatever the overlaps."""
         self.control.deepest.fill_(np.inf)
 
     def restore(self, extreme: np.ndarray) -> None:

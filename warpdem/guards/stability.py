@@ -168,14 +168,14 @@ class StabilityGuard:
         return self._seen
 
     @property
-    def told(self) -> str:
-        """The most that the time step was over the limit at a look, in words; nothing if it never was."""
+    def excess(self) -> str:
+        """By how much the time step exceeded the stability limit at most, as text; empty if it never did."""
         seen = self._seen
         if seen.largest <= 1.0:
             return ""
         return (
-            f"up to {seen.largest:.3g} times the stability limit of the contacts at a look (step {seen.step}); "
-            f"from {DANGER:g} times on a run is in danger"
+            f"up to {seen.largest:.3g} times the stability limit of the contacts (checked at step {seen.step}); "
+            f"above {DANGER:g} times a run is in danger"
         )
 
     @property

@@ -84,7 +84,7 @@ class Guards:
         for guard in self._looking.values():
             guard.remember()
         self.next_look = look_after(self.sim.step_number)
-        if self.stability.in_danger:
+        if self.stability.in_danger and "stability" not in self.noticed:
             self.next_look = min(self.next_look, self.sim.step_number + CONFIRM)
 
     def judge(self) -> None:
@@ -141,7 +141,7 @@ class Guards:
         contacts = sim.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."
-        over = self.stability.told
+        over = self.stability.excess
         fastest = max(met["pair_approach_speed"], met["wall_approach_speed"])
         deepest = float(contacts.overlap.max(initial=0.0))
         remedy = "Take a smaller time.step, or a stiffer material."
