@@ -13,7 +13,7 @@ are needed by every packing, so they are one module.
 """
 
 import warp as wp
-from warpdem.kernels.size_grids import SizeGrids, box_around, first_in, insert, line_of, next_in
+from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 
 @wp.kernel(enable_backward=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from warpdem.kernels.motion import LEFT
+from warpdem.kernels.step.motion import LEFT
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation, load_scene
+from warpdem.app.summary import steps_per_contact
 from warpdem.scene.file import scene_from_dict
-from warpdem.summary import steps_per_contact
 
 BOTH = {"energy": True, "momentum": True}
 GRAIN = {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.25}

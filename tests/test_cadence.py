@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from warpdem.cadence import Cadence
+from warpdem.core.cadence import Cadence
 
 CASES = [
     # interval [s], of rows [s], step [s]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from warpdem.core.snapshot import FramePose
 from warpdem.drawing.camera import looking, picture_axes, placed, upright
 from warpdem.drawing.look import Look
-from warpdem.snapshot import FramePose
 
 REST = FramePose(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
 X, Y, Z = np.eye(3)

@@ -11,9 +11,10 @@ import trimesh
 import warp as wp
 from rich.console import Console
 
-from warpdem import Scene, Simulation, advice, check
-from warpdem.engine.timestep import damped_contact_factor
-from warpdem.runner import run_scene
+from warpdem import Scene, Simulation
+from warpdem.app import advice, check
+from warpdem.app.run import run_scene
+from warpdem.model.time_step import damped_contact_factor
 
 STEP = 1e-5
 CUP = str(Path(__file__).resolve().parent.parent / "scenes" / "meshes" / "hopper.stl")

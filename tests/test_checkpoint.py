@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.engine import checkpoint
 from warpdem.errors import OutputError
 from warpdem.scene.file import load_scene
+from warpdem.state import checkpoint
 
 HOURGLASS = Path(__file__).resolve().parent.parent / "scenes" / "hourglass.toml"
 

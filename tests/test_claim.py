@@ -12,14 +12,14 @@ from concurrent.futures import ThreadPoolExecutor
 import psutil
 import pytest
 
-from warpdem import claim
-from warpdem.claim import LOCK, FolderTaken, claimed, is_taken, refuse_taken
+from warpdem.core import claim
+from warpdem.core.claim import LOCK, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.errors import OutputError
 
 HOLD = """
 import sys
 from pathlib import Path
-from warpdem.claim import claimed
+from warpdem.core.claim import claimed
 with claimed(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

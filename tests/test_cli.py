@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import cli
+from warpdem.app import cli
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
@@ -306,7 +306,7 @@ class Stop:
             raise KeyboardInterrupt
 sys.meta_path.insert(0, Stop())
 sys.argv = ["warpdem", "run", "bed.toml"]
-from warpdem.cli import main
+from warpdem.app.cli import main
 main()
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60.0)
@@ -348,7 +348,7 @@ def test_interrupted_run_resumes_to_the_same_bits(warpdem, folder, signal_number
 
 def test_the_command_that_goes_on_names_the_options_given(warpdem, folder, monkeypatch):
     (folder / "my law.py").touch()
-    monkeypatch.setattr("warpdem.run_phases.run", Mock(side_effect=KeyboardInterrupt("at t = 1 s of 2 s")))
+    monkeypatch.setattr("warpdem.app.phases.run", Mock(side_effect=KeyboardInterrupt("at t = 1 s of 2 s")))
     options = ["--threads=1", "--precision=mixed", "--until=2.0", "--plugin", "my law.py", "--allow-path", ".", "--no-picture"]
     changes = ["--set", "time.end=3", 'engine.skin="0.1 mm"']
     code, _, error = warpdem("run", "bed.toml", *options, *changes, "--quiet", "--overwrite")
@@ -406,7 +406,7 @@ def test_run_and_check_tell_the_same_warnings(warpdem, folder):
 
 
 def test_check_says_on_standard_error_that_it_compiles(warpdem, monkeypatch):
-    monkeypatch.setattr("warpdem.progress.LONG", 0.001)
+    monkeypatch.setattr("warpdem.core.progress.LONG", 0.001)
     monkeypatch.setattr("warpdem.simulation.Simulation.load_kernels", lambda sim: time.sleep(0.1))
     for options in ((), ("--json",)):
         _, out, error = warpdem("check", "bed.toml", *options, "--device", "cpu", "--threads", "1")

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from usd_stages import validation_errors
 
 from warpdem import Scene, SceneError, load_scene
-from warpdem.cli import app
+from warpdem.app.cli import app
 from warpdem.scene.base import FileName
 from warpdem.scene.convert import convert
 from warpdem.scene.file import scene_from_dict

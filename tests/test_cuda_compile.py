@@ -5,11 +5,12 @@ from dataclasses import replace
 import cubin
 import pytest
 import warp as wp
-from warpdem.kernels import numbering, packing
+from warpdem.kernels import packing
+from warpdem.kernels.lists import numbering
 from warpdem.kernels.wall import distance
 
 from warpdem.engine.compiled import compile_plan
-from warpdem.engine.plan import WARP_LANES, Plan
+from warpdem.model.plan import WARP_LANES, Plan
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""

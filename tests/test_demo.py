@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from warpdem import Simulation, advice, cli, demo, load_demo, load_scene
+from warpdem import Simulation, load_demo, load_scene
+from warpdem.app import advice, cli, demo
 from warpdem.errors import OutputError, SceneError
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import SceneError, Simulation, cli, load_scene
+from warpdem import SceneError, Simulation, load_scene
+from warpdem.app import cli
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 

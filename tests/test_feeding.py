@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import Scene, SceneError, Simulation, StabilityError, summary
+from warpdem import Scene, SceneError, Simulation, StabilityError
+from warpdem.app import summary
 from warpdem.filling.streams import Feeder, FeedWalls
 
 R = 1e-3
@@ -80,7 +81,7 @@ def test_a_run_says_what_a_stream_could_not_bring(tmp_path):
 
 def feeder(one: Scene, places=None, moves=None):
     """The feeder of a scene's stream, with walls that stand at ``places(time)``, without a simulation."""
-    from warpdem.engine.walls import load_meshes
+    from warpdem.model.walls import load_meshes
 
     still = [(np.eye(3), np.zeros(3)) for _ in one.walls]
     walls = FeedWalls(0, one, load_meshes(one), places or (lambda time: still), moves or [False] * len(one.walls))

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from warpdem.core.paths import Access
 from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
 from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
 from warpdem.mesh.geometry import build_mesh
-from warpdem.paths import Access
 from warpdem.scene.model import Wall
 from warpdem.scene.motion import Rotation
 from warpdem.scene.sizes import DiameterDistribution

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation, StabilityError
-from warpdem.engine import checkpoint
+from warpdem.app.run import run_scene
 from warpdem.guards import stability, watch
 from warpdem.guards.energy import driven
-from warpdem.runner import run_scene
+from warpdem.state import checkpoint
 
 BOX = str(Path(__file__).resolve().parents[1] / "scenes/meshes/box.stl")
 FLOOR = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}

@@ -16,10 +16,13 @@ import numpy as np
 import psutil
 import pytest
 
-from warpdem import Scene, SceneError, Simulation, WarpdemError, cli, load_scene, memory, render
-from warpdem.engine import checkpoint, needs
+from warpdem import Scene, SceneError, Simulation, WarpdemError, load_scene, render
+from warpdem.app import cli
+from warpdem.core import memory
+from warpdem.core.vtk_header import overclaim
+from warpdem.model import needs
 from warpdem.output.write_vtk import read_frame
-from warpdem.vtk_header import overclaim
+from warpdem.state import checkpoint
 
 pytestmark = pytest.mark.filterwarnings("error", "ignore:Cyclopts application invoked without tokens")
 
@@ -212,7 +215,7 @@ def test_more_than_the_memory_holds_is_refused_with_both_numbers(tmp_path, case)
 
 
 def test_grains_that_fit_are_not_refused_and_told_from_eight_tenths(tmp_path, monkeypatch):
-    from warpdem import advice
+    from warpdem.app import advice
 
     (tmp_path / "scene.toml").write_text(HEAD + FILL.format(0.05, "count = 300", "2 mm"))
     scene = load_scene(tmp_path / "scene.toml")
@@ -467,7 +470,7 @@ def test_paths_that_no_results_can_have(strange, said_by, tmp_path, kind):
 @pytest.fixture(scope="module")
 def results(tmp_path_factory) -> Path:
     """Results of two frames."""
-    from warpdem.runner import run_scene
+    from warpdem.app.run import run_scene
 
     folder = tmp_path_factory.mktemp("results")
     data = {

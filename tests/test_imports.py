@@ -12,15 +12,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
-    "errors", "memory", "apart", "vtk_header", "interrupts", "process", "cores", "threads", "start_warp", "snapshot", "rigid",
-    "progress", "paths", "write_tables", "claim", "cadence",
-    "usd", "scene", "mesh", "filling", "engine", "measure", "output",
-    "guards", "advice", "summary", "simulation", "drawing", "notebook", "runner", "check", "run_phases", "demo", "cli",
-    "__init__", "__main__",
+    "errors", "core", "usd", "scene", "mesh", "filling", "model", "state", "engine", "measure", "output", "guards",
+    "simulation", "drawing", "app", "runner", "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
-RESULTS = {"errors", "snapshot", "write_tables", "mesh.plane_patch"}
+RESULTS = {"errors", "core.atomic_file", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
 """What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
@@ -66,7 +63,7 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: relative import"
-            # "from warpdem.engine import plan" names a file, "from warpdem.engine.plan import Plan" one of its things
+            # "from warpdem.engine import plan" names a file, "from warpdem.model.plan import Plan" one of its things
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         found += [(name, node not in lazy) for name in names]
     return found
@@ -120,7 +117,7 @@ def test_heavy_libraries_are_imported_where_they_are_used(name):
 
 
 def test_importing_warpdem_loads_nothing_heavy():
-    code = "import sys, warpdem, warpdem.cli, warpdem.runner; print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    code = "import sys, warpdem, warpdem.app.cli, warpdem.app.run; print(*sorted({m.split('.')[0] for m in sys.modules}))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
     assert "numpy" in loaded.split()
     assert not set(loaded.split()) & HEAVY

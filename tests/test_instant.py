@@ -8,9 +8,9 @@ import pytest
 import warp as wp
 
 from warpdem import Scene, Simulation
+from warpdem.app.run import history_row
 from warpdem.measure import observation
 from warpdem.output.instant import CONTACT_ARRAYS, Instant, Room
-from warpdem.runner import history_row
 
 STEPS = 800
 

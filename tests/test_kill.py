@@ -73,7 +73,8 @@ class Runs:
         pid = os.fork()
         if pid:
             return pid
-        from warpdem import runner, simulation
+        from warpdem import simulation
+        from warpdem.app import run
 
         step = simulation.Simulation.step
 
@@ -86,8 +87,8 @@ class Runs:
             trap()
             out = Path(folder)
             out.mkdir(exist_ok=True)
-            resume = (out / runner.CHECKPOINT).exists()
-            runner.run_scene(scene(), out, device="cpu", threads=1, quiet=True, resume=resume)
+            resume = (out / run.CHECKPOINT).exists()
+            run.run_scene(scene(), out, device="cpu", threads=1, quiet=True, resume=resume)
         except BaseException:
             traceback.print_exc()
             os._exit(1)
@@ -150,7 +151,7 @@ def in_row(number: int):
     """Die within the ``number``-th row of the history, inside a number."""
 
     def trap():
-        from warpdem.write_tables import HistoryWriter
+        from warpdem.output.write_tables import HistoryWriter
 
         real, count = HistoryWriter.write, [0]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.engine.impact import secant
 from warpdem.measure.observers import LEAST_OVERLAP
+from warpdem.model.impact import secant
 
 GAP, PULL = 4e-4, 2e-3
 BRIDGE = f'''"""Attraction that fades linearly with the gap between two bodies, and a linear spring when they touch."""

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
+from warpdem.app.run import run_scene
 from warpdem.measure.bulk import bulk
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.mixing import kinds, lacey_index
-from warpdem.runner import run_scene
 from warpdem.scene.file import scene_from_dict
 from warpdem.scene.measures import Region
 

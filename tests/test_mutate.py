@@ -48,9 +48,9 @@ def place(tmp_path, monkeypatch):
     for part in mutate.PARTS:
         (mutate.ROOT / part).mkdir(parents=True)
     for name, text in {
-        "warpdem/__init__.py": "", "kernels/__init__.py": "", "kernels/law.py": "ONE = 1\nTWO = 2\n",
-        "tests/test_one.py": "from warpdem.kernels.law import ONE\n\n\ndef test_one():\n    assert ONE == 1\n",
-        "tests/test_two.py": "from warpdem.kernels.law import TWO\n\n\ndef test_two():\n    assert TWO == 2\n",
+        "warpdem/__init__.py": "", "kernels/__init__.py": "", "kernels/contact/law.py": "ONE = 1\nTWO = 2\n",
+        "tests/test_one.py": "from warpdem.kernels.contact.law import ONE\n\n\ndef test_one():\n    assert ONE == 1\n",
+        "tests/test_two.py": "from warpdem.kernels.contact.law import TWO\n\n\ndef test_two():\n    assert TWO == 2\n",
     }.items():  # fmt: skip
         (mutate.ROOT / name).write_text(text)
     return mutate.Workplace(tmp_path / "copy", tmp_path / "cache")
@@ -64,26 +64,26 @@ def test_mutants_are_judged_one_after_the_other_and_taken_back(place):
         ("ONE = 1", "ONE =", "not run", None),
         ("TWO = 2", "TWO = 1 + 1", "survived", ""),
     ):
-        mutant = mutate.Mutant("name", "kernels/law.py", old, new, ("tests/test_one.py",))
+        mutant = mutate.Mutant("name", "kernels/contact/law.py", old, new, ("tests/test_one.py",))
         result = place.judge(mutant, ["tests"], 60.0)
         assert result["status"] == status, new
         assert by is None or result["by"] == by
-        assert (place.folder / "kernels/law.py").read_text() == "ONE = 1\nTWO = 2\n"
+        assert (place.folder / "kernels/contact/law.py").read_text() == "ONE = 1\nTWO = 2\n"
 
 
 @pytest.mark.slow
 def test_a_test_that_fails_anyway_kills_nothing(place):
     (place.folder / "tests" / "test_broken.py").write_text("def test_broken():\n    assert False\n")
-    mutant = mutate.Mutant("name", "kernels/law.py", "TWO = 2", "TWO = 1 + 1", ("tests/test_one.py",))
+    mutant = mutate.Mutant("name", "kernels/contact/law.py", "TWO = 2", "TWO = 1 + 1", ("tests/test_one.py",))
     result = place.judge(mutant, ["tests"], 60.0)
     assert result["status"] == "not run"
     assert result["by"] == "fails on the unchanged kernels, too: tests/test_broken.py::test_broken: assert False"
-    defended = mutate.Mutant("name", "kernels/law.py", "TWO = 2", "TWO = 4", ("tests/test_one.py",), "for a reason")
+    defended = mutate.Mutant("name", "kernels/contact/law.py", "TWO = 2", "TWO = 4", ("tests/test_one.py",), "for a reason")
     assert place.judge(defended, ["tests"], 60.0)["status"] == "survived", "went through the tests for all"
 
 
 def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp_path):
-    first, second, changed = (mutate.Mutant(n, "kernels/law.py", "1", "2", ("tests",)) for n in ("a", "b", "c"))
+    first, second, changed = (mutate.Mutant(n, "kernels/contact/law.py", "1", "2", ("tests",)) for n in ("a", "b", "c"))
 
     def result(mutant, status):
         return {"name": mutant.name, "file": mutant.file, "digest": mutant.digest, "status": status, "by": "", "seconds": 1.0}
@@ -91,7 +91,7 @@ def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp
     record = mutate.Record(tmp_path / "r.md", [first, second, changed])
     for mutant in (first, changed):
         record.add(result(mutant, "killed"))
-    other = mutate.Mutant("c", "kernels/law.py", "1", "3", ("tests",))
+    other = mutate.Mutant("c", "kernels/contact/law.py", "1", "3", ("tests",))
     record = mutate.Record(tmp_path / "r.md", [first, second, other])
     record.add(result(second, "survived"))
     assert list(record.lines) == ["a", "b"]
@@ -101,7 +101,7 @@ def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp
 
 def test_a_text_that_moved_on_is_named():
     with pytest.raises(ValueError, match=r"a: '1' stands 2 times in kernels/law\.py, not once"):
-        mutate.Mutant("a", "kernels/law.py", "1", "2", ()).changed("11")
+        mutate.Mutant("a", "kernels/contact/law.py", "1", "2", ()).changed("11")
 
 
 def test_list_and_unknown_names(capsys):

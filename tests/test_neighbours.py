@@ -5,7 +5,7 @@ import pytest
 
 from warpdem import Scene, Simulation
 from warpdem.engine.flights import Flights
-from warpdem.engine.neighbours import morton_order
+from warpdem.engine.neighbor_list import morton_order
 from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes, starts
 
 

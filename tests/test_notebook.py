@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 import warpdem
+from warpdem.core.progress import progress_bar, tell, told_if_long
 from warpdem.output.write_vtk import VtkWriter
-from warpdem.progress import progress_bar, tell, told_if_long
 
 SCENE = {
     "gravity": [0, 0, 0],
@@ -78,7 +78,7 @@ def test_progress_is_shown_in_a_terminal_and_nowhere_else():
 def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, quiet, lines):
     """A step in two seconds; a line is due after ten. The run goes on at step 40, which does not count as speed."""
     clock = iter([0.0, 0.0, 6.0, 20.0, 26.0])
-    monkeypatch.setattr("warpdem.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("warpdem.core.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
     with progress_bar(Console(file=StringIO()), quiet, 100) as tell:
         for step, state in ((40, "first"), (43, "too soon"), (50, "half of it"), (53, "too soon again")):
             tell(step, state)
@@ -88,7 +88,7 @@ def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, 
 @pytest.mark.parametrize(("quiet", "lines"), [(False, ["packing: 12.0 s", "packed: 31.0 s"]), (True, [])])
 def test_what_takes_long_before_the_run_is_told_by_lines(monkeypatch, capfd, quiet, lines):
     clock = iter([0.0, 3.0, 12.0, 13.0, 31.0])
-    monkeypatch.setattr("warpdem.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("warpdem.core.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
     with told_if_long("setting up", Console(file=StringIO()), quiet):
         for state in ("too soon", "packing:", "too soon again", "packed:"):
             tell(state)
@@ -97,8 +97,8 @@ def test_what_takes_long_before_the_run_is_told_by_lines(monkeypatch, capfd, qui
 
 
 def test_what_takes_long_before_the_run_is_shown_in_a_terminal(monkeypatch):
-    monkeypatch.setattr("warpdem.progress.LONG", 0.0)
-    monkeypatch.setattr("warpdem.progress.REFRESH", 0.0)
+    monkeypatch.setattr("warpdem.core.progress.LONG", 0.0)
+    monkeypatch.setattr("warpdem.core.progress.REFRESH", 0.0)
     out = StringIO()
     with told_if_long("setting up", Console(force_terminal=True, file=out, width=120), False):
         tell("packing [5] grains")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.runner import run_scene
+from warpdem.app.run import run_scene
 
 PAGE = Path(__file__).resolve().parent.parent / "kernels" / "README.md"
 RATE = 20.0

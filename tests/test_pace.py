@@ -54,7 +54,7 @@ def test_bits_do_not_depend_on_it(make_scene, monkeypatch):
     rng = np.random.default_rng(5)
     cell = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     scene = make_scene(cell * 2.02e-3, step=1e-5, velocities=rng.normal(0, 0.3, (64, 3)), max_speed=1.0)
-    monkeypatch.setattr("warpdem.threads.available_cores", lambda: 3)
+    monkeypatch.setattr("warpdem.core.threads.available_cores", lambda: 3)
     hashes = set()
     for counts in ([1], [2], [1, 2, 3, 2]):
         sim = Simulation(scene, device="cpu")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem import Scene, SceneError, Simulation, cli, load_scene
-from warpdem.paths import SCENES, Access, access_of_file
+from warpdem import Scene, SceneError, Simulation, load_scene
+from warpdem.app import cli
+from warpdem.core.paths import SCENES, Access, access_of_file
 
 SCENE = """
 [materials.g]

@@ -13,11 +13,11 @@ import pytest
 from rich.console import Console
 
 from warpdem import SceneError, Simulation, StabilityError
-from warpdem.claim import FolderTaken, claimed
+from warpdem.app.phases import run as run_all
+from warpdem.core.claim import FolderTaken, claimed
 from warpdem.drawing.rendering import render
-from warpdem.engine import checkpoint
-from warpdem.run_phases import run as run_all
 from warpdem.scene.file import load_scene, scene_from_dict
+from warpdem.state import checkpoint
 
 STEP = 2e-5
 

@@ -11,7 +11,7 @@ import pytest
 from warpdem.kernels import grain
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.engine import plan
+from warpdem.model import plan
 from warpdem.scene import models
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -11,7 +11,7 @@ import pytest
 from pydantic import BaseModel
 
 import warpdem
-from warpdem import snapshot
+from warpdem.core import snapshot
 from warpdem.measure import observers
 
 NAMES = [name for name in warpdem.__all__ if name != "__version__"]

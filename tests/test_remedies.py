@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from warpdem import Scene, SceneError, cli
+from warpdem import Scene, SceneError
+from warpdem.app import cli
 from warpdem.drawing.look import Look
 from warpdem.scene import models
 from warpdem.scene.messages import _all_keys, rounded_down, rounded_up

@@ -8,6 +8,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from warpdem.core.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
 from warpdem.drawing.legend import bar_width, font_size, heading
 from warpdem.drawing.rendering import render
 from warpdem.drawing.visible import visible
@@ -17,7 +18,6 @@ from warpdem.mesh.tessellation import tessellated
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.output.write_vtkhdf import VtkhdfWriter
 from warpdem.scene.wall_shapes import Cylinder
-from warpdem.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
 
 SIZE = (400, 400)
 HEIGHT = 1.0  # [m] shown by the parallel camera, so 400 pixels per metre

@@ -6,7 +6,7 @@ import trimesh
 import warp as wp
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.engine import resident
+from warpdem.engine import graph as graph_executor
 from warpdem.output.instant import Instant, Room
 
 STEPS = 150
@@ -92,7 +92,7 @@ def test_near_lists_are_made_in_the_graph(in_a_box):
 def test_nothing_is_allocated_while_a_graph_is_captured(box, monkeypatch):
     """CUDA allows no allocation within a branch of a graph."""
     sim = Simulation(bed([{"name": "box", "material": "glass", "mesh": box}]), device="cpu", threads=1, resident=True)
-    loop, asked, allocator = resident.Launches.loop, [], type(sim.device.get_allocator())
+    loop, asked, allocator = graph_executor.Launches.loop, [], type(sim.device.get_allocator())
     allocate = allocator.allocate
 
     def noted(self, size):
@@ -104,7 +104,7 @@ def test_nothing_is_allocated_while_a_graph_is_captured(box, monkeypatch):
             patch.setattr(allocator, "allocate", noted)
             loop(launches)
 
-    monkeypatch.setattr(resident.Launches, "loop", watched)
+    monkeypatch.setattr(graph_executor.Launches, "loop", watched)
     sim.step(STEPS)
     assert sim.stepper.resident.captures > 0
     assert not asked

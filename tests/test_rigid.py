@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
 
-from warpdem import rigid
-from warpdem.rigid import WIDE
+from warpdem.core import rigid
+from warpdem.core.rigid import WIDE
 
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
 

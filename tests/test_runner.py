@@ -20,13 +20,14 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.claim import FolderTaken, claimed
-from warpdem.engine import checkpoint
+from warpdem.app.run import cadence, check_request, default_folder, history_columns, named_folder, run_scene
+from warpdem.app.summary import print_summary, speed_text, steps_per_contact
+from warpdem.core.claim import FolderTaken, claimed
+from warpdem.core.progress import told_if_long
 from warpdem.errors import OutputError
+from warpdem.model.digests import scene_hash
 from warpdem.output.write_vtk import read_results
-from warpdem.progress import told_if_long
-from warpdem.runner import cadence, check_request, default_folder, history_columns, named_folder, run_scene
-from warpdem.summary import print_summary, scene_hash, speed_text, steps_per_contact
+from warpdem.state import checkpoint
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
 
@@ -163,7 +164,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim = Simulation(scene(), device="cpu", threads=1)
     assert steps_per_contact(sim) == math.inf
     sim.run(until=6e-3)
-    from warpdem.engine.timestep import contact_time, damped_contact_factor
+    from warpdem.model.time_step import contact_time, damped_contact_factor
 
     met = sim.extremes
     mass = 2500 * 4 / 3 * math.pi * 1e-9
@@ -500,7 +501,7 @@ def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeyp
 
 @pytest.mark.parametrize(("seconds", "quiet", "said"), [(0.0, False, ""), (0.2, False, "compiling\n"), (0.2, True, "")])
 def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
-    monkeypatch.setattr("warpdem.progress.LONG", 0.05)
+    monkeypatch.setattr("warpdem.core.progress.LONG", 0.05)
     text = io.StringIO()
     with told_if_long("compiling", Console(file=text, force_terminal=True), quiet):
         time.sleep(seconds)

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from warpdem.core.paths import access_of_file
 from warpdem.errors import SceneError
-from warpdem.paths import access_of_file
 from warpdem.scene.file import load_scene, scene_from_dict, scene_schema
 
 SCHEMA = Path(__file__).parents[1] / "scenes" / "scene.schema.json"

@@ -16,7 +16,8 @@ import psutil
 import pytest
 import trimesh
 
-from warpdem import SceneError, Simulation, check, load_scene
+from warpdem import SceneError, Simulation, load_scene
+from warpdem.app import check
 
 MOST_SECONDS = 30.0
 """Processor time of one mutant [s]; most take milliseconds, those that are sound kernels to set up."""

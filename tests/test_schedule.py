@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation as Turn
 
 from warpdem import Scene
-from warpdem.engine.schedule import Schedule
+from warpdem.model.schedule import Schedule
 
 DT = 1.0e-3
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0

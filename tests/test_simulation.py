@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation, StabilityError, WarpdemError
-from warpdem.runner import run_scene
+from warpdem.app.run import run_scene
 
 RADIUS = 1.0e-3
 MASS = 2500 * 4 / 3 * math.pi * RADIUS**3

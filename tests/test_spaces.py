@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError
-from warpdem.engine.walls import load_meshes
 from warpdem.filling.barriers import Barrier, barriers, places_at_start, with_sides
 from warpdem.filling.grain_source import check_start, load_grains
 from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
 from warpdem.filling.pool import find_pool
 from warpdem.mesh.geometry import build_mesh, signed_distance
+from warpdem.model.walls import load_meshes
 
 D = 3e-3
 GRAIN = np.pi / 6.0 * D**3

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.engine import checkpoint
 from warpdem.scene.motion import Rotation, Standing
+from warpdem.state import checkpoint
 
 STEP = 2e-5
 RATE = 30.0

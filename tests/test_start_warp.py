@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from warpdem import start_warp
+from warpdem.core import start_warp
 from warpdem.errors import WarpdemError
 
 LINE = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver. GPU execution will not be available.\n"

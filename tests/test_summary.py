@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, Simulation
+from warpdem.app.run import run_scene
+from warpdem.app.summary import turning_line
 from warpdem.measure.dimensionless import TurningNumbers, turning_axes
-from warpdem.runner import run_scene
-from warpdem.summary import turning_line
 
 RATE, RADIUS, SPEED = 4.0, 0.05, 0.3
 HALF_TURN = {"axis": [0, 0, 1], "schedule": [{"until": 5e-3, "rate": RATE}]}

@@ -8,9 +8,16 @@ import time
 import numpy as np
 import pytest
 import warp as wp
-from warpdem.kernels import barrier
+from warpdem.kernels.step import barrier
 
-from warpdem.threads import GRAINS_PER_THREAD, Threads, ask_for_short_slices, available_threads, ranges, threads_for
+from warpdem.core.threads import (
+    GRAINS_PER_THREAD,
+    Threads,
+    ask_for_short_slices,
+    available_threads,
+    ranges,
+    threads_for,
+)
 
 
 @pytest.mark.parametrize(("count", "parts"), [(0, 1), (0, 4), (3, 5), (10, 3), (1000, 7), (7, 1)])
@@ -27,7 +34,7 @@ def test_available_threads_is_a_count():
 
 
 def test_threads_are_as_many_as_pay(monkeypatch):
-    monkeypatch.setattr("warpdem.threads.available_cores", lambda: 16)
+    monkeypatch.setattr("warpdem.core.threads.available_cores", lambda: 16)
     least = GRAINS_PER_THREAD
     assert [threads_for(n) for n in (0, 2, 2 * least - 1, 2 * least, 5 * least, 10**6)] == [1, 1, 1, 2, 5, 16]
     assert [Threads(4, as_pays=True).at_work(n) for n in (0, 2, 2 * least, 10**6)] == [1, 1, 2, 4]

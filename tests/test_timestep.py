@@ -8,10 +8,10 @@ from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 
 from warpdem import Scene, SceneError
-from warpdem.engine import timestep
-from warpdem.engine.impact import impact
-from warpdem.engine.plan import coefficient_table
 from warpdem.filling.grain_source import load_grains
+from warpdem.model import time_step
+from warpdem.model.impact import impact
+from warpdem.model.plan import coefficient_table
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
@@ -28,8 +28,8 @@ def scene(**changes) -> Scene:
     return Scene.model_validate(data | changes)
 
 
-def found(of: Scene) -> timestep.Limits:
-    return timestep.limits(of, load_grains(of, {}), {})
+def found(of: Scene) -> time_step.Limits:
+    return time_step.limits(of, load_grains(of, {}), {})
 
 
 def test_rayleigh_time():
@@ -62,7 +62,7 @@ def test_limit_of_a_bed_at_rest_is_that_of_a_packing_under_its_weight(normal, fr
     dashpot = damping * math.sqrt(secant * 0.5 * MASS)
     assert dashpot == pytest.approx((2.0 if normal == "hooke" else math.sqrt(5.0)) * beta * math.sqrt(secant * 0.5 * MASS))
     across = (ratio * secant, ratio_damping * dashpot) if friction else (0.0, 0.0)
-    assert limits.settled == pytest.approx(timestep.packing_limit((tangent, dashpot), across, 0.5 * MASS), rel=1e-5)
+    assert limits.settled == pytest.approx(time_step.packing_limit((tangent, dashpot), across, 0.5 * MASS), rel=1e-5)
 
 
 def test_a_bed_in_a_turning_frame_is_pressed_by_its_turning_too():
@@ -110,15 +110,15 @@ def test_stable_limit_of_two_undamped_frictionless_hooke_grains():
 @pytest.mark.parametrize(("contacts", "rough", "smooth"), [(6, 0.50, 1.00), (8, 0.43, 0.87), (12, 0.35, 0.71)])
 def test_limits_of_cubic_packings_are_those_of_their_bloch_waves(contacts, rough, smooth):
     """Simple cubic, body- and face-centred, in sqrt(m/k_n), with k_t = 0.8 k_n and without; m* = m/2."""
-    assert timestep.packing_limit((1.0, 0.0), (0.8, 0.0), 0.5, contacts) == pytest.approx(rough, abs=0.005)
-    assert timestep.packing_limit((1.0, 0.0), (0.0, 0.0), 0.5, contacts) == pytest.approx(smooth, abs=0.005)
+    assert time_step.packing_limit((1.0, 0.0), (0.8, 0.0), 0.5, contacts) == pytest.approx(rough, abs=0.005)
+    assert time_step.packing_limit((1.0, 0.0), (0.0, 0.0), 0.5, contacts) == pytest.approx(smooth, abs=0.005)
 
 
 @pytest.mark.parametrize(("restitution", "limit"), [(1.0, 2.0), (0.9, 1.87), (0.5, 1.31), (0.31, 1.04), (0.1, 0.73)])
 def test_limit_of_a_damped_oscillator_under_the_predicted_velocity(restitution, limit):
     """Largest stable w dt, from the eigenvalues of the scheme."""
     beta = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
-    assert timestep.stable_step(1.0, 2.0 * beta, 1.0) == pytest.approx(limit, abs=0.006)
+    assert time_step.stable_step(1.0, 2.0 * beta, 1.0) == pytest.approx(limit, abs=0.006)
 
 
 def test_damping_and_friction_lower_the_limit():
@@ -132,34 +132,34 @@ def test_damping_and_friction_lower_the_limit():
 
 def test_auto_takes_the_least_and_names_it():
     limits = found(scene())
-    assert timestep.choose(scene(), limits) == min(limits.candidates.values())
+    assert time_step.choose(scene(), limits) == min(limits.candidates.values())
     assert limits.candidates[limits.binding] == min(limits.candidates.values())
     fast = scene(frame={"axis": [0, 0, 1], "rate": 1e6})
-    assert timestep.choose(fast, found(fast)) == pytest.approx(0.02 / 1e6)
+    assert time_step.choose(fast, found(fast)) == pytest.approx(0.02 / 1e6)
     assert "rad of the frame" in found(fast).binding
 
 
 def test_step_over_the_limit_is_refused_with_both_numbers():
     limit = found(scene()).stable
     fine = scene(time={"end": 1, "step": 0.99 * limit, "max_speed": 0.5})
-    assert timestep.choose(fine, found(fine)) == 0.99 * limit
+    assert time_step.choose(fine, found(fine)) == 0.99 * limit
     bad = scene(time={"end": 1, "step": 1.01 * limit, "max_speed": 0.5})
     with pytest.raises(SceneError, match=rf"time\.step = {1.01 * limit:g} s is over the stability limit {limit:.3g} s"):
-        timestep.choose(bad, found(bad))
+        time_step.choose(bad, found(bad))
 
 
 def test_fall_speed_is_that_of_the_highest_fall():
     """sqrt(2 g H) over the extent along gravity, plus start speed and wall speed."""
     grains = [{"material": "glass", "positions": [[0, 0, 0], [0.7, 0, 0.2]], "radius": RADIUS}]
     of = scene(grains=grains, time={"end": 1})
-    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(math.sqrt(2 * 9.81 * 0.2), rel=1e-12)
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(math.sqrt(2 * 9.81 * 0.2), rel=1e-12)
     moving = scene(grains=[grains[0] | {"velocities": [[0, 3, 4], [0, 0, 0]]}], time={"end": 1})
     expected = math.sqrt(2 * 9.81 * 0.2) + 5.0
-    assert timestep.fall_speed(moving, load_grains(moving, {}), {}) == pytest.approx(expected, rel=1e-12)
+    assert time_step.fall_speed(moving, load_grains(moving, {}), {}) == pytest.approx(expected, rel=1e-12)
     turning = scene(grains=grains, time={"end": 1}, frame={"axis": [0, 0, 1], "rate": 10.0})
     # gravity turns against the axes: any direction of the extent may become the height
     expected = math.sqrt(2 * 9.81 * math.hypot(0.7, 0.2)) + 10.0 * 0.7
-    assert timestep.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-12)
+    assert time_step.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-12)
 
 
 GRAIN = [{"material": "glass", "positions": [[0.3, 0, 0]], "radius": RADIUS}]
@@ -178,14 +178,14 @@ def test_speeds_of_shifting_frames_and_walls_count():
     shaker = {"velocity": [3, 0, 4], "amplitude": [0, 0.01, 0], "frequency": 50}
     speed = 5.0 + 2 * math.pi * 50 * 0.01
     of = scene(grains=GRAIN, time={"end": 1}, frame=shaker)
-    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     plane = {"name": "w", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[plane | {"motion": shaker}])
-    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     mill = [{"axis": [0, 0, 1], "rate": 10}, {"axis": [0, 0, 1], "origin": [0.2, 0, 0], "rate": -7}]
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame=mill)
     # 0.1 m from the inner axis, so at most 0.3 m from the outer one
-    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(7 * 0.1 + 10 * 0.3, rel=1e-12)
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(7 * 0.1 + 10 * 0.3, rel=1e-12)
 
 
 def test_speed_of_a_sampled_frame_counts(tmp_path):
@@ -202,7 +202,7 @@ def test_speed_of_a_sampled_frame_counts(tmp_path):
     stage.Save()
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame={"usd": str(tmp_path / "a.usda"), "prim": "/A"})
     wanted = 0.25 + 0.3 * math.pi / 4
-    assert timestep.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(wanted, rel=1e-9)
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(wanted, rel=1e-9)
     assert found(of).frame == pytest.approx(0.02 / (math.pi / 4), rel=1e-9)
 
 
@@ -222,9 +222,9 @@ def test_damped_contact_factor_against_trajectories():
         path = solve_ivp(motion, (0.0, 50.0), [0.0, 1.0], events=apart, rtol=1e-9, atol=1e-12, max_step=0.05)
         undamped = 2.943275184 * 1.25**0.4
         assert -path.y_events[0][-1][1] == pytest.approx(e, abs=1e-3)
-        factor = timestep.damped_contact_factor(e)
+        factor = time_step.damped_contact_factor(e)
         assert factor == pytest.approx(path.t_events[0][-1] / undamped, rel=5e-3)
-    assert np.all(np.diff([timestep.damped_contact_factor(e) for e in np.linspace(0.05, 1.0, 50)]) < 0)
+    assert np.all(np.diff([time_step.damped_contact_factor(e) for e in np.linspace(0.05, 1.0, 50)]) < 0)
 
 
 def test_a_lone_free_grain_has_no_contact_to_limit_it():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.engine.travel import CLOSED, OPEN
 from warpdem.errors import SceneError, StabilityError
+from warpdem.model.travel import CLOSED, OPEN
 
 BOX = str(Path(__file__).resolve().parents[1] / "scenes/meshes/box.stl")
 RADIUS, STEP = 0.02, 1e-3

@@ -13,11 +13,11 @@ from rich.console import Console
 from usd_stages import define_loose_mesh
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.check import describe
+from warpdem.app.check import describe
+from warpdem.app.run import run_scene
 from warpdem.mesh import usd_geometry
 from warpdem.mesh.geometry import build_mesh, load_mesh
 from warpdem.mesh.usd_geometry import shape_triangles
-from warpdem.runner import run_scene
 from warpdem.usd import motion as usd_motion
 
 MESH = np.array(trimesh.creation.icosphere(subdivisions=1, radius=0.1).triangles, np.float32)

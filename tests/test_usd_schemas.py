@@ -7,7 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from usd_stages import MESH, author, collide, define_grains, define_mesh, new_stage, read, refusal
 
 from warpdem import load_scene
-from warpdem.cli import app
+from warpdem.app.cli import app
 from warpdem.usd.not_taken import notes
 from warpdem.usd.schemas import RULES, Prim, rule_of
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpdem import SceneError, Simulation
-from warpdem.engine.impact import impact
-from warpdem.runner import run_scene
+from warpdem.app.run import run_scene
+from warpdem.model.impact import impact
 from warpdem.scene import models
 from warpdem.scene.file import scene_from_dict
 

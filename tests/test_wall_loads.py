@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rich.console import Console
 
 from warpdem import Scene, Simulation
-from warpdem.engine.schedule import Schedule
+from warpdem.app.run import run_scene
+from warpdem.core.snapshot import FramePose, Placement, Snapshot, WallLoad, WallMesh
 from warpdem.measure.wall_loads import read_loads, torque_point
+from warpdem.model.schedule import Schedule
 from warpdem.output.write_usd import UsdWriter
 from warpdem.output.write_vtk import VtkWriter
-from warpdem.runner import run_scene
-from warpdem.snapshot import FramePose, Placement, Snapshot, WallLoad, WallMesh
 
 RADIUS = 1e-3
 NAMES = ("force", "torque", "about", "power", "triangle_force", "pressure")

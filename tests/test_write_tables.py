@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpdem.core.atomic_file import replaced
 from warpdem.errors import WarpdemError
-from warpdem.write_tables import HistoryWriter, replaced, write_run_record
+from warpdem.output.write_tables import HistoryWriter, write_run_record
 
 COLUMNS = ["time [s]", "grains [-]", "kinetic energy [J]"]
 

@@ -10,12 +10,8 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from usd_stages import validation_errors
 
 from warpdem import SceneError, Simulation, load_scene
-from warpdem.errors import WarpdemError
-from warpdem.output.write_usd import UsdWriter
-from warpdem.output.write_vtk import VtkWriter, read_results
-from warpdem.runner import run_scene
-from warpdem.scene.file import scene_from_dict
-from warpdem.snapshot import (
+from warpdem.app.run import run_scene
+from warpdem.core.snapshot import (
     FramePose,
     Placement,
     RotationPart,
@@ -25,6 +21,10 @@ from warpdem.snapshot import (
     WallLoad,
     WallMesh,
 )
+from warpdem.errors import WarpdemError
+from warpdem.output.write_usd import UsdWriter
+from warpdem.output.write_vtk import VtkWriter, read_results
+from warpdem.scene.file import scene_from_dict
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 GRAINS = "/World/Frame/Grains"

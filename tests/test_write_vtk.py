@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from warpdem.core.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.write_vtk import VtkWriter, read_frame, read_results
-from warpdem.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
 
 CUBE = WallMesh(
     "box",

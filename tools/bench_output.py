@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from warpdem import Scene
-from warpdem.runner import writer_of
-from warpdem.snapshot import ContactNetwork, FramePose, Snapshot
+from warpdem.app.run import writer_of
+from warpdem.core.snapshot import ContactNetwork, FramePose, Snapshot
 
 TOUCHING = 1.9  # contacts per grain of a settled bed
 

@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 import warpdem
-from warpdem.threads import available_threads
+from warpdem.core.threads import available_threads
 
 Peer = Literal["liggghts", "deme"]
 PEERS = {"liggghts": liggghts, "deme": deme_peer}

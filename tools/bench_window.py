@@ -18,7 +18,7 @@ import warp as wp
 from bench_states import ROOT, Model, Settings, Start, scene_of
 
 import warpdem
-from warpdem.threads import available_threads
+from warpdem.core.threads import available_threads
 
 
 class OtherLoad:

@@ -8,12 +8,12 @@ import time
 
 import numpy as np
 import warp as wp
-from warpdem.kernels.pairs import share_width
-from warpdem.kernels.resident import CLOCK, GO, LANES, LEFT, PARITY, ROW, ROWS, SHARES
+from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.step.graph import CLOCK, GO, LANES, LEFT, PARITY, ROW, ROWS, SHARES
 from warpdem.kernels.wall.surface import Surface
 
 import warpdem
-from warpdem.engine.resident import Launches
+from warpdem.engine.graph import Launches
 
 COPY = 1 << 28  # numbers of the array that is copied on a GPU: far beyond its caches
 

@@ -41,10 +41,11 @@ import warp as wp
 from cyclopts import App, Parameter
 from paper_common import SCENES
 from rich.console import Console
-from warpdem.kernels import Built, numbering, size_grids
+from warpdem.kernels import Built
+from warpdem.kernels.lists import cells, numbering
 
 from warpdem import Scene, Simulation
-from warpdem.engine import resident
+from warpdem.engine import graph
 from warpdem.output.instant import Instant, Room
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,7 +77,7 @@ def compile(device: str, small: bool, folder: Path) -> dict:
         begin, modules = time.perf_counter(), {}
         for scene in scenes[: 1 if small else None]:
             built = make(scene).kernels
-            groups = [numbering, size_grids, *(group for group in vars(built).values() if isinstance(group, Built))]
+            groups = [numbering, cells, *(group for group in vars(built).values() if isinstance(group, Built))]
             kernels = [thing for group in groups for thing in vars(group).values() if isinstance(thing, wp.Kernel)]
             # the CPU's loop waits at barriers between threads: nothing for a GPU
             modules |= {id(k.module): k.module for k in kernels if not (built.resident and k is built.loop.run)}
@@ -186,7 +187,7 @@ def step(device: str, small: bool, folder: Path) -> dict:
     start = bench_states.own_bed(200 if small else 10_000, folder, bench_states.Settings(), 20 if small else 10_000)
     steps, out = (20 if small else 2000), {}
     for body in (1, 2, 4, 8, 16):
-        resident.BODY = body
+        graph.BODY = body
         sim = simulation(bench_states.scene_of(start, "full", bench_states.Settings()), device)
         sim.step(steps)
         begin, lists, refreshes = time.perf_counter(), sim.lists.rebuilds, sim.lists.refreshes

@@ -96,7 +96,7 @@ class Workplace:
             "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1", "WARP_CACHE_PATH": str(cache),
             "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
         }  # fmt: skip
-        where = self._python("-c", "import warpdem.kernels.law as law; print(law.__file__)", limit=300).stdout.strip()
+        where = self._python("-c", "import warpdem.kernels.contact.law as law; print(law.__file__)", limit=300).stdout.strip()
         if not Path(where).resolve().is_relative_to(folder.resolve()):
             raise RuntimeError(f"tests would run on {where}, not on the copy in {folder}")
 

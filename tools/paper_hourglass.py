@@ -18,7 +18,7 @@ from matplotlib.collections import EllipseCollection
 from paper_common import SCENES, in_laboratory, save, scene_of, tables
 
 import warpdem
-from warpdem.engine.walls import load_meshes
+from warpdem.model.walls import load_meshes
 
 SETTINGS = ("frame", "laboratory")
 QUARTERS = (0.25, 0.5, 0.75)

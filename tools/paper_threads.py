@@ -18,7 +18,7 @@ from paper_common import SCENES, save, scene_of, tables
 from paper_hourglass import SETTINGS, settled, started
 
 import warpdem
-from warpdem.threads import available_threads
+from warpdem.core.threads import available_threads
 
 ANGLES = (0.0, 45.0, 90.0)  # of the turn [deg]
 

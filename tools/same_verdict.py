@@ -45,7 +45,7 @@ def busy(on: bool):
 
 def outcome(scene: Path, changes: list[str], wall_time: float, threads: int, folder: Path) -> tuple:
     """Exit code, steps, state hash and digest of the history of a run."""
-    command = [sys.executable, "-m", "warpdem.cli", "run", str(scene), "--out", str(folder), "--threads", str(threads),
+    command = [sys.executable, "-m", "warpdem.app.cli", "run", str(scene), "--out", str(folder), "--threads", str(threads),
                "--no-picture", "--quiet", "--set", f"output.checkpoint_wall_time={wall_time}", *changes]  # fmt: skip
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     record = json.loads((folder / "run.json").read_text()) if (folder / "run.json").exists() else {}

@@ -21,7 +21,7 @@ if find_spec("warpdem.kernels") is None:
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 
 if TYPE_CHECKING:
-    from warpdem.demo import load_demo
+    from warpdem.app.demo import load_demo
     from warpdem.scene.file import load_scene
     from warpdem.scene.model import Scene
     from warpdem.simulation import Simulation
@@ -45,9 +45,9 @@ __all__ = [
 LATER = {
     "Scene": "scene.model",
     "Simulation": "simulation",
-    "load_demo": "demo",
+    "load_demo": "app.demo",
     "load_scene": "scene.file",
-    "picture": "notebook",
+    "picture": "app.notebook",
     "render": "drawing.rendering",
 }
 """Modules of names that are imported when first asked for: their libraries take a second or more.

@@ -11,20 +11,20 @@ def _leave(*_) -> None:
     os._exit(130)
 
 
-if "warpdem.process" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+if "warpdem.core.process" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _leave)  # until `answer` takes over
 
 
 def _command():
-    from warpdem.cli import app
+    from warpdem.app.cli import app
 
     return app
 
 
 def main() -> None:
-    """Entry point of the command; leaves with the exit codes of ``warpdem.process.answer``."""
-    from warpdem import interrupts
-    from warpdem.process import answer
+    """Entry point of the command; leaves with the exit codes of ``warpdem.core.process.answer``."""
+    from warpdem.core import interrupts
+    from warpdem.core.process import answer
 
     try:
         answer(_command)

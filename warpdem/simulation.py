@@ -11,37 +11,37 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpdem import summary
-from warpdem.engine import checkpoint, contact_memory, needs, timestep
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
+from warpdem.core.start_warp import start_warp
+from warpdem.core.threads import Threads, available_threads, threads_for
 from warpdem.engine.compiled import compile_plan
-from warpdem.engine.domain import Domain
-from warpdem.engine.domain import check as check_domain
-from warpdem.engine.neighbours import Lists
-from warpdem.engine.plan import SIMD_LANES, WARP_LANES, coefficient_table, make_plan
-from warpdem.engine.schedule import Schedule
-from warpdem.engine.start import Past, started_from
-from warpdem.engine.start import read as read_start
-from warpdem.engine.state import State
+from warpdem.engine.neighbor_list import Lists
 from warpdem.engine.stepper import Stepper
-from warpdem.engine.wall_images import wall_images
-from warpdem.engine.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 from warpdem.filling.grain_source import check_start, joined, load_grains
 from warpdem.filling.streams import Feeder, FeedWalls, representatives
 from warpdem.guards.watch import Guards
 from warpdem.kernels import grain
-from warpdem.kernels.budget import WallEntry
+from warpdem.kernels.measure.budget import WallEntry
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.places import Hit
 from warpdem.measure import measures, observation, observers, wall_loads
 from warpdem.measure.budget import Budget
 from warpdem.measure.contact_network import read_network
 from warpdem.mesh.tessellation import drawings
+from warpdem.model import digests, needs, time_step
+from warpdem.model.domain import Domain
+from warpdem.model.domain import check as check_domain
+from warpdem.model.plan import SIMD_LANES, WARP_LANES, coefficient_table, make_plan
+from warpdem.model.schedule import Schedule
+from warpdem.model.wall_images import wall_images
+from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
-from warpdem.snapshot import Snapshot, WallLoad, WallMesh
-from warpdem.start_warp import start_warp
-from warpdem.threads import Threads, available_threads, threads_for
+from warpdem.state import checkpoint, contact_history
+from warpdem.state.particles import State
+from warpdem.state.restart import Past, started_from
+from warpdem.state.restart import read as read_start
 
 MOST_THREADS = 1024
 """Threads of a CPU run [-]: no machine has more cores."""
@@ -80,8 +80,8 @@ class Simulation:
             raise SceneError(f"{scene.source}: phases: a simulation is one of them: take scene.phase(0), or warpdem run")
         self.given = scene = scene if start is None else started_from(scene, start)
         self.given_json = scene.model_dump_json()
-        self.files = summary.file_digests(scene)
-        self.scene_hash = summary.scene_hash(scene, self.files)
+        self.files = digests.file_digests(scene)
+        self.scene_hash = digests.scene_hash(scene, self.files)
         self.device = pick_device(device)
         resident = self.device.is_cuda if resident is None else resident
         if self.device.is_cuda and not resident:
@@ -122,8 +122,8 @@ class Simulation:
             self.plan = replace(self.plan, wall_images=images is not None)
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
             needs.check_memory(scene, self.plan.bytes_per_grain, len(start), free)
-            self.limits = timestep.limits(scene, self.expected, self.meshes)
-            self.dt = timestep.choose(scene, self.limits)
+            self.limits = time_step.limits(scene, self.expected, self.meshes)
+            self.dt = time_step.choose(scene, self.limits)
             needs.check_step(scene, self.limits, self.dt)
             self.schedule.dt = self.dt
             self.kernels = compile_plan(self.plan, self.device)
@@ -155,7 +155,7 @@ class Simulation:
         if past is not None:
             self._take_over(past)
         self._let_in()
-        if over := timestep.over_limit(self.dt, self.limits):
+        if over := time_step.over_limit(self.dt, self.limits):
             self.guards.notice("time step", over)
 
     def __repr__(self) -> str:
@@ -167,7 +167,7 @@ class Simulation:
         self.notes += past.notes
         self._next_id = max(self._next_id, past.next_id)
         if len(self.state):
-            contact_memory.remember(self.lists, past.data)
+            contact_history.remember(self.lists, past.data)
         if self.state.orientation is not None and "orientation" in past.data:
             self.state.orientation.assign(past.data["orientation"])
         for number, state in past.feeders.items():

@@ -15,7 +15,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.schedule import FrameRow, Row, drift_shift, drift_turn, kick_time
+from warpdem.kernels.step.schedule import FrameRow, Row, drift_shift, drift_turn, kick_time
 
 ORDER = 2
 STAGES = (0.0,)

@@ -1,12 +1,12 @@
 """Explicit Euler: q^(k+1) = q^k + dt v^k, v^(k+1) = v^k + dt a(q^k, v^k). Order 1; for comparison.
 
-It is the Runge-Kutta scheme of one stage (``kernels/runge_kutta.py``). Takes over no term of the frame: all are added, with
+It is the Runge-Kutta scheme of one stage (``step/runge_kutta.py``). Takes over no term of the frame: all are added, with
 frame-relative velocities.
 """
 
 import functools
 
-from warpdem.kernels import runge_kutta
+from warpdem.kernels.step import runge_kutta
 
 ORDER = 1
 STAGES = (0.0,)

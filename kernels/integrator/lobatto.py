@@ -10,9 +10,10 @@ in velocity Verlet. Order 2 in a frame. Takes over no term: all are added, with 
 import functools
 
 import warp as wp
-from warpdem.kernels import frame_terms, grain
+from warpdem.kernels import grain
 from warpdem.kernels.integrator import velocity_verlet
-from warpdem.kernels.schedule import FrameRow, Row
+from warpdem.kernels.step import frame_terms
+from warpdem.kernels.step.schedule import FrameRow, Row
 
 ORDER = 2
 STAGES = (0.0,)

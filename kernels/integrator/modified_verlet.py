@@ -9,9 +9,10 @@ term of the frame: all are added, with frame-relative velocities.
 import functools
 
 import warp as wp
-from warpdem.kernels import frame_terms, grain
+from warpdem.kernels import grain
 from warpdem.kernels.integrator import velocity_verlet
-from warpdem.kernels.schedule import FrameRow, Row
+from warpdem.kernels.step import frame_terms
+from warpdem.kernels.step.schedule import FrameRow, Row
 
 ORDER = 2
 STAGES = (0.0, 0.0)

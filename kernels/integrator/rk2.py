@@ -1,11 +1,11 @@
-"""Heun's Runge-Kutta scheme: order 2 at two force calls; see ``kernels/runge_kutta.py``.
+"""Heun's Runge-Kutta scheme: order 2 at two force calls; see ``kernels/step/runge_kutta.py``.
 
 Takes over no term of the frame: all are added, with frame-relative velocities. Springs slip once, at the end of the step.
 """
 
 import functools
 
-from warpdem.kernels import runge_kutta
+from warpdem.kernels.step import runge_kutta
 
 ORDER = 2
 STAGES = (0.0, 1.0)

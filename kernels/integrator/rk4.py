@@ -1,11 +1,11 @@
-"""The classical Runge-Kutta scheme: order 4 for smooth forces at four force calls; see ``kernels/runge_kutta.py``.
+"""The classical Runge-Kutta scheme: order 4 for smooth forces at four force calls; see ``kernels/step/runge_kutta.py``.
 
 Takes over no term of the frame: all are added, with frame-relative velocities. Springs slip once, at the end of the step.
 """
 
 import functools
 
-from warpdem.kernels import runge_kutta
+from warpdem.kernels.step import runge_kutta
 
 ORDER = 4
 STAGES = (0.0, 0.5, 0.5, 1.0)

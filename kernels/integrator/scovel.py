@@ -11,8 +11,9 @@ others, with frame-relative velocities. Dashpots see the velocity before the hal
 import functools
 
 import warp as wp
-from warpdem.kernels import frame_terms, grain
-from warpdem.kernels.schedule import FrameRow, Row, kick_time
+from warpdem.kernels import grain
+from warpdem.kernels.step import frame_terms
+from warpdem.kernels.step.schedule import FrameRow, Row, kick_time
 
 ORDER = 2
 STAGES = (0.0,)

@@ -9,8 +9,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.path import FAR, Flight, in_flight
-from warpdem.kernels.schedule import Placement, local
+from warpdem.kernels.lists.path import FAR, Flight, in_flight
+from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
 

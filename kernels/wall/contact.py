@@ -17,9 +17,9 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.budget import WallEntry
-from warpdem.kernels.dissipation import PARTS
-from warpdem.kernels.schedule import (
+from warpdem.kernels.contact.dissipation import PARTS
+from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.step.schedule import (
     Placement,
     Row,
     past_shift,

@@ -13,7 +13,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built
-from warpdem.kernels.schedule import Placement, local
+from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
 

@@ -24,7 +24,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels.schedule import Placement, local
+from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface, is_corner_set_within
 from warpdem.kernels.wall.triangle import FACE, closest_point, corner_count
 

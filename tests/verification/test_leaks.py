@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from warpdem import Scene, Simulation
-from warpdem.engine.travel import CLOSED, OPEN
 from warpdem.mesh.geometry import load_mesh, signed_distance
+from warpdem.model.travel import CLOSED, OPEN
 
 MESHES = Path(__file__).resolve().parents[2] / "scenes/meshes"
 STEPS = 12

@@ -15,7 +15,7 @@ import trimesh
 from warpdem.kernels import grain
 
 from warpdem import Scene, Simulation
-from warpdem.engine import contact_memory
+from warpdem.state import contact_history
 
 GRAVITY = np.array([2.0, -5.0, -60.0])
 POINT = np.array([0.02, -0.01, 0.03])
@@ -82,7 +82,7 @@ class Census:
         self.both += len(set(contacts.i[wall].tolist())) < wall.sum()
         self.slid += np.sum(slides & wall & (push > 0))
         self.stuck += np.sum(~slides & wall & (push > 0))
-        self.rolled = max(self.rolled, np.abs(contact_memory.wall_contacts(sim.lists)["place_moment"]).max(initial=0.0))
+        self.rolled = max(self.rolled, np.abs(contact_history.wall_contacts(sim.lists)["place_moment"]).max(initial=0.0))
 
 
 @pytest.mark.parametrize("rolling", ["constant", "spring"])

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpdem.core.snapshot import FramePose, RotationPart
 from warpdem.drawing.look import Look
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose, RotationPart
 
 VIEW_ANGLE = 20.0
 """Angle from the lower to the upper edge [degree]: a long lens, so that walls along the line of sight hardly spread."""

@@ -7,8 +7,8 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 
+from warpdem.core.snapshot import FramePose
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose
 
 CATEGORIES = "#4477aa #ee6677 #228833 #ccbb44 #66ccee #aa3377 #ee8866 #44bb99 #bbcc33 #999999".split()
 """Colours of kinds that have no order (Tol, colour schemes, 2021: told apart also by the colour-blind)."""

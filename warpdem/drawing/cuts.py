@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpdem.core.snapshot import FramePose
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import FramePose
 
 _SIDE = re.compile(r"([xyz])\s*([<>])=?\s*(\S+)")
 _AXES = re.compile(r"(?:(frame|laboratory)\s*:)?\s*(.*)")

@@ -9,12 +9,12 @@ import imageio_ffmpeg
 import numpy as np
 from matplotlib.colors import is_color_like
 
+from warpdem.core.atomic_file import replaced
 from warpdem.drawing.look import CHOICES, Look
 from warpdem.drawing.show import AnyResults, Show
 from warpdem.errors import WarpdemError
 from warpdem.output.write_vtk import INDEX, read_results
 from warpdem.output.write_vtkhdf import GRAINS, read_vtkhdf
-from warpdem.write_tables import replaced
 
 FPS = 25.0
 """Pictures in a second of a film [1/s]."""

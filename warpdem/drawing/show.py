@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_rgb
 
+from warpdem.core.snapshot import FramePose, RotationPart, Snapshot, WallMesh
 from warpdem.drawing.camera import looking, placed, upright
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
@@ -20,7 +21,6 @@ from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import RIM, ROOM, patch, plane_of
 from warpdem.output.write_vtk import Results
 from warpdem.output.write_vtkhdf import VtkhdfResults
-from warpdem.snapshot import FramePose, RotationPart, Snapshot, WallMesh
 
 AnyResults = Results | VtkhdfResults
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6

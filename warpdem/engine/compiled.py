@@ -4,26 +4,15 @@ import functools
 
 import warp as wp
 
-from warpdem.engine.plan import Plan
-from warpdem.kernels import (
-    Built,
-    border,
-    budget,
-    dissipation,
-    flight,
-    flow,
-    law,
-    loop,
-    motion,
-    neighbours,
-    orientation,
-    pairs,
-    renewal,
-    resident,
-    thread_contact,
-)
+from warpdem.kernels import Built
+from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
+from warpdem.kernels.lists import flight, neighbors, rebuild
+from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.step import border, loop, motion, orientation
+from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.kernels.wall import images as wall_images
+from warpdem.model.plan import Plan
 from warpdem.scene.models import is_file, model, using
 
 
@@ -112,7 +101,7 @@ def _built(plan: Plan) -> Built:
         walls=plan.walls,
         leave=plan.outlets > 0,
     )
-    lists = neighbours.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
+    lists = neighbors.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
     walls = None
     if plan.walls:
         walls = candidates.build(
@@ -134,9 +123,9 @@ def _built(plan: Plan) -> Built:
         evaluate = thread_contact.build(
             plan.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning, lag=plan.lag
         )
-        graph = resident.build(
+        graph = captured.build(
             step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
             lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,
         )  # fmt: skip
-        again = renewal.build(Rows)
+        again = rebuild.build(Rows)
     return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack, paths=paths)

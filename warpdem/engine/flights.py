@@ -9,12 +9,12 @@ walls act at their periodic images, which paths don't know.
 import numpy as np
 import warp as wp
 
-from warpdem.engine.state import changed
 from warpdem.kernels import grain
-from warpdem.kernels.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
-from warpdem.kernels.path import Flight
-from warpdem.kernels.renewal import HASTY
+from warpdem.kernels.lists.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
+from warpdem.kernels.lists.path import Flight
+from warpdem.kernels.lists.rebuild import HASTY
 from warpdem.kernels.wall.surface import Surface
+from warpdem.state.particles import changed
 
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
 LEAST_STEPS = 8  # that a path must be good for

@@ -5,19 +5,19 @@ import time
 import numpy as np
 import warp as wp
 
+from warpdem.core.threads import ranges
+from warpdem.engine.graph import Resident
 from warpdem.engine.pace import Pace
-from warpdem.engine.plan import field_numbers
-from warpdem.engine.resident import Resident
-from warpdem.kernels import barrier
-from warpdem.kernels.budget import Energies, Momenta
+from warpdem.kernels.contact.pairs import BLOCK as PACK_BLOCK
 from warpdem.kernels.field import Numbers
-from warpdem.kernels.flow import Plane
-from warpdem.kernels.loop import SPAN
-from warpdem.kernels.motion import Box
-from warpdem.kernels.pairs import BLOCK as PACK_BLOCK
-from warpdem.kernels.schedule import FrameRow, Placement, Row
+from warpdem.kernels.measure.budget import Energies, Momenta
+from warpdem.kernels.measure.flow import Plane
+from warpdem.kernels.step import barrier
+from warpdem.kernels.step.loop import SPAN
+from warpdem.kernels.step.motion import Box
+from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
-from warpdem.threads import ranges
+from warpdem.model.plan import field_numbers
 
 SCHEDULE_STEPS = (256, 4096)  # whose schedule is made at once on a CPU, where batches end with it
 GRAPH_STEPS = 2048  # the same for the graph

@@ -22,16 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpdem import memory
+from warpdem.core import memory
+from warpdem.core.progress import tell
+from warpdem.core.threads import Threads, available_threads
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import TOUCH, Barrier
 from warpdem.filling.region import Region, region
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import packing as kernels
 from warpdem.mesh.geometry import TriangleMesh, signed_distance
-from warpdem.progress import tell
 from warpdem.scene.sizes import DiameterDistribution, SizeLaw, size_law
-from warpdem.threads import Threads, available_threads
 
 OVERLAP = 1e-6
 """Largest overlap left between two grains as a share of the smaller radius [-]: more than rounding leaves in a row of grains

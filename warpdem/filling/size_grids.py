@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from warpdem.kernels import size_grids as kernels
+from warpdem.kernels.lists import cells as kernels
 
 CLASS_RATIO = 2.0
 """Largest over smallest radius of a class of sizes, about [-]."""

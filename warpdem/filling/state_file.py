@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem import apart, memory
+from warpdem.core import apart, memory
 from warpdem.errors import SceneError
 from warpdem.filling import vtp_reader
 from warpdem.scene.units import Quantity

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from warpdem.guards.words import grain_at, instant
+from warpdem.guards.messages import grain_at, instant
 from warpdem.measure.budget import DISSIPATED
 from warpdem.scene.models import model
 

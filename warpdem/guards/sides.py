@@ -6,7 +6,7 @@ none: there the overlap tells at once, and this says by name when engine.max_ove
 
 import numpy as np
 
-from warpdem.guards.words import grain_at, instant
+from warpdem.guards.messages import grain_at, instant
 from warpdem.kernels import grain
 from warpdem.mesh.geometry import signed_distance
 

@@ -17,9 +17,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from warpdem.engine.impact import secant
-from warpdem.guards.words import grain_at, instant
+from warpdem.guards.messages import grain_at, instant
 from warpdem.measure.observers import LEAST_OVERLAP, coefficients_of
+from warpdem.model.impact import secant
 from warpdem.scene.models import model
 
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative

@@ -18,12 +18,12 @@ goes on.
 
 import numpy as np
 
-from warpdem.engine.travel import TravelGuard
 from warpdem.errors import StabilityError
 from warpdem.guards.energy import EnergyGuard
+from warpdem.guards.messages import grain_at, instant
 from warpdem.guards.sides import SideGuard
 from warpdem.guards.stability import CONFIRM, StabilityGuard
-from warpdem.guards.words import grain_at, instant
+from warpdem.guards.travel import TravelGuard
 
 LOOKS = (100, 10_000)  # step of the first look after the start, and steps between two later on
 LIST_ENTRIES = 2**31 - 1  # what 32-bit numbers count

@@ -22,7 +22,7 @@ there, at which the books of its work begin or end.
 import numpy as np
 
 from warpdem.kernels import grain
-from warpdem.kernels.budget import ENERGIES, MOMENTA
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.measure import observers
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")

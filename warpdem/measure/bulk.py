@@ -16,8 +16,8 @@ Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 
 
 import numpy as np
 
+from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
-from warpdem.snapshot import ContactNetwork
 
 AXES = ("xx", "yy", "zz", "xy", "yz", "zx")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))

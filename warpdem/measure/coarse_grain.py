@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.snapshot import Snapshot
+from warpdem.core.snapshot import Snapshot
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import numpy as np
 import warp as wp
 
+from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.observers import coefficients_of, read_contacts
-from warpdem.snapshot import ContactNetwork
 
 FRICTION = 4  # column of the table of coefficients
 _ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]

@@ -1,6 +1,6 @@
 """What a scene's ``measures`` put into history.csv: names and units of the columns, and the numbers of one instant."""
 
-from warpdem.kernels.budget import MOMENTA
+from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure import bulk
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.contact_network import read_network

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.engine.impact import secant, stiffness
-from warpdem.engine.plan import field_numbers
-from warpdem.engine.state import unturned
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.model.impact import secant, stiffness
+from warpdem.model.plan import field_numbers
 from warpdem.scene.models import model
+from warpdem.state.particles import unturned
 
 LEAST_OVERLAP = 1.0e-100  # [m]: a law that acts beyond contact has contacts of none; its square is not yet zero
 

@@ -10,9 +10,9 @@ at an edge or corner counts for one of the triangles that meet there.
 
 import numpy as np
 
+from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
 from warpdem.scene.motion import Rotation, Standing
-from warpdem.snapshot import WallLoad
 
 
 def torque_point(scene, number: int) -> np.ndarray:

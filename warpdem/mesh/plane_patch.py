@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from warpdem.snapshot import WallMesh
+from warpdem.core.snapshot import WallMesh
 
 ROOM = 0.3
 """Room around grains that lie on a plane, over their greatest extent [-]."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from warpdem.core.snapshot import WallMesh
 from warpdem.mesh.plane_patch import RIM, ROOM, patch
 from warpdem.scene.wall_shapes import Plane, Revolved, Sphere
-from warpdem.snapshot import WallMesh
 
 SECTIONS = 96
 """Facets around: chords leave the circle by 0.05 % of the radius."""

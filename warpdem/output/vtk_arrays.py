@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem.core.snapshot import ContactNetwork, FramePose, Part, RotationPart, SampledPart, Snapshot, TranslationPart
 from warpdem.errors import WarpdemError
-from warpdem.snapshot import ContactNetwork, FramePose, Part, RotationPart, SampledPart, Snapshot, TranslationPart
 
 # name in the file, field of the snapshot
 _GRAIN_ARRAYS = {

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem.core.snapshot import Snapshot
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
 from warpdem.output.write_vtk import Entry, add_array, read_index, save, write_index
-from warpdem.snapshot import Snapshot
 
 INDEX = "grid.pvd"
 

@@ -23,14 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.errors import WarpdemError
-from warpdem.scene.model import MESH_SUFFIXES
-from warpdem.scene.tables import relative_to, scene_tables
-from warpdem.scene.write_usd import GRAINS as _SOURCES
-from warpdem.scene.write_usd import MATERIALS as _MATERIALS
-from warpdem.scene.write_usd import WALLS as _WALLS
-from warpdem.scene.write_usd import export, state_units, unused_paths, write_usd_scene
-from warpdem.snapshot import (
+from warpdem.core.atomic_file import replaced
+from warpdem.core.snapshot import (
     FramePose,
     Placement,
     RotationPart,
@@ -40,8 +34,14 @@ from warpdem.snapshot import (
     WallLoad,
     WallMesh,
 )
+from warpdem.errors import WarpdemError
+from warpdem.scene.model import MESH_SUFFIXES
+from warpdem.scene.tables import relative_to, scene_tables
+from warpdem.scene.write_usd import GRAINS as _SOURCES
+from warpdem.scene.write_usd import MATERIALS as _MATERIALS
+from warpdem.scene.write_usd import WALLS as _WALLS
+from warpdem.scene.write_usd import export, state_units, unused_paths, write_usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
-from warpdem.write_tables import replaced
 
 ROOT = "result.usda"
 SCENE = "scene.usda"

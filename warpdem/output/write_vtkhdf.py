@@ -18,10 +18,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.core.committed_file import CommittedFile, repair
+from warpdem.core.snapshot import Placement, Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.committed_file import CommittedFile, repair
 from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
-from warpdem.snapshot import Placement, Snapshot, WallMesh
 
 GRAINS, WALLS, CONTACTS = "result.vtkhdf", "result_walls.vtkhdf", "result_contacts.vtkhdf"
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from warpdem import paths
+from warpdem.core import paths
 from warpdem.scene.units import Quantity, Vector
 
 Vec3 = tuple[float, float, float]

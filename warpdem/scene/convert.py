@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.scene.file import load_scene
 from warpdem.scene.tables import relative_to, scene_tables
 from warpdem.scene.write_toml import toml_text
-from warpdem.write_tables import replaced
 
 SUFFIXES = (".toml", ".usda", ".usdc", ".usd")
 """Endings of the files that are written."""

@@ -11,9 +11,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpdem import memory, paths
+from warpdem.core import memory, paths
+from warpdem.core.paths import Access, access_of_file
 from warpdem.errors import SceneError
-from warpdem.paths import Access, access_of_file
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located

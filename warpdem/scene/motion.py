@@ -23,8 +23,9 @@ from pydantic import (
     model_validator,
 )
 
-from warpdem import rigid
-from warpdem.rigid import PI, WIDE, Increment, Pose
+from warpdem.core import rigid
+from warpdem.core.rigid import PI, WIDE, Increment, Pose
+from warpdem.core.snapshot import Part, RotationPart, SampledPart, TranslationPart
 from warpdem.scene.base import (
     AngularRate,
     Direction,
@@ -38,7 +39,6 @@ from warpdem.scene.base import (
     wrong,
 )
 from warpdem.scene.units import Quantity, Vector
-from warpdem.snapshot import Part, RotationPart, SampledPart, TranslationPart
 from warpdem.usd import motion as usd_motion
 from warpdem.usd.stage import USD_SUFFIXES
 

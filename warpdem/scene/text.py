@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from warpdem import memory
+from warpdem.core import memory
 from warpdem.errors import SceneError
 from warpdem.scene.messages import shorten
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from warpdem.core.atomic_file import not_written, replaced
 from warpdem.errors import SceneError
 from warpdem.scene.tables import names_file
-from warpdem.write_tables import not_written, replaced
 
 WORLD, SCENE, MATERIALS, GRAINS, WALLS = "/World", "/World/Scene", "/World/Materials", "/World/Grains", "/World/Frame/Walls"
 GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.errors import SceneError
-from warpdem.rigid import (
+from warpdem.core.rigid import (
     WIDE,
     Increment,
     Pose,
@@ -28,7 +27,8 @@ from warpdem.rigid import (
     transposed,
     turning_about,
 )
-from warpdem.snapshot import SampledPart
+from warpdem.core.snapshot import SampledPart
+from warpdem.errors import SceneError
 from warpdem.usd import stage as usd_stage
 
 RIGID_TOLERANCE = 1e-6

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem import apart, memory
+from warpdem.core import apart, memory
 from warpdem.errors import SceneError
 from warpdem.usd import reader as usd_reader
 

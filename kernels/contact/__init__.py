@@ -1,0 +1,1 @@
+"""Contact between grains: the law that joins the models, and the loops over contacts."""

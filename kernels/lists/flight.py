@@ -1,0 +1,345 @@
+"""Grains in flight: far from all that is not listed with them, for a while known beforehand.
+
+Lists hold as long as every grain is near its reference: a place, for most. One grain that is fast would have them made anew all
+the time, though nothing is near it. A grain in flight is near a *path* instead, the parabola of its free fall from the
+place where it was when the path was laid,
+
+    P(t) = q + V t + (1/2) a t^2,      |q(t) - P(t)| <= allowance  at every step up to the last of the path,
+
+and the path was laid so that up to there its grain can meet nobody outside of its row in the near list:
+
+    |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
+    |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
+    distance of P(t) to a wall >= R_i + gap + allowance
+
+What is in its row is in the contact list too, whatever the distance; so is an analytic wall that is listed beside it.
+Whether the fall is free does not matter for the proof: a grain that leaves its path is noticed, as one that leaves its place
+is. So what is laid here changes no bit of the result.
+
+The first time at which a path may come too near is found by conservative advancement: over a distance d that is free now the
+grain needs at least the time 2 d / (v + sqrt(v^2 + 2 |a| d)); then it is looked at again from there. References of other
+grains are first asked for by the boxes around BLOCK of them that follow each other in memory, and so are close together.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.step.schedule import Placement, local
+from warpdem.kernels.wall.surface import Surface
+
+BLOCK = 64
+LOOKS = 24  # along one path
+HALFWAY, BEYOND_REACH, NEAR_HALFWAY, BEYOND_NEAR, OFF_PATH = 1, 2, 4, 8, 16
+"""What ``stray`` finds: beyond half of what the contact list allows, and all of it; the same of the near list; off its path."""
+
+
+@wp.struct
+class Watched:
+    """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
+
+    motion: wp.array(dtype=wp.int32)
+    share: wp.array(dtype=wp.float64)  # largest travel per step over the radius [-]
+    low: wp.array(dtype=wp.vec3d)  # [m]
+    high: wp.array(dtype=wp.vec3d)  # [m]
+
+
+@wp.func
+def least_time(distance: wp.float64, speed: wp.float64, acceleration: wp.float64) -> wp.float64:
+    """Time [s] that a way of this length [m] takes at least, from this speed [m/s] on."""
+    zero = wp.float64(0.0)
+    if distance <= zero:
+        return zero
+    fastest = speed + wp.sqrt(speed * speed + wp.float64(2.0) * acceleration * distance)
+    return wp.float64(2.0) * distance / fastest if fastest > zero else wp.float64(FAR)
+
+
+@wp.func
+def longest_way(time: wp.float64, speed: wp.float64, acceleration: wp.float64) -> wp.float64:
+    """Way [m] that can be made in this time [s] at most."""
+    return (speed + wp.float64(0.5) * acceleration * time) * time
+
+
+@functools.cache
+def build(
+    travel, border, closest_on_feature, Rows, *, spins: bool, moving: int, meshes: bool, shapes: bool, gap: float, stages: int,
+    shortest: float,
+):  # fmt: skip
+    """Return the kernels.
+
+    Args:
+        travel: namespace of ``motion.build_travel``.
+        border: periodic images, of ``border.build``.
+        closest_on_feature: of ``wall.feature.build``.
+        Rows: struct of the wall rows.
+        spins: grains spin.
+        moving: number of wall motions relative to the frame.
+        meshes: there are mesh walls.
+        shapes: there are analytic walls.
+        gap: how far beyond contact the normal law acts [m].
+        stages: force calls per step.
+        shortest: of the periods [m], 0 when no axis is periodic.
+    """
+    g = grain.build(spins)
+    kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+    periodic = border.images > 1
+
+    @kernel
+    def enclose(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        reference: wp.array2d(dtype=wp.vec3d),
+        flight: wp.array(dtype=Flight),
+        low_out: wp.array(dtype=wp.vec3d),
+        high_out: wp.array(dtype=wp.vec3d),
+    ):
+        """Boxes around the spheres at the references of each block of grains, without those in flight or gone."""
+        b = first + wp.tid()
+        far = wp.float64(FAR)
+        low = wp.vec3d(far, far, far)
+        high = -low
+        for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
+            if not in_flight(flight, j) and not g.gone(grains[j]):
+                there = reference[j, 0]
+                r = grains[j][3]
+                room = wp.vec3d(r, r, r)
+                low = wp.min(low, there - room)
+                high = wp.max(high, there + room)
+        low_out[b] = low
+        high_out[b] = high
+
+    @wp.func
+    def gap_to_box_alone(x: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.float64:
+        """Distance [m] of a place from a box."""
+        zero = wp.vec3d()
+        return wp.length(wp.max(wp.max(low - x, x - high), zero))
+
+    @wp.func
+    def gap_to_box(x: wp.vec3d, low: wp.vec3d, high: wp.vec3d) -> wp.float64:
+        """Distance [m] of a place from a box, or from its nearest image."""
+        away = border.nearest(x - (low + high) * wp.float64(0.5))
+        half = (high - low) * wp.float64(0.5)
+        zero = wp.float64(0.0)
+        out = wp.vec3d(
+            wp.max(wp.abs(away[0]) - half[0], zero), wp.max(wp.abs(away[1]) - half[1], zero),
+            wp.max(wp.abs(away[2]) - half[2], zero),
+        )  # fmt: skip
+        return wp.length(out)
+
+    @wp.func
+    def is_listed(j: int, start: int, count: int, slot: wp.array(dtype=wp.int32)) -> bool:
+        for e in range(start, start + count):
+            if slot[e] == j:
+                return True
+        return False
+
+    @wp.func
+    def until_meeting(path: Flight, other: Flight, now: wp.float64, dt: wp.float64, need: wp.float64) -> wp.float64:
+        """Time [s] from step ``now`` on for which two paths stay ``need`` [m] apart, at least."""
+        t = (now - path[10]) * dt
+        u = (now - other[10]) * dt
+        r = border.nearest(place_at(path, t) - place_at(other, u))
+        w = velocity_at(path, t) - velocity_at(other, u)
+        b = bend(path) - bend(other)
+        zero = wp.float64(0.0)
+        free = wp.dot(r, r) - need * need
+        if free <= zero:
+            return zero
+        if wp.static(periodic) or wp.length_sq(b) > zero:
+            return least_time(wp.length(r) - need, wp.length(w), wp.length(b))
+        closing = wp.dot(r, w)
+        if closing >= zero:
+            return wp.float64(FAR)
+        inside = closing * closing - wp.dot(w, w) * free
+        if inside < zero:
+            return wp.float64(FAR)
+        return free / (wp.sqrt(inside) - closing)
+
+    @wp.func
+    def until_grain(
+        f: int, x: wp.vec3d, speed: wp.float64, acceleration: wp.float64, need: wp.float64, best: wp.float64,
+        grains: wp.array(dtype=g.Record), reference: wp.array2d(dtype=wp.vec3d), flight: wp.array(dtype=Flight), at: int,
+        count: int, slot: wp.array(dtype=wp.int32), low: wp.array(dtype=wp.vec3d), high: wp.array(dtype=wp.vec3d),
+    ) -> wp.float64:  # fmt: skip
+        """Time [s], at most ``best``, for which the grain at ``x`` meets none at its reference."""
+        time = best
+        for b in range(low.shape[0]):
+            first = low[b]
+            last = high[b]
+            if first[0] <= last[0]:
+                if gap_to_box(x, first, last) - need < longest_way(time, speed, acceleration):
+                    for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
+                        if j != f and not in_flight(flight, j) and not g.gone(grains[j]):
+                            way = wp.length(border.nearest(x - reference[j, 0])) - need - grains[j][3]
+                            until = least_time(way, speed, acceleration)
+                            if until < time:
+                                if not is_listed(j, at, count, slot):
+                                    time = until
+        return time
+
+    @wp.func
+    def until_wall(
+        f: int, k: int, x: wp.vec3d, v: wp.vec3d, radius: wp.float64, acceleration: wp.float64, need: wp.float64,
+        best: wp.float64,
+        surface: Surface, mesh: wp.array(dtype=wp.uint64), mesh_wall: wp.array(dtype=wp.int32),
+        placements: wp.array2d(dtype=Placement), row: int, swiftest: wp.array(dtype=wp.vec2d), watched: Watched, dt: wp.float64,
+        rows: Rows, near_feature: wp.array(dtype=wp.int32),
+    ) -> wp.float64:  # fmt: skip
+        """Time [s], at most ``best``, for which the grain at ``x`` meets no wall, ``k`` steps from now."""
+        time = best
+        now = row
+        if wp.static(moving > 0):
+            now = row + k * wp.static(stages)
+        speed = wp.length(v)
+        if wp.static(meshes):
+            for m in range(mesh.shape[0]):
+                wall = mesh_wall[m]
+                motion = surface.motion[wall]
+                most = swiftest[motion]
+                body = local(placements[now, motion], x)
+                closing = speed + most[0] + most[1] * wp.length(x)
+                turning = acceleration + wp.float64(2.0) * most[1] * closing
+                away = gap_to_box_alone(body, watched.low[m], watched.high[m])
+                # what is fast beside a mesh is for the guard of the travel to see (``travel``)
+                way = away - need - closing * dt * wp.float64(2.0)
+                if closing * dt * wp.float64(1.1) < watched.share[m] * radius and way < longest_way(time, closing, turning):
+                    p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
+                    found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(1.0e30))
+                    if found.result:
+                        point = wp.mesh_eval_position(mesh[m], found.face, found.u, found.v)
+                        apart = body - wp.vec3d(wp.float64(point[0]), wp.float64(point[1]), wp.float64(point[2]))
+                        rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + surface.rounding[wall]
+                        way = wp.length(apart) - need - rounding
+                time = wp.min(time, least_time(way, closing, turning))
+        if wp.static(shapes):
+            for s in range(surface.planes + surface.revolutions + surface.spheres):
+                feature = surface.triangles + s
+                if not is_listed(feature, rows.first[f], rows.first[f + 1] - rows.first[f], near_feature):
+                    motion = surface.motion[surface.wall[feature]]
+                    most = swiftest[motion]
+                    body = local(placements[now, motion], x)
+                    closing = speed + most[0] + most[1] * wp.length(x)
+                    nearest, direction, distance, mask, share = closest_on_feature(
+                        surface, feature, body, radius, wp.float64(FAR)
+                    )
+                    turning = acceleration + wp.float64(2.0) * most[1] * closing
+                    time = wp.min(time, least_time(distance - need, closing, turning))
+        return time
+
+    @kernel
+    def lay(
+        first: int,
+        wanted: wp.array(dtype=wp.int32),  # slots of the grains whose paths are laid
+        flyer: wp.array(dtype=wp.int32),  # of all in flight, those among them
+        now: wp.float64,  # present step
+        longest: int,  # steps to look ahead
+        grains: wp.array(dtype=g.Record),
+        reference: wp.array2d(dtype=wp.vec3d),  # of the near list
+        flight: wp.array(dtype=Flight),
+        low: wp.array(dtype=wp.vec3d),
+        high: wp.array(dtype=wp.vec3d),
+        start: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+        skin: wp.float64,
+        rows: Rows,
+        near_feature: wp.array(dtype=wp.int32),
+        surface: Surface,
+        mesh: wp.array(dtype=wp.uint64),
+        mesh_wall: wp.array(dtype=wp.int32),
+        placements: wp.array2d(dtype=Placement),
+        row: int,  # of the placements at present
+        swiftest: wp.array(dtype=wp.vec2d),  # of each motion: largest speed at the origin [m/s] and spin [rad/s]
+        watched: Watched,
+        dt: wp.float64,
+        steps_out: wp.array(dtype=wp.int32),
+    ):
+        """Steps from now on for which each path holds."""
+        t = first + wp.tid()
+        f = wanted[t]
+        steps_out[t] = 0
+        if wp.static(meshes):
+            for e in range(rows.first[f], rows.first[f + 1]):
+                if near_feature[e] < surface.triangles:  # the distance of a mesh is that of all its triangles
+                    return
+        path = flight[f]
+        radius = grains[f][3]
+        at = start[f]
+        own = count[f]
+        base = radius + wp.float64(wp.static(gap)) + path[9]
+        steps = int(longest)
+        for n in range(flyer.shape[0]):
+            j = flyer[n]
+            if j != f:
+                other = flight[j]
+                until = until_meeting(path, other, now, dt, base + grains[j][3] + other[9]) / dt
+                # a path that ends before does not count beyond its end: a new one will be laid against this one
+                if until < wp.float64(steps) and until < other[11] - now:
+                    if not is_listed(j, at, own, slot):
+                        steps = int(until)
+        k = int(0)
+        look = int(0)
+        bent = wp.length(bend(path))
+        while k < steps and look < wp.static(LOOKS):
+            x = place_at(path, (now - path[10] + wp.float64(k)) * dt)
+            v = velocity_at(path, (now - path[10] + wp.float64(k)) * dt)
+            speed = wp.length(v)
+            time = wp.float64(steps - k) * dt
+            look += 1
+            if wp.static(periodic):
+                if not border.within(x, wp.float64(0.0)):
+                    look = wp.static(LOOKS)
+                    time = wp.float64(0.0)
+                time = wp.min(time, least_time(wp.float64(wp.static(0.2 * shortest)), speed, bent))
+            if wp.static(meshes or shapes):
+                time = until_wall(
+                    f, k, x, v, radius, bent, base, time, surface, mesh, mesh_wall, placements, row, swiftest, watched, dt,
+                    rows, near_feature,
+                )  # fmt: skip
+            half = wp.float64(0.5) * skin
+            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)
+            go = wp.min(time / dt, wp.float64(steps - k))
+            if go < wp.float64(1.0):
+                look = wp.static(LOOKS)
+            k += int(go)
+        steps_out[t] = k
+
+    @kernel
+    def stray(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        reference: wp.array2d(dtype=wp.vec3d),
+        near_reference: wp.array2d(dtype=wp.vec3d),
+        flight: wp.array(dtype=Flight),
+        placements: wp.array2d(dtype=Placement),
+        row: int,
+        now: wp.float64,
+        dt: wp.float64,
+        reach: wp.float64,
+        room: wp.float64,  # how far a grain may be from its reference in the near list [m]
+        out: wp.array(dtype=wp.int32),
+    ):
+        """How far each grain has gone, as a sum of HALFWAY, BEYOND_REACH, NEAR_HALFWAY, BEYOND_NEAR and OFF_PATH."""
+        i = first + wp.tid()
+        state = grains[i]
+        found = int(0)
+        if not g.gone(state):
+            if in_flight(flight, i):
+                if not travel.holds(flight[i], state, now, dt):
+                    found = wp.static(OFF_PATH)
+            else:
+                left = travel.left_of(state, reach, dt)
+                way = travel.way_from(i, state, reference, placements, row)
+                near = travel.way_from(i, state, near_reference, placements, row)
+                if not (way <= wp.float64(0.25) * left * left):
+                    found = found | wp.static(HALFWAY)
+                if not (way <= left * left):
+                    found = found | wp.static(BEYOND_REACH)
+                if not (near <= wp.float64(0.25) * room * room):
+                    found = found | wp.static(NEAR_HALFWAY)
+                if not (near <= room * room):
+                    found = found | wp.static(BEYOND_NEAR)
+        out[i] = found
+
+    return Built(enclose=enclose, lay=lay, stray=stray)

@@ -1,0 +1,1 @@
+"""What is added up per grain during the steps: energy and momentum budgets, flow through planes."""

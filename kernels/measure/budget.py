@@ -1,0 +1,228 @@
+r"""Energy and momentum budget: what acts on each grain, added up step by step.
+
+A kick changes the energy of motion by exactly the force times the velocity V_k that the integrator has at the instant:
+
+    (1/2) m (V_k+1/2^2 - V_k-1/2^2) = dt F_k . V_k,     V_k = (V_k-1/2 + V_k+1/2) / 2
+
+and the same for spins. So the work of any part of a contact's force is known to round-off, whatever the order of the scheme:
+each contact leaves the parts of its force that are not elastic (``dissipation``), and every grain takes their power
+
+    P_i = F_part . (V_i - W_i x n arm_i) + M_part . W_i
+
+with its own V_k and W_k; in the sum over both grains only the relative motion stays. At a wall the power of the wall's own
+motion, F . v_wall + M . w_wall, is taken off and kept apart. Impulses are those of the same forces, about the laboratory's
+origin, in axes that turn with the frame.
+
+What does not close when all is added up is the error of the time integration.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built, grain
+from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.field import Numbers
+from warpdem.kernels.step.motion import joined
+from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes, frame_origin, frame_velocity, gravity
+
+ENERGIES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling", "fields", "carried")
+"""What is added up per grain [J]: the first five are taken from the grains, the others given to them."""
+MOMENTA = ("walls", "gravity", "fields", "carried")
+"""Impulse [N s] and angular impulse about the laboratory's origin [N m s] given to a grain, six numbers each."""
+
+Energies = wp.types.vector(len(ENERGIES), wp.float64)
+Momenta = wp.types.vector(6 * len(MOMENTA), wp.float64)
+WallEntry = wp.types.vector(25, wp.float64)
+"""Sums over the wall places of a grain: dashpot force (0..2), the rest of the tangential force with its torque while sticking
+(3..8) and sliding (9..14), rolling torque without the spring's (15..17); the power of these four that is due to the walls'
+own motion (18..21) [W]; lost by cutting springs, tangential and rolling, and by rescaling (22..24) [J]."""
+
+
+def _field_power(before, number: int, force, in_laboratory: bool, conservative: bool):
+    """Function that adds the power of field ``number`` that no potential stands for to those before it."""
+    alone = joined(None, number, force, in_laboratory)
+
+    @wp.func
+    def power(
+        f: FrameRow, q: wp.vec3d, predicted: wp.vec3d, v: wp.vec3d, mass: wp.float64, radius: wp.float64,
+        numbers: wp.array(dtype=Numbers),
+    ) -> wp.float64:  # fmt: skip
+        total = wp.float64(0.0)
+        if wp.static(before is not None):
+            total = before(f, q, predicted, v, mass, radius, numbers)
+        moving = v
+        if wp.static(conservative):
+            moving = frame_velocity(f, q)  # the potential moves with the frame, which does work
+        if wp.static(not (conservative and in_laboratory)):
+            total = total + wp.dot(alone(f, q, predicted, mass, radius, numbers), moving)
+        return total
+
+    return power
+
+
+@functools.cache
+def build(
+    real, fields: tuple, conservative: tuple[bool, ...], *, spins: bool, walls: bool, energy: bool, momentum: bool,
+    turning_frame: bool, moving_frame: bool, periodic: bool,
+):  # fmt: skip
+    """Return ``energies``, ``momenta``, ``turned`` and ``wall_powers`` of one grain at one instant.
+
+    Args:
+        real: precision of the contact entries.
+        fields: external fields as in ``motion.build_acceleration``.
+        conservative: whether each of them has a potential.
+        spins: grains spin.
+        walls: there are wall rows.
+        energy: energies are added up.
+        momentum: momenta are added up.
+        turning_frame: the axes turn, and momenta with them.
+        moving_frame: the frame's origin is not the laboratory's.
+        periodic: there are periodic borders.
+    """
+    g = grain.build(spins)
+    Entry = wp.types.vector(ENTRY, real)
+    vec6 = wp.types.vector(6, wp.float64)
+    external = None
+    field_power = None
+    for number, ((force, in_laboratory), has_energy) in enumerate(zip(fields, conservative, strict=True)):
+        external = joined(external, number, force, in_laboratory)
+        field_power = _field_power(field_power, number, force, in_laboratory, has_energy)
+
+    @wp.func
+    def energies(
+        i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, mass: wp.float64, weight: wp.float64,
+        row_start: wp.array(dtype=wp.int32), entries: wp.array(dtype=Entry), candidates: wp.array(dtype=wp.int32),
+        wall_entries: wp.array(dtype=WallEntry), frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64,
+        numbers: wp.array(dtype=Numbers),
+    ) -> Energies:  # fmt: skip
+        """Energies of the instant, powers times ``weight`` [s]; contacts in order of partner id."""
+        damping = wp.float64(0.0)
+        sticking = wp.float64(0.0)
+        sliding = wp.float64(0.0)
+        rolling = wp.float64(0.0)
+        cut = wp.float64(0.0)
+        cut_bend = wp.float64(0.0)
+        rescaled = wp.float64(0.0)
+        for e in range(row_start[i], row_start[i + 1]):
+            x = entries[e]
+            n = wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
+            rest = wp.vec3d(wp.float64(x[5]), wp.float64(x[6]), wp.float64(x[7]))
+            rough = wp.vec3d(wp.float64(x[9]), wp.float64(x[10]), wp.float64(x[11]))
+            power = wp.dot(rest, v - wp.cross(w, n) * wp.float64(x[4]))
+            slides = wp.float64(x[8])
+            damping -= wp.float64(x[3]) * wp.dot(n, v)
+            sliding -= slides * power
+            sticking -= (wp.float64(1.0) - slides) * power
+            rolling -= wp.dot(rough, w)
+            cut += wp.float64(x[12])
+            cut_bend += wp.float64(x[13])
+            rescaled += wp.float64(x[14])
+        if wp.static(walls):
+            if candidates[i] > 0:
+                y = wall_entries[i]
+                damping += y[18] - wp.dot(wp.vec3d(y[0], y[1], y[2]), v)
+                sticking += y[19] - wp.dot(wp.vec3d(y[3], y[4], y[5]), v) - wp.dot(wp.vec3d(y[6], y[7], y[8]), w)
+                sliding += y[20] - wp.dot(wp.vec3d(y[9], y[10], y[11]), v) - wp.dot(wp.vec3d(y[12], y[13], y[14]), w)
+                rolling += y[21] - wp.dot(wp.vec3d(y[15], y[16], y[17]), w)
+                cut += y[22]
+                cut_bend += y[23]
+                rescaled += y[24]
+        given = wp.float64(0.0)
+        if wp.static(field_power is not None):
+            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
+            given = field_power(frames[at], g.position(state), predicted, v, mass, state[3], numbers)
+        return Energies(
+            damping * weight, sticking * weight, sliding * weight + cut, rolling * weight + cut_bend, rescaled,
+            given * weight, wp.float64(0.0),
+        )  # fmt: skip
+
+    @wp.func
+    def with_moments(arm: wp.vec3d, force: wp.vec3d) -> vec6:
+        moment = wp.cross(arm, force)
+        return vec6(force[0], force[1], force[2], moment[0], moment[1], moment[2])
+
+    @wp.func
+    def place(q: wp.vec3d, frames: wp.array(dtype=FrameRow), at: int) -> wp.vec3d:
+        """Place relative to the laboratory's origin, in frame axes [m]."""
+        seen = q
+        if wp.static(moving_frame):
+            seen = q + wp.transpose(frame_axes(frames[at])) * frame_origin(frames[at])
+        return seen
+
+    @wp.func
+    def momenta(
+        i: int, state: g.Record, total: vec6, mass: wp.float64, weight: wp.float64, row: Row,
+        candidates: wp.array(dtype=wp.int32), wall_load: wp.array(dtype=vec6), frames: wp.array(dtype=FrameRow), at: int,
+        dt: wp.float64, numbers: wp.array(dtype=Numbers),
+    ) -> Momenta:  # fmt: skip
+        """Impulses of the instant, forces times ``weight`` [s], in frame axes; ``total`` is the load of all contacts."""
+        arm = place(g.position(state), frames, at)
+        out = Momenta()
+        by_pairs = total
+        if wp.static(walls):
+            if candidates[i] > 0:
+                load = wall_load[i]
+                by_pairs = total - load
+                moment = wp.cross(arm, wp.vec3d(load[0], load[1], load[2])) + wp.vec3d(load[3], load[4], load[5])
+                for k in range(3):
+                    out[k] = load[k] * weight
+                    out[3 + k] = moment[k] * weight
+        if wp.static(periodic):  # the two sides of a contact across a border meet in different places
+            carried = wp.cross(arm, wp.vec3d(by_pairs[0], by_pairs[1], by_pairs[2])) + wp.vec3d(
+                by_pairs[3], by_pairs[4], by_pairs[5]
+            )
+            for k in range(3):
+                out[wp.static(6 * MOMENTA.index("carried") + 3) + k] = carried[k] * weight
+        heavy = with_moments(arm, gravity(row) * mass)
+        for k in range(6):
+            out[6 + k] = heavy[k] * weight
+        if wp.static(external is not None):
+            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
+            pulled = with_moments(arm, external(frames[at], g.position(state), predicted, mass, state[3], numbers))
+            for k in range(6):
+                out[12 + k] = pulled[k] * weight
+        return out
+
+    @wp.func
+    def turned(all: Momenta, row: Row) -> Momenta:
+        """The same vectors in the axes of the next instant."""
+        out = all
+        if wp.static(turning_frame):
+            for part in range(wp.static(2 * len(MOMENTA))):
+                v = wp.vec3d(all[3 * part], all[3 * part + 1], all[3 * part + 2])
+                v = v + drift_turn(row) * v
+                out[3 * part] = v[0]
+                out[3 * part + 1] = v[1]
+                out[3 * part + 2] = v[2]
+        return out
+
+    @wp.func
+    def lifted(way: wp.vec3d, weight: wp.vec3d) -> Energies:
+        """Potential energy given by a shift by ``way`` [m] against a ``weight`` [N]."""
+        out = Energies()
+        out[wp.static(ENERGIES.index("carried"))] = -wp.dot(weight, way)
+        return out
+
+    @wp.func
+    def shifted(way: wp.vec3d, momentum: wp.vec3d) -> Momenta:
+        """Angular momentum given by a shift by ``way`` [m]."""
+        moment = wp.cross(way, momentum)
+        out = Momenta()
+        for k in range(3):
+            out[wp.static(6 * MOMENTA.index("carried") + 3) + k] = moment[k]
+        return out
+
+    @wp.func
+    def wall_works(
+        i: int, weight: wp.float64, candidates: wp.array(dtype=wp.int32), power: wp.array2d(dtype=wp.float64),
+        work_out: wp.array2d(dtype=wp.float64),
+    ):  # fmt: skip
+        """Add the work of each wall on grain ``i``."""
+        if candidates[i] > 0:
+            for wall in range(power.shape[1]):
+                work_out[i, wall] = work_out[i, wall] + power[i, wall] * weight
+
+    return Built(
+        energies=energies, momenta=momenta, turned=turned, lifted=lifted, shifted=shifted, wall_works=wall_works,
+        energy=energy, momentum=momentum,
+    )  # fmt: skip

@@ -1,0 +1,213 @@
+"""What acts on one grain besides its frame, and how far it has gone.
+
+    a = F/m + g + sum of fields/m,     b = M/I
+
+F and M are summed over the grain's contacts in order of partner id, then its wall places, so that their bits do not depend
+on the order of the lists.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built, grain
+from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.field import Numbers
+from warpdem.kernels.lists.path import Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.step.schedule import (
+    FrameRow,
+    Placement,
+    Row,
+    frame_axes,
+    frame_origin,
+    frame_velocity,
+    gravity,
+    instant,
+    local,
+)
+
+BEYOND, LEFT = 1, 2  # what ``travelled`` says of a grain: beyond what the lists allow, in an outlet
+Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
+
+
+@functools.cache
+def build_load(real, *, spins: bool, walls: bool):
+    """Return ``load``: the float64 sum over the contacts of a grain, whose shares are of type ``real``."""
+    vec6 = wp.types.vector(6, wp.float64)
+    Share = wp.types.vector(share_width(spins), real)
+    Total = wp.types.vector(share_width(spins), wp.float64)
+
+    @wp.func
+    def load(
+        i: int,
+        row_start: wp.array(dtype=wp.int32),
+        rows: wp.array(dtype=Share),
+        candidates: wp.array(dtype=wp.int32),
+        wall_load: wp.array(dtype=vec6),
+    ) -> vec6:
+        """Force [N] and torque [N m] on grain ``i``: pairs in order of partner id, then walls in order of place."""
+        total = Total()
+        for e in range(row_start[i], row_start[i + 1]):
+            total += Total(rows[e])
+        full = vec6()
+        for k in range(wp.static(share_width(spins))):
+            full[k] = total[k]
+        if wp.static(walls):
+            if candidates[i] > 0:
+                full += wall_load[i]
+        return full
+
+    return load
+
+
+def joined(before, number: int, force, in_laboratory: bool):
+    """Function that adds the force of field ``number`` [N] to those before it (None: there are none)."""
+
+    @wp.func
+    def fields(
+        f: FrameRow, q: wp.vec3d, v: wp.vec3d, mass: wp.float64, radius: wp.float64, numbers: wp.array(dtype=Numbers)
+    ) -> wp.vec3d:
+        total = wp.vec3d()
+        if wp.static(before is not None):
+            total = before(f, q, v, mass, radius, numbers)
+        if wp.static(in_laboratory):
+            axes = frame_axes(f)
+            there = force(axes * q + frame_origin(f), axes * v, mass, radius, instant(f), numbers[number])
+            total = total + wp.transpose(axes) * there
+        else:
+            total = total + force(q, v - frame_velocity(f, q), mass, radius, instant(f), numbers[number])
+        return total
+
+    return fields
+
+
+@functools.cache
+def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
+    """Return ``acceleration``.
+
+    Args:
+        fields: force function of each external field, and whether it lives in laboratory axes.
+        spins: grains spin.
+        relative: the record holds velocities relative to the frame.
+    """
+    g = grain.build(spins)
+    vec6 = wp.types.vector(6, wp.float64)
+    Inverse = wp.types.vector(2, wp.float64)
+    external = None
+    for number, (force, in_laboratory) in enumerate(fields):
+        external = joined(external, number, force, in_laboratory)
+
+    @wp.func
+    def acceleration(
+        state: g.Record, total: vec6, inv: Inverse, row: Row, frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64,
+        numbers: wp.array(dtype=Numbers),
+    ):  # fmt: skip
+        """Acceleration [m/s2] and angular acceleration [rad/s2] by contacts, gravity and fields, in frame axes."""
+        a = wp.vec3d(total[0], total[1], total[2]) * inv[0] + gravity(row)
+        if wp.static(external is not None):
+            f = frames[at]
+            q = g.position(state)
+            v = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
+            if wp.static(relative):
+                v = v + frame_velocity(f, q)
+            a = a + external(f, q, v, wp.float64(1.0) / inv[0], state[3], numbers) * inv[0]
+        return a, wp.vec3d(total[3], total[4], total[5]) * inv[1]
+
+    return acceleration
+
+
+@functools.cache
+def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int):
+    """Return ``travelled``, what it is made of, and ``left_domain`` of the outlets.
+
+    Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
+    where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
+    A grain in flight (``flight``) has no reference but a path.
+
+    Args:
+        border: periodic images, of ``border.build``.
+        outlets: number of boxes in which a grain has left the domain.
+        spins: grains spin.
+        moving: number of wall motions relative to the frame (they come first among the placements).
+        in_frame: ways in frame axes count: a wall rests there, or none moves.
+        ahead: steps at the present velocity that the lists must hold beyond the present place.
+        stages: force calls per step.
+    """
+    g = grain.build(spins)
+
+    @wp.func
+    def left_domain(q: wp.vec3d, outlet: wp.array(dtype=Box)) -> int:
+        """1 when the place [m] is in an outlet."""
+        inside = int(0)
+        for e in range(wp.static(outlets)):
+            b = outlet[e]
+            if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
+                inside = 1
+        return inside
+
+    @wp.func
+    def left_of(state: g.Record, reach: wp.float64, dt: wp.float64) -> wp.float64:
+        """How much of ``reach`` [m] a grain may have gone: a stage looks ahead of its place."""
+        left = reach
+        if wp.static(ahead > 0.0):
+            left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+        return left
+
+    @wp.func
+    def way_from(
+        i: int, state: g.Record, reference: wp.array2d(dtype=wp.vec3d), placements: wp.array2d(dtype=Placement), row: int
+    ) -> wp.float64:  # fmt: skip
+        """Square of the way from its reference [m2], the longest of those in the axes that count; NaN of a broken state."""
+        q = g.position(state)
+        square = wp.float64(0.0)
+        if wp.static(in_frame):
+            way = border.nearest(q - reference[i, 0])
+            square = wp.dot(way, way)
+        if wp.static(moving > 0):
+            for m in range(wp.static(moving)):
+                gone = local(placements[row, m], q) - reference[i, m + 1]
+                longer = wp.dot(gone, gone)
+                if not (longer <= square):
+                    square = longer
+        return square
+
+    @wp.func
+    def holds(path: Flight, state: g.Record, now: wp.float64, dt: wp.float64) -> bool:
+        """Whether a grain is on its path at step ``now``."""
+        t = (now - path[10]) * dt
+        way = border.nearest(g.position(state) - place_at(path, t))
+        left = path[9]
+        if wp.static(ahead > 0.0):
+            off = wp.length(g.velocity(state) - velocity_at(path, t)) + wp.length(bend(path)) * dt
+            left = wp.max(left - off * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+        return now <= path[11] and wp.dot(way, way) <= left * left
+
+    @wp.func
+    def travelled(
+        i: int,
+        state: g.Record,
+        reference: wp.array2d(dtype=wp.vec3d),
+        flight: wp.array(dtype=Flight),
+        placements: wp.array2d(dtype=Placement),
+        outlet: wp.array(dtype=Box),
+        origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
+        next_row: int,
+        dt: wp.float64,
+        reach: wp.float64,
+    ) -> int:
+        """BEYOND when the grain is further than ``reach`` [m] from its reference, or off its path, or not finite.
+
+        And LEFT when it is in an outlet.
+        """
+        left = left_of(state, reach, dt)
+        moved = int(0)
+        if not (way_from(i, state, reference, placements, next_row) <= left * left):  # so that NaN is noticed here
+            moved = wp.static(BEYOND)
+            if in_flight(flight, i):
+                now = wp.float64(origin[0] + next_row // wp.static(stages) - 1)
+                if holds(flight[i], state, now, dt):
+                    moved = 0
+        if wp.static(outlets > 0):
+            moved = moved | (left_domain(g.position(state), outlet) * wp.static(LEFT))
+        return moved
+
+    return Built(travelled=travelled, left_domain=left_domain, left_of=left_of, way_from=way_from, holds=holds)

@@ -1,0 +1,43 @@
+"""Numbering on the device equals that by prefix sums on the host."""
+
+import numpy as np
+import pytest
+import warp as wp
+from warpdem.kernels.lists import numbering
+
+from warpdem.engine.neighbor_list import CLASS_BLOCK, class_starts
+from warpdem.filling.size_grids import starts
+
+
+@pytest.mark.parametrize("n", [1, CLASS_BLOCK, 3 * CLASS_BLOCK + 17])
+def test_numbers_are_those_of_the_host(n, device):
+    rng, lanes = np.random.default_rng(n), 32
+    touching, near, shares = (rng.integers(0, 7, n).astype(np.int32) for _ in range(3))
+    candidates = rng.integers(0, 2, n).astype(np.int32)
+    blocks = -(-n // CLASS_BLOCK)
+    counts = [wp.array(a, dtype=wp.int32, device=device) for a in (touching, near, shares, candidates)]
+    sums, total = wp.zeros(blocks, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
+    out = [wp.zeros(size, dtype=wp.int32, device=device) for size in (n, n, n + 1, n)]
+    inputs = [CLASS_BLOCK, lanes, *counts]
+    wp.launch(numbering.sum_blocks, dim=blocks, inputs=[*inputs, sums], device=device)
+    wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
+    wp.launch(numbering.start_grains, dim=blocks, inputs=[*inputs, sums, *out], device=device)
+
+    touching_start, near_start, packs = class_starts(touching, near, lanes)
+    row_start, beside = starts(shares), np.flatnonzero(candidates)
+    np.testing.assert_array_equal(total.numpy(), [packs * lanes, row_start[-1], len(beside)])
+    for found, expected in zip(out, (touching_start, near_start, row_start), strict=False):
+        np.testing.assert_array_equal(found.numpy(), expected)
+    np.testing.assert_array_equal(out[3].numpy()[: len(beside)], beside)
+
+
+def test_sums_beyond_32_bits_stay_at_the_largest(device):
+    """Grains within each other have so many neighbours: what wrapped around would seem to fit."""
+    n, most = 6 * CLASS_BLOCK, 2**31 - 1
+    counts = wp.full(n, most // (2 * CLASS_BLOCK), dtype=wp.int32, device=device)
+    nothing = wp.zeros(0, dtype=wp.int32, device=device)
+    sums, total = wp.zeros(6, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
+    inputs = [CLASS_BLOCK, 32, nothing, nothing, counts, nothing, sums]
+    wp.launch(numbering.sum_blocks, dim=6, inputs=inputs, device=device)
+    wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
+    assert total.numpy()[1] == most

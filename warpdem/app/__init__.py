@@ -1,0 +1,1 @@
+"""The commands: a run with all its files, check, demo, summary, progress."""

@@ -1,0 +1,281 @@
+"""The command ``warpdem``: run, check, convert, render, demo. Arguments to calls; no physics."""
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from warpdem.core.process import answer
+from warpdem.drawing.look import Look
+
+app = App(
+    name="warpdem",
+    help="Discrete element method for granular flow in rotating and moving equipment.",
+    suppress_keyboard_interrupt=False,  # answer() tells how to go on
+    default_parameter=Parameter(negative_iterable=()),  # no --empty-set, which an option left out says as well
+)
+
+Settings = Annotated[
+    list[str],
+    Parameter("--set", consume_multiple=True, help="""Change keys: --set time.end=0.5 engine.skin='"0.1 mm"'."""),
+]
+Plugins = Annotated[
+    list[Path], Parameter("--plugin", consume_multiple=True, help="Load these .py files, which the scene names; after SCENE.")
+]
+AllowPaths = Annotated[
+    list[Path], Parameter("--allow-path", consume_multiple=True, help="Let the scene read in these folders too; after SCENE.")
+]
+Picture = Annotated[
+    bool | None, Parameter(help="Draw picture.png at the end, or not (it takes seconds), whatever the scene says.")
+]
+At = Annotated[
+    float | None, Parameter("--at", help="With the result stage of a run: start from its frame at this time [s].")
+]
+
+
+@app.command
+def run(
+    scene: Path,
+    *,
+    out: Path | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    precision: Literal["double", "mixed"] | None = None,
+    until: float | None = None,
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+    picture: Picture = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    quiet: bool = False,
+) -> None:
+    """Run a scene and write its results.
+
+    Args:
+        scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
+        out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
+            for a result stage.
+        device: cpu or cuda:0; a GPU if there is one.
+        threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
+        precision: Precision of the contact law instead of the scene's.
+        until: End at this time [s] instead of the scene's.
+        resume: Go on from the checkpoint in the folder.
+        overwrite: Allow a folder that holds results.
+        quiet: Print errors only.
+    """
+    from warpdem.app.phases import run as run_all
+    from warpdem.app.run import default_folder, named_folder
+    from warpdem.core.claim import FolderTaken
+    from warpdem.core.paths import require_usable
+    from warpdem.scene.file import load_scene
+
+    require_usable("--out", out)
+    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
+                        allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
+    try:
+        while True:
+            folder = out or (named_folder(scene) if resume else default_folder(scene))
+            try:
+                run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
+                        quiet=quiet, picture=picture)  # fmt: skip
+                break
+            except FolderTaken as taken:
+                if out or resume or taken.folder != folder:
+                    raise  # else another run has just taken the folder that was free: the next one
+    except KeyboardInterrupt as stop:
+        if not stop.args:  # nothing was run yet
+            raise
+        given = {"device": device, "threads": threads, "precision": precision, "until": until, "at": at}
+        options = [f"--{name}={value}" for name, value in given.items() if value is not None]
+        options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
+                    for word in (f"--{name}", str(path))]  # fmt: skip
+        options += [] if picture is None else ["--picture" if picture else "--no-picture"]
+        options += ["--set", *set_] if set_ else []
+        command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
+        raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
+
+
+@app.command
+def check(
+    scene: Path,
+    *,
+    json_: Annotated[bool, Parameter(name="--json")] = False,
+    device: str | None = None,
+    threads: int | None = None,
+    probe: bool = True,
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+) -> None:
+    """Validate a scene; print the plan, the time step and its limits, memory and an estimate of the run time.
+
+    Args:
+        scene: Scene file, as in run.
+        json_: Print JSON.
+        device: As in run.
+        threads: As in run.
+        probe: Measure a few steps for the estimate.
+    """
+    from warpdem.app.check import describe, print_description
+    from warpdem.app.run import SETTING_UP
+    from warpdem.core.progress import told_if_long
+    from warpdem.model import needs
+    from warpdem.scene.file import load_scene
+    from warpdem.simulation import Simulation
+
+    loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    for k in range(len(loaded.phases)):
+        needs.check_grid(loaded.phase(k))
+    first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
+    later = [phase.name for phase in loaded.phases[1:]]
+    console = Console(highlight=False)
+    with told_if_long(SETTING_UP, console, quiet=json_):
+        sim = Simulation(first, device=device, threads=threads)
+    data = describe(sim, probe, later, None if json_ else console)
+    if json_:
+        sys.stdout.write(json.dumps(data, indent=2) + "\n")
+    else:
+        print_description(data, console)
+
+
+@app.command
+def convert(
+    source: Path,
+    target: Path,
+    *,
+    at: At = None,
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+    overwrite: bool = False,
+) -> None:
+    """Write a scene file in another format: TOML from USD, USD from TOML.
+
+    Args:
+        source: Scene file, as in run.
+        target: File to write: .toml, .usda, .usdc or .usd.
+        overwrite: Allow a target that exists.
+    """
+    from warpdem.core.paths import require_usable
+    from warpdem.scene.convert import convert as write
+
+    require_usable("TARGET", target)
+    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    console = Console(highlight=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"wrote {target}", markup=False)
+
+
+@app.command
+def render(
+    folder: Path,
+    /,
+    *others: Path,
+    out: Path | None = None,
+    time: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    fps: float | None = None,
+    look: Annotated[Look, Parameter(name="*", negative_iterable=())] = Look(),  # noqa: B008
+) -> None:
+    """Draw the results of a run: a picture (.png) or a film (.mp4).
+
+    Args:
+        folder: Folder of the results.
+        others: Folders of more results, drawn beside it at the same instants.
+        out: File to write; FOLDER/picture.png if not given.
+        time: Instant of a picture [s]; the last one if not given.
+        start: A film begins with the frame nearest to this time [s].
+        end: A film ends with the frame nearest to this time [s].
+        speed: Seconds of the run in a second of the film; each frame is shown once if not given.
+        fps: Pictures in a second of the film; 25 if not given, fewer where so few frames are shown that it would last less
+            than 2 seconds.
+        look: Camera, colours, cuts and walls.
+    """
+    from rich.progress import Progress
+
+    from warpdem.core.paths import require_usable
+    from warpdem.drawing.rendering import render as draw
+
+    for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
+        require_usable(name, path)
+    target = out or folder / "picture.png"
+    console = Console(highlight=False)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("film")
+
+        def watch(done: int, total: int) -> None:
+            if not done:
+                console.print(f"drawing {total} pictures of {target}", markup=False)
+            progress.update(task, completed=done, total=total)
+
+        draw(
+            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
+        )  # fmt: skip
+    console.print(f"wrote {target}", markup=False)
+
+
+@app.command
+def demo(
+    name: str | None = None,
+    *,
+    about: bool = False,
+    out: Path | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    precision: Literal["double", "mixed"] | None = None,
+    until: float | None = None,
+    set_: Settings = [],  # noqa: B006
+    picture: Picture = None,
+    quiet: bool = False,
+) -> None:
+    """List the scenes that come with warpdem, or copy one to a folder of its own and run it there.
+
+    The copy and its results stay together, in NAME/NAME.toml and NAME/results; run puts its results in out/NAME.
+
+    Args:
+        name: Scene to copy and run; lists them all if not given.
+        about: Only tell what the scene shows, what must come out, and how long it takes.
+        out: Folder to make for the scene, its meshes and, in results, what comes out; NAME if not given.
+        device: As in run.
+        threads: As in run.
+        precision: As in run.
+        until: As in run.
+        quiet: As in run.
+    """
+    from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.core.paths import require_usable
+    from warpdem.core.start_warp import start_warp
+
+    require_usable("--out", out)
+    console = Console(highlight=False)
+    if name is None:
+        print_gallery(console)
+        return
+    if about:
+        print_about(name, console)
+        return
+    folder = out or Path(name)
+    start_warp()  # what cannot run at all leaves no copy
+    scene = copy(name, folder)
+    run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
+        picture=picture, quiet=quiet)  # fmt: skip
+    if not quiet:
+        print_outcome(scene, bool(set_ or until or precision), console)
+
+
+def main() -> None:
+    """The command, for programs that have imported this; exit codes as ``warpdem.core.process.answer``."""
+    answer(lambda: app)
+
+
+if __name__ == "__main__":
+    main()

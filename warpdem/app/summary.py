@@ -1,0 +1,115 @@
+"""What a run tells before it begins and at its end."""
+
+import math
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+from rich.text import Text
+
+from warpdem.measure.dimensionless import Turning
+from warpdem.model.plan import coefficient_table
+from warpdem.model.time_step import contact_time, damped_contact_factor
+
+FEW = 100
+"""Grains below which the time of a step is not told per grain."""
+STAGES = {"set-up": "set-up with packing and its kernels", "compile": "kernels of the steps"}
+"""Names of `Simulation.seconds` that do not say by themselves what they hold."""
+
+
+def steps_per_contact(sim) -> float:
+    """Time steps in the damped contact of the lightest grains at the largest approach speed met [-]; inf without contact."""
+    met, table = sim.extremes, coefficient_table(sim.scene)
+    names = list(sim.scene.materials)
+    found = [float("inf")]
+    kinds, radius, mass = sim.particles.type, sim.particles.radius, sim.particles.mass
+    for kind in sorted(set(kinds.tolist())):
+        lightest = mass[kinds == kind].min()
+        smallest = radius[kinds == kind].min()
+        cases = [(kind, 0.5, met["pair_approach_speed"])]
+        cases += [(names.index(w.material), 1.0, met["wall_approach_speed"]) for w in sim.scene.walls]
+        for other, share, speed in cases:
+            base = table[kind * len(names) + other, 0]
+            if speed > 0 and base == base:
+                pair = sim.scene.pair(names[kind], names[other])
+                duration = contact_time(sim.scene, base, share * lightest, share * smallest, speed)
+                found.append(duration * damped_contact_factor(pair.restitution) / sim.dt)
+    return min(found)
+
+
+def rates_line(rates: dict[str, float]) -> str:
+    """``largest_rates`` of a scene in both units, so that a number meant in the other one is seen before the run."""
+    keys: dict[float, list[str]] = {}
+    for key, rate in rates.items():
+        keys.setdefault(rate, []).append(key)
+    told = []
+    for rate, same in keys.items():
+        others = f" and {len(same) - 2} others" if len(same) > 3 else ""
+        named = ", ".join(same[:2] if others else same) + others
+        told.append(f"{named} at up to {rate:.4g} rad/s = {rate * 30.0 / math.pi:.4g} rpm")
+    return f"turns: {'; '.join(told)}"
+
+
+def turning_line(turning: Turning) -> str:
+    """Rossby and Froude number with what they are made of; see ``warpdem.measure.dimensionless``."""
+    numbers = [("Rossby", turning.rossby), ("Froude", turning.froude)]
+    told = ", ".join(f"{name} number {value:.3g}" for name, value in numbers if value is not None)
+    return (f"{told or 'neither Rossby nor Froude number'}: {turning.axes} at {turning.angular_velocity:.3g} rad/s, "
+            f"grains at {turning.speed:.3g} m/s in it, up to {turning.radius:.3g} m from the axis")  # fmt: skip
+
+
+def warning_text(words: str) -> Text:
+    """A warning as check and a run print it."""
+    return Text.assemble(("warning", "bold red"), f" {words}")
+
+
+def speed_text(seconds_per_step: float, grains: int) -> str:
+    """Wall time [s] of a step in the unit to compare: per grain, but as it is where a step costs the same for fewer grains."""
+    few = grains < FEW
+    value = seconds_per_step * 1e6 if few else seconds_per_step / grains * 1e9
+    return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
+
+
+def shortfalls(sim) -> list[str]:
+    """Which streams brought less so far than they should have."""
+    found = [feeder.shortfall(sim.step_number) for feeder in sim.feeders]
+    return [words for words in found if words is not None]
+
+
+def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
+    """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
+    table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
+    n, steps = len(sim.state), sim.steps_done
+    stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
+    table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
+    if n and steps:
+        table.add_row("speed", f"{speed_text(stepping / steps, n)} on {sim.threads.count} threads")
+    longest = sorted(sim.seconds.items(), key=lambda i: -i[1])
+    stages = "; ".join(f"{STAGES.get(k, k)} {v:.2f} s" for k, v in longest if v >= 0.005)
+    table.add_row("wall time", f"{wall_seconds:.1f} s: {stages}")
+    table.add_row("lists", f"{sim.lists.rebuilds} rebuilds, {sim.lists.refreshes} refreshes, skin {sim.lists.skin:.3g} m")
+    met = sim.extremes
+    table.add_row("largest overlap", f"{met['pair_overlap_share']:.3%} of the radius between grains, "
+                                     f"{met['wall_overlap_share']:.3%} at walls")  # fmt: skip
+    table.add_row("largest approach speed", f"{met['pair_approach_speed']:.3g} m/s between grains, "
+                                            f"{met['wall_approach_speed']:.3g} m/s at walls")  # fmt: skip
+    table.add_row("steps per contact", f"{steps_per_contact(sim):.1f} at these speeds (damped contact, lightest grain)")
+    if over := sim.guards.stability.excess:
+        table.add_row("time step", over)
+    if turning is not None:
+        table.add_row("turning", turning_line(turning))
+    for packing in sim.expected.packings:
+        table.add_row("packing", f"{packing.grains} grains without overlap in {packing.seconds:.1f} s: {packing.steps} steps, "
+                                 f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
+    for feeder in sim.feeders:
+        waits = "; the next waits for room" if feeder.blocked else ""
+        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {escape(feeder.stream.material)}{waits}")
+    for words in shortfalls(sim):
+        table.add_row("[bold red]warning[/]", escape(words))
+    for name, (count, mass) in sim.left.items():
+        table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
+    for guard, message in sim.noticed.items():
+        table.add_row("[bold red]noticed[/]", escape(f"{guard}: {message}"))
+    console.print(table)
+    for name, what in (("state hash", sim.state_hash()), ("results", folder)):  # whole, to be copied
+        console.print(f"{name:10} {what}", markup=False, soft_wrap=True)

@@ -1,0 +1,75 @@
+"""Watches the travel of the grains beside mesh walls (``model.travel``): at every refresh of the lists.
+
+A grain that goes further in a step than the walls allow always causes a refresh.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels import grain
+from warpdem.kernels.lists.flight import Watched
+from warpdem.model.travel import share
+
+
+class TravelGuard:
+    """Watches the grains beside the mesh walls of a simulation."""
+
+    def __init__(self, sim) -> None:
+        self.sim = sim
+        self.motion = sim.walls.surface.motion.numpy() if sim.plan.walls else np.zeros(0, dtype=int)
+        self.meshes = [
+            (number, wall, sim.meshes[wall.name].vertices.min(axis=0), sim.meshes[wall.name].vertices.max(axis=0))
+            for number, wall in enumerate(sim.scene.walls)
+            if wall.mesh is not None
+        ]
+
+    @cached_property
+    def watched(self) -> Watched:
+        """The meshes for the device."""
+        watched, device, meshes = Watched(), self.sim.device, self.meshes
+        watched.motion = wp.array([self.motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
+        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
+        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
+        return watched
+
+    def watch(self, record: np.ndarray, placements: np.ndarray) -> None:
+        """Look at the last step of all grains; ``record`` as in ``kernels.grain``, ``placements`` (motions, 18) as they are.
+
+        Only grains count that are within their travel of a mesh's bounding box, in its body axes.
+
+        Raises:
+            StabilityError: one went further than the walls allow.
+        """
+        sim = self.sim
+        if not self.meshes or not len(record):
+            return
+        position, velocity, radius = record[:, grain.POSITION], record[:, grain.VELOCITY], record[:, grain.RADIUS]
+        for number, wall, low, high in self.meshes:
+            p = placements[self.motion[number]]
+            relative = velocity - p[15:18] - np.cross(p[12:15], position)
+            travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * sim.dt
+            allowed = share(wall) * radius
+            fast = np.flatnonzero(travel > allowed)
+            if not len(fast):
+                continue
+            room = (radius[fast] + travel[fast])[:, None]
+            beside = np.zeros(len(fast), bool)
+            for shift in sim.domain.images:
+                body = (position[fast] + shift - p[9:12]) @ p[:9].reshape(3, 3)
+                beside |= ((body > low - room) & (body < high + room)).all(axis=1)
+            fast = fast[beside]
+            if not len(fast):
+                continue
+            worst = fast[np.argmax(travel[fast] / radius[fast])]
+            place = ", ".join(f"{x:.4g}" for x in position[worst])
+            sim.guards.notice(
+                "travel",
+                f"at t = {sim.time:.6g} s (step {sim.step_number}): grain {sim.state.id.numpy()[worst]} at ({place}) m went "
+                f"{travel[worst] / radius[worst]:.3g} of its radius in one step beside the wall {wall.name!r}; allowed is "
+                f"{share(wall):g} ({'open' if wall.open else 'closed'} mesh), beyond which it could pass through. Speed "
+                f"{travel[worst] / sim.dt:.4g} m/s, time step {sim.dt:.3g} s. Take a time.step below "
+                f"{share(wall) * radius[worst] * sim.dt / travel[worst]:.2g} s.",
+            )

@@ -1,0 +1,35 @@
+"""Fingerprints of a scene and of the files that it names: two scenes that say the same have the same."""
+
+import hashlib
+import json
+from pathlib import Path
+
+from warpdem.scene.messages import place_text
+from warpdem.scene.models import is_file
+
+
+def file_digests(scene) -> dict[str, str]:
+    """SHA-256 of each file that the scene names, models among them, by the key that names it; missing ones are left out."""
+    laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in ("normal", "tangential", "rolling")]
+    laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
+    named = [(place_text(place), scene.resolve(name)) for place, name in scene.files()]
+    named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]
+    return {key: _digest(path) for key, path in named if path.is_file()}
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, which may be long."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def scene_hash(scene, files: dict[str, str] | None = None) -> str:
+    """SHA-256 of the validated scene in SI units and of its files: two scenes that say the same have the same hash.
+
+    Args:
+        scene: validated scene.
+        files: its ``file_digests``, if they are known.
+    """
+    table = scene.model_dump(mode="json", exclude={"start": {"checkpoint"}})  # wherever it lies, its contents count
+    data = [table, file_digests(scene) if files is None else files]
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

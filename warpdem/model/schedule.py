@@ -1,0 +1,168 @@
+"""The tables of ``kernels.schedule`` for a batch of steps: all that is known beforehand about time."""
+
+import numpy as np
+
+from warpdem.core.rigid import Pose, apply, compose, cross, rounded, still, transposed
+from warpdem.core.snapshot import FramePose, Placement
+from warpdem.scene.motion import Chain, frame_chain, wall_chain
+
+
+class WallMotion:
+    """How a group of walls moves: fixed to the frame or the laboratory, and moving by itself in it or not."""
+
+    def __init__(self, fixed_to: str, own: Chain) -> None:
+        self.fixed_to, self.own = fixed_to, own
+
+    @property
+    def rests_in_frame(self) -> bool:
+        """Whether it never moves relative to the frame (given that the frame moves)."""
+        return self.fixed_to == "frame" and not self.own.displaces
+
+
+class Schedule:
+    """Frame, gravity and wall motions against time.
+
+    Args:
+        scene: validated scene.
+        stages: instants of the force calls of one step, as shares of it, the first of them 0.
+        relative: angular velocity and velocity of walls are relative to the frame, not absolute.
+
+    Attributes:
+        dt: time step [s], to be set before any table is asked for.
+        turning: whether the frame's axes ever turn.
+        shifting: whether the frame moves at all.
+        motions: wall motions, those that move relative to the frame first.
+        wall_motion: motion number of each wall of the scene, shape (w,).
+        moving: how many of the motions move relative to the frame.
+        max_rate: bound of the frame's angular velocity [rad/s].
+        period: length of the domain along each axis [m], 0 where it is not periodic: the kernels see a wall that has gone by
+            a period where it was.
+
+    Raises:
+        SceneError: a sampled motion cannot be read.
+    """
+
+    def __init__(self, scene, stages: tuple[float, ...] = (0.0,), relative: bool = False) -> None:
+        self.dt = 0.0
+        self.period = np.zeros(3)
+        self.stages, self.relative = np.array(stages), relative
+        self.gravity = np.array(scene.gravity, dtype=float)
+        self.frame = frame_chain(scene)
+        self.turning, self.shifting, self.max_rate = self.frame.turns, self.frame.moves, self.frame.max_rate
+        found: dict[str, WallMotion] = {}
+        keys = []
+        for number, wall in enumerate(scene.walls):
+            own = wall_chain(scene, number)
+            # in a frame that coincides with it the laboratory is the frame
+            fixed_to = wall.fixed_to if self.frame.displaces else "frame"
+            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}")
+            found.setdefault(keys[-1], WallMotion(fixed_to, own))
+        order = sorted(found, key=lambda key: found[key].rests_in_frame)
+        self.motions = [found[key] for key in order]
+        self.moving = sum(not motion.rests_in_frame for motion in self.motions)
+        self.wall_motion = np.array([order.index(key) for key in keys], dtype=np.int32)
+
+    def pose(self, time: float) -> FramePose:
+        """Place of the frame in the laboratory at ``time`` [s]; where its rate jumps, velocities are those after."""
+        pose = self.frame.pose(np.array([time]))
+        numbers = (pose.axes, pose.origin, pose.spin, pose.velocity)
+        return FramePose(*(values[0].astype(float) for values in numbers), self.frame.parts(time))
+
+    def _times(self, first: int, last: int) -> np.ndarray:
+        """Instants of the force calls of steps ``first`` to ``last`` [s], none before 0; stages run fastest."""
+        return np.maximum(np.add.outer(np.arange(first, last + 1), self.stages).ravel(), 0.0) * self.dt
+
+    def rows(self, step: int, count: int) -> np.ndarray:
+        """Rows of steps ``step`` to ``step + count``, shape ((count + 1) stages, 29)."""
+        k = np.arange(step, step + count + 1)
+        rows = np.zeros((count + 1, len(self.stages), 29))
+        rows[:, :, 0] = self.stages * self.dt
+        rows[:, 0, 0] = np.where(k == 0, 0.0, self.dt)
+        rows[:, 0, 1] = np.where(k == 0, 0.5 * self.dt, self.dt)
+        rows[:, :, 2:5] = self.gravity
+        if self.frame.displaces and self.gravity.any():
+            back = transposed(self.frame.pose(self._times(step, step + count)).axes)
+            rows[:, :, 2:5] = apply(back, self.gravity).astype(float).reshape(count + 1, -1, 3)
+        if self.shifting:
+            whole = np.maximum(np.arange(step - 1, step + count + 2), 0) * self.dt  # nothing moved before 0
+            drift = self.frame.increments(whole)
+            exact = np.concatenate([drift.turn.reshape(-1, 9), drift.shift], axis=1)
+            drifts = rounded(exact, np.arange(step - 1, step + count + 1))
+            rows[:, 0, 5:17] = drifts[1:]
+            rows[:, 0, 17:29] = drifts[:-1]
+        return rows.reshape(-1, 29)
+
+    def frames(self, step: int, count: int) -> np.ndarray:
+        """Rows of the frame for steps ``step`` to ``step + count``, shape ((count + 1) stages, 31).
+
+        Within each step the frame's velocities are those of one smooth stretch of its schedule, the one at mid-step: t- at
+        an instant belongs to the step that ends there and t+ to the one that begins, so that a jump between two instants
+        counts at the nearer one. The later stages of a step, and the accelerations of all its stages, know only its own
+        stretch.
+        """
+        time = self._times(step, step + count)
+        after = self.frame.pose(time, self._middle(step, count, 0.5))
+        before = self.frame.pose(time, self._middle(step, count, -0.5))
+        single = len(self.stages) == 1
+        within = (np.arange(len(time)) % len(self.stages) > 0)[:, None]
+        columns = [
+            after.axes.reshape(-1, 9), after.origin,
+            np.where(within, after.spin, before.spin), np.where(within, after.velocity, before.velocity),
+            after.spin, after.velocity,
+            (before.spin_rate + after.spin_rate) / 2 if single else after.spin_rate,
+            (before.acceleration + after.acceleration) / 2 if single else after.acceleration, time[:, None],
+        ]  # fmt: skip
+        return np.concatenate(columns, axis=1).astype(float)
+
+    def _middle(self, step: int, count: int, share: float) -> np.ndarray:
+        """Instants ``share`` of a step after each step begins [s], none before 0, one for each stage."""
+        middle = np.maximum(np.arange(step, step + count + 1) + share, 0.0) * self.dt
+        return np.repeat(middle, len(self.stages))
+
+    def placements(self, step: int, count: int) -> np.ndarray:
+        """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 18)."""
+        return self._brought_back(self._placements(self._times(step - 1, step + count + 1), self.relative))
+
+    def _brought_back(self, placements: np.ndarray) -> np.ndarray:
+        """Placements less the whole periods that each has gone since the start."""
+        if not self.period.any():
+            return placements
+        gone = placements[:, :, 9:12] - self._placements(np.zeros(1), self.relative)[:, :, 9:12]
+        placements[:, :, 9:12] -= self.period * np.rint(gone / np.where(self.period > 0.0, self.period, np.inf))
+        return placements
+
+    def bodies(self, time: float) -> np.ndarray:
+        """Placement of each wall's body at ``time`` [s], with absolute velocities, shape (w, 18)."""
+        return self.wall_places(np.array([time]))[0]
+
+    def wall_places(self, times: np.ndarray) -> np.ndarray:
+        """The same at several ``times`` [s], shape (k, w, 18)."""
+        return self._placements(times, relative=False)[:, self.wall_motion]
+
+    def _placements(self, time: np.ndarray, relative: bool) -> np.ndarray:
+        frame = self.frame.pose(time)
+        out = np.zeros((len(time), max(len(self.motions), 1), 18))
+        for number, motion in enumerate(self.motions):
+            out[:, number] = self._placement(motion, time, frame, relative)
+        return out
+
+    def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool) -> np.ndarray:
+        """The 18 numbers of one motion at ``time`` [s], shape (k, 18)."""
+        own = motion.own.pose(time) if motion.own.displaces else still(len(time))
+        if motion.fixed_to == "frame":
+            body, turn, shift = compose(frame, own) if motion.own.displaces else frame, own.axes, own.origin
+        else:
+            back = transposed(frame.axes)
+            body, turn, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)
+        spin = apply(turn, body.spin)
+        velocity = apply(turn, body.velocity) - cross(spin, shift)
+        if relative:
+            spin, velocity = spin - frame.spin, velocity - frame.velocity
+        return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity], axis=1).astype(float)
+
+    def wall_placements(self, scene, time: float) -> dict[str, Placement]:
+        """Placement of every wall at ``time`` [s], by name."""
+        return {
+            wall.name: Placement(body[:9].reshape(3, 3), body[9:12])
+            for wall, body in zip(scene.walls, self.bodies(time), strict=True)
+        }

@@ -1,0 +1,1 @@
+"""What changes during a run and what a checkpoint keeps: particles and the history of their contacts."""

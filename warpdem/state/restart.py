@@ -1,0 +1,326 @@
+"""What a scene takes over from the checkpoint that it starts from: grains, springs of contacts, frame, places of walls.
+
+Everything goes on in the laboratory as it was: positions and absolute motions of the grains, the axes of the frame, and walls
+that both scenes name with the same geometry. Motions of the new scene begin from there. A wall whose geometry is another now
+stands where the new scene draws it, as a new one does: whoever has drawn it anew has drawn it where it is to be. The springs of
+a contact stay if its law does; those at a wall, if both scenes name it and it has one kind of geometry.
+"""
+
+import dataclasses
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.core.rigid import Pose
+from warpdem.errors import SceneError
+from warpdem.filling.grain_source import Grains0, in_body_axes
+from warpdem.kernels import grain
+from warpdem.scene.model import Scene
+from warpdem.scene.motion import Standing, frame_chain
+from warpdem.scene.start import Start
+from warpdem.scene.wall_shapes import SHAPES
+from warpdem.state import checkpoint
+from warpdem.usd.motion import quaternion_of
+
+
+def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()) -> Scene:
+    """The scene without its grains, to start from the checkpoint at ``path``."""
+    path = Path(path).resolve()
+    folders = scene.access.folders
+    access = scene.access if folders is None else dataclasses.replace(scene.access, folders=(*folders, path.parent))
+    start = Start(checkpoint=str(path), continues=list(continues))
+    return scene.model_copy(update={"start": start, "grains": [], "access": access})
+
+
+@dataclass(frozen=True)
+class Past:
+    """What a scene starts from."""
+
+    scene: Scene
+    """The scene with frame, walls and streams as they go on."""
+    grains: Grains0
+    """The grains at time 0."""
+    data: dict[str, np.ndarray]
+    """Memory of contacts, as ``Lists.remember`` takes it; how grains are turned, if that was kept."""
+    old_walls: tuple[str, ...]
+    """Names of walls that were there with the same geometry."""
+    next_id: int
+    """Least id that no grain had so far."""
+    feeders: dict[int, dict]
+    """State of the random numbers of streams that go on."""
+    notes: tuple[str, ...]
+    """What was left behind."""
+
+
+def read(scene: Scene) -> Past:
+    """What ``scene`` starts from.
+
+    Raises:
+        SceneError: the checkpoint cannot be read, its grains are of a material that the scene lacks or that has no
+            coefficients, or something is to go on that is another here.
+    """
+    key = f"{scene.source}: start.checkpoint"
+    try:
+        data = checkpoint.read(scene.resolve(scene.start.checkpoint))
+    except SceneError as error:
+        raise SceneError(f"{key}: {error}") from None
+    names = list(data["scene"]["materials"])
+    present = [names[kind] for kind in np.unique(data["kind"])]
+    missing = [name for name in present if name not in scene.materials]
+    if missing:
+        raise SceneError(
+            f"{key} = {str(data['path'])!r}: its grains are of {', '.join(missing)}; the scene has no such material, but "
+            f"{', '.join(scene.materials)}"
+        )
+    _check_pairs(scene, present, key)
+    redrawn = _redrawn(scene, data)
+    said = _notes_on_walls(scene, data, redrawn)
+    scene = _going_on(scene, data, redrawn)
+    grains = _grains(scene, data, [list(scene.materials).index(name) if name in scene.materials else -1 for name in names])
+    memory, notes = _memory(scene, data, redrawn)
+    if "orientation" in data:
+        memory["orientation"] = data["orientation"]
+    going = "streams" in scene.start.continues
+    numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
+    feeders = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
+    known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
+    return Past(scene, grains, memory, known, data["next_id"], feeders, (*said, *notes))
+
+
+def _end(data: dict) -> float:
+    """Time of a checkpoint [s]."""
+    return data["step"] * data["dt"]
+
+
+def _check_pairs(scene: Scene, present: list[str], key: str) -> None:
+    """Refuse grains that meet something for which the scene has no coefficients."""
+    given = {tuple(sorted(pair.materials)) for pair in scene.pairs}
+    others = [*present, *(wall.material for wall in scene.walls)]
+    lacking = sorted({pair for a in present for b in others if (pair := tuple(sorted((a, b)))) not in given})
+    if lacking:
+        listed = "; ".join(f'materials = ["{a}", "{b}"]' for a, b in lacking)
+        raise SceneError(f"{key}: its grains meet materials without coefficients: add [[pairs]] with {listed}")
+
+
+# --- frame, walls, streams ---------------------------------------------------------------------------------------------
+
+
+def _going_on(scene: Scene, data: dict, redrawn: set[str]) -> Scene:
+    """The scene whose frame and walls, but those ``redrawn``, go on from where those of the checkpoint stand."""
+    start, there = scene.start, data["scene"]
+    _check_continues(scene, data)
+    ahead = scene.later(_end(data))
+    frame = _matrix(data["places"]["frame"])
+    motions = _continued(scene.frame, data["motions"]["frame"], there["frame"], _end(data))
+    if "frame" not in start.continues:
+        motions = _from(scene.frame, frame)
+    walls = []
+    for wall in scene.walls:
+        if wall.name not in data["places"]["walls"] or (wall.name in redrawn and wall.name not in start.continues):
+            walls.append(wall)
+            continue
+        if wall.name in start.continues:
+            given = next(entry["motion"] for entry in there["walls"] if entry["name"] == wall.name)
+            motion = _continued(wall.motion, data["motions"]["walls"][wall.name], given, _end(data))
+        else:
+            place = _matrix(data["places"]["walls"][wall.name])
+            motion = _from(wall.motion, frame @ place if wall.fixed_to == "laboratory" else place)
+        walls.append(wall.model_copy(update={"motion": motion}))
+    streams = ahead.streams if "streams" in start.continues else scene.streams
+    start = start.model_copy(update={"groups": data["groups"]})
+    return scene.model_copy(update={"frame": motions, "walls": walls, "streams": streams, "start": start})
+
+
+def _geometry(wall: dict, contents: str | None) -> tuple:
+    """What a wall's table says of its surface; ``contents`` of its mesh file count, not what that is called."""
+    return contents, *(wall.get(key) for key in ("prim", "scale", "translate", "rotate", *SHAPES))
+
+
+def _geometries(scene: Scene, data: dict) -> tuple[dict[str, tuple], dict[str, tuple]]:
+    """Geometry of each wall by name, in the scene and in the checkpoint."""
+    here = {}
+    for wall in scene.walls:
+        path = scene.resolve(wall.mesh) if wall.mesh is not None else None
+        # a file that is not there is refused with its mesh
+        contents = hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else None
+        here[wall.name] = _geometry(wall.model_dump(mode="json"), contents)
+    there = {
+        wall["name"]: _geometry(wall, data["files"].get(f"walls[{k}].mesh")) for k, wall in enumerate(data["scene"]["walls"])
+    }
+    return here, there
+
+
+def _redrawn(scene: Scene, data: dict) -> set[str]:
+    """Names of walls of both whose geometry is not the same."""
+    here, there = _geometries(scene, data)
+    return {name for name in here if name in there and here[name] != there[name]}
+
+
+def _way(data: dict, name: str) -> str:
+    """How far a wall of the checkpoint had moved from where its scene drew it, in words; "" if it had not."""
+    place, frame = _matrix(data["places"]["walls"][name]), _matrix(data["places"]["frame"])
+    if next(wall["fixed_to"] for wall in data["scene"]["walls"] if wall["name"] == name) == "laboratory":
+        place = frame @ place
+    turn = np.linalg.norm(place[:3, :3] - np.eye(3)) / np.sqrt(2.0)  # 2 sin(angle/2)
+    shift = place[:3, 3]
+    if turn < 1e-9 and np.abs(shift).max() < 1e-12:
+        return ""
+    words = [f"shifted by ({', '.join(f'{x:.6g}' for x in shift)}) m"] if np.abs(shift).max() >= 1e-12 else []
+    words += [f"turned by {np.degrees(2.0 * np.arcsin(min(0.5 * turn, 1.0))):.6g} degrees"] if turn >= 1e-9 else []
+    return " and ".join(words)
+
+
+def _notes_on_walls(scene: Scene, data: dict, redrawn: set[str]) -> list[str]:
+    """Which walls do not stand where the run before left one of their name or of their geometry."""
+    notes, (here, there) = [], _geometries(scene, data)
+    for name in here:
+        way = _way(data, name) if name in there else ""
+        if name in redrawn and way:
+            said = f"start: wall {name!r} has another geometry than in {data['path']}, where it had been {way}"
+            if name in scene.start.continues:
+                notes.append(f"{said}: it goes on from there, since start.continues names it")
+            else:
+                notes.append(
+                    f"{said}: it stands where this scene draws it; to go on from there it needs the geometry that it had, or "
+                    "its name in start.continues"
+                )
+        for other in there:
+            if name not in there and other not in here and here[name] == there[other] and (way := _way(data, other)):
+                notes.append(
+                    f"start: wall {name!r} stands where this scene draws it; {other!r}, which has the same geometry in "
+                    f"{data['path']} and is gone, had been {way}"
+                )
+    return notes
+
+
+def _check_continues(scene: Scene, data: dict) -> None:
+    """Refuse names in ``start.continues`` of what is not there, or is another there."""
+    there = data["scene"]
+    here = scene.model_dump(mode="json", include={"frame", "streams", "walls"})
+    then = {entry["name"]: entry for entry in there["walls"]}
+    now = {entry["name"]: entry for entry in here["walls"]}
+    for name in scene.start.continues:
+        if name in ("frame", "streams"):
+            pair = here[name], there[name]
+        elif name in now and name in then:
+            pair = tuple((entry["motion"], entry["fixed_to"]) for entry in (now[name], then[name]))
+        else:
+            known = ", ".join(["frame", "streams", *(wall for wall in now if wall in then)])
+            raise SceneError(f'{scene.source}: start.continues: "{name}" is not in both scenes; allowed: {known}')
+        if pair[0] != pair[1]:
+            raise SceneError(
+                f'{scene.source}: start.continues: "{name}" is not what it was in {data["path"]}; only what has not changed '
+                "can go on in its own time"
+            )
+
+
+def _continued(motions: tuple | None, resolved: list[dict] | None, given: list[dict] | None, time: float) -> tuple | None:
+    """Motions ``time`` [s] later than those of the checkpoint, which stand there as they were resolved and as given."""
+    if resolved is None:
+        return motions
+    here, there = tuple(motions or ()), tuple(given or ())
+    elapsed = [entry.get("elapsed", 0.0) for entry in resolved]
+    timed = (
+        motion if isinstance(motion, Standing) else motion.model_copy(update={"elapsed": before + time})
+        for motion, before in zip(here, elapsed, strict=False)
+    )
+    return (*timed, *(Standing(**entry) for entry in resolved[len(there) :]))
+
+
+def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
+    """Motions that begin from ``place``, shape (4, 4)."""
+    if np.array_equal(place, np.eye(4)):
+        return motions
+    quaternion = quaternion_of(place[:3, :3]).astype(float)
+    return (*(motions or ()), Standing(quaternion=quaternion.tolist(), shift=place[:3, 3].tolist()))
+
+
+def _matrix(rows: list[list[float]]) -> np.ndarray:
+    """A place as a matrix, shape (4, 4)."""
+    return np.vstack([np.array(rows), [0.0, 0.0, 0.0, 1.0]])
+
+
+# --- grains ------------------------------------------------------------------------------------------------------------
+
+
+def _grains(scene: Scene, data: dict, material: list[int]) -> Grains0:
+    """The grains, their motion relative to the frame as it moves at time 0 of ``scene``."""
+    pose: Pose = frame_chain(scene).pose(np.zeros(1))
+    spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
+    position = data["record"][:, grain.POSITION]
+    return Grains0(
+        id=data["id"],
+        type=np.array(material, dtype=np.int32)[data["kind"]],
+        group=np.array([scene.groups.index(name) for name in data["groups"]], dtype=np.int32)[data["group"]],
+        radius=data["record"][:, grain.RADIUS],
+        position=position,
+        velocity=data["velocity"] - velocity - np.cross(spin, position),
+        spin=data["spin"] - spin,
+    )
+
+
+# --- springs of contacts -----------------------------------------------------------------------------------------------
+
+
+def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Memory of contacts for ``Lists.remember``, numbered as the walls of ``scene``, and what was dropped in words."""
+    was, now, notes = data["scene"]["contact"], scene.contact, []
+    held = {
+        "spring": now.tangential == was["tangential"] and data["pair_memory"].shape[1] >= 3,
+        "angle": (now.rolling, now.torsion) == (was["rolling"], was["torsion"]) and data["pair_memory"].shape[1] == 6,
+    }
+    pairs = np.zeros((len(data["pair"]), 6))
+    for name, columns in (("spring", slice(0, 3)), ("angle", slice(3, 6))):
+        if held[name]:
+            pairs[:, columns] = data["pair_memory"][:, columns]
+    lost = [f"contact.{role}" for role in ("tangential", "rolling") if getattr(now, role) != was[role] != "none"]
+    if lost:
+        notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
+    out = {"id": data["id"], "pair": data["pair"], "pair_memory": pairs}
+    if "place_wall" not in data:
+        return out, notes
+    number, dropped = _wall_numbers(scene, data)
+    keep = number[data["place_wall"]] >= 0
+    if dropped:
+        notes.append(f"start: springs at {', '.join(dropped)} begin at zero: not in this scene, or of another geometry")
+    for name in ("grain", "wall", "overlap", "weight", "point", "normal"):
+        out[f"place_{name}"] = data[f"place_{name}"][keep]
+    out["place_point"] = _in_new_axes(scene, data, redrawn, out["place_wall"], out["place_point"])
+    out["place_wall"] = number[out["place_wall"]]
+    for name in ("spring", "angle"):
+        out[f"place_{name}"] = data[f"place_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
+    return out, notes
+
+
+def _in_new_axes(
+    scene: Scene, data: dict, redrawn: set[str], wall: np.ndarray, point: np.ndarray
+) -> np.ndarray:
+    """Points [m], shape (n, 3), in the body axes of their walls of the checkpoint, in those of the same walls of ``scene``."""
+    number = {one.name: k for k, one in enumerate(scene.walls)}
+    for k, old in enumerate(data["scene"]["walls"]):
+        mine = wall == k
+        if old["name"] in redrawn and mine.any():
+            place = _matrix(data["places"]["walls"][old["name"]])
+            framed = point[mine] @ place[:3, :3].T + place[:3, 3]
+            point = point.copy()
+            point[mine] = in_body_axes(scene, number[old["name"]], framed)
+    return point
+
+
+def _wall_numbers(scene: Scene, data: dict) -> tuple[np.ndarray, list[str]]:
+    """Number in ``scene`` of each wall of the checkpoint, -1 for none, and the names of those with springs and without."""
+    here = {wall.name: (k, _kind(wall.model_dump(mode="json"))) for k, wall in enumerate(scene.walls)}
+    numbers, dropped = [], []
+    for k, wall in enumerate(data["scene"]["walls"]):
+        number, kind = here.get(wall["name"], (-1, None))
+        numbers.append(number if kind == _kind(wall) else -1)
+        if numbers[-1] < 0 and (data["place_wall"] == k).any():
+            dropped.append(f"wall {wall['name']}")
+    return np.array(numbers, dtype=np.int64), dropped
+
+
+def _kind(wall: dict) -> str:
+    """Kind of geometry of a wall's table."""
+    return next(key for key in ("mesh", *SHAPES) if wall.get(key) is not None)
