@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from warpdem.core.committed_file import CommittedFile, journal_of, repair
-from warpdem.core.snapshot import ContactNetwork, FramePose, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.errors import OutputError, WarpdemError
 from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter, read_vtkhdf
 

@@ -19,7 +19,8 @@ import h5py
 import numpy as np
 
 from warpdem.core.committed_file import CommittedFile, repair
-from warpdem.core.snapshot import Placement, Snapshot, WallMesh
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
 

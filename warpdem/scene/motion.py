@@ -24,8 +24,8 @@ from pydantic import (
 )
 
 from warpdem.core import rigid
+from warpdem.core.pose import Part, RotationPart, SampledPart, TranslationPart
 from warpdem.core.rigid import PI, WIDE, Increment, Pose
-from warpdem.core.snapshot import Part, RotationPart, SampledPart, TranslationPart
 from warpdem.scene.base import (
     AngularRate,
     Direction,
