@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from warpdem.core.cadence import Cadence
+from warpdem.core.output_schedule import Cadence
 
 CASES = [
     # interval [s], of rows [s], step [s]
