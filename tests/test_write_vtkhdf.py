@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from warpdem.core.committed_file import CommittedFile, journal_of, repair
+from warpdem.core.journaled_file import CommittedFile, journal_of, repair
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.errors import OutputError, WarpdemError

@@ -18,7 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from warpdem.core.committed_file import CommittedFile, repair
+from warpdem.core.journaled_file import CommittedFile, repair
 from warpdem.core.pose import Placement
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
