@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.rigid import turn_increment, unit
+from warpdem.core.rigid_motion import turn_increment, unit
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
 from warpdem.mesh.geometry import TriangleMesh, build_mesh, inside

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from warpdem.core.pose import SampledPart
-from warpdem.core.rigid import (
+from warpdem.core.rigid_motion import (
     WIDE,
     Increment,
     Pose,
