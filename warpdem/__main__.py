@@ -11,7 +11,7 @@ def _leave(*_) -> None:
     os._exit(130)
 
 
-if "warpdem.core.process" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+if "warpdem.core.command" not in sys.modules and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _leave)  # until `answer` takes over
 
 
@@ -22,9 +22,9 @@ def _command():
 
 
 def main() -> None:
-    """Entry point of the command; leaves with the exit codes of ``warpdem.core.process.answer``."""
+    """Entry point of the command; leaves with the exit codes of ``warpdem.core.command.answer``."""
     from warpdem.core import interrupts
-    from warpdem.core.process import answer
+    from warpdem.core.command import answer
 
     try:
         answer(_command)

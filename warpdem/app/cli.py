@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from warpdem.core.process import answer
+from warpdem.core.command import answer
 from warpdem.drawing.look import Look
 
 app = App(
@@ -273,7 +273,7 @@ def demo(
 
 
 def main() -> None:
-    """The command, for programs that have imported this; exit codes as ``warpdem.core.process.answer``."""
+    """The command, for programs that have imported this; exit codes as ``warpdem.core.command.answer``."""
     answer(lambda: app)
 
 

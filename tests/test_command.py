@@ -11,7 +11,7 @@ import time
 import pytest
 
 from warpdem.core import interrupts
-from warpdem.core.process import UNNAMED, answer
+from warpdem.core.command import UNNAMED, answer
 from warpdem.errors import OutputError, SceneError
 
 SCENE = """
@@ -99,7 +99,7 @@ def closed() -> None:
 def test_no_file_becomes_the_standard_output_of_a_library(folder):
     """The system gives the lowest free number to the next file."""
     opens = "os.write(os.open('number', os.O_CREAT | os.O_RDWR), str(os.open('other', os.O_CREAT)).encode())"
-    code = f"import os; from warpdem.core.process import answer; answer(lambda: lambda: {opens})"
+    code = f"import os; from warpdem.core.command import answer; answer(lambda: lambda: {opens})"
     subprocess.run([sys.executable, "-c", code], cwd=folder, preexec_fn=closed, check=True, timeout=60)
     assert int((folder / "number").read_text()) > 2
 
