@@ -14,7 +14,7 @@ from rich.console import Console
 
 from warpdem import SceneError, Simulation, StabilityError
 from warpdem.app.phases import run as run_all
-from warpdem.core.claim import FolderTaken, claimed
+from warpdem.core.run_lock import FolderTaken, claimed
 from warpdem.drawing.rendering import render
 from warpdem.scene.file import load_scene, scene_from_dict
 from warpdem.state import checkpoint

@@ -22,8 +22,8 @@ from rich.console import Console
 from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.app.run import cadence, check_request, default_folder, history_columns, named_folder, run_scene
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.claim import FolderTaken, claimed
 from warpdem.core.progress import told_if_long
+from warpdem.core.run_lock import FolderTaken, claimed
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
 from warpdem.output.write_vtk import read_results

@@ -71,8 +71,8 @@ def run(
     """
     from warpdem.app.phases import run as run_all
     from warpdem.app.run import default_folder, named_folder
-    from warpdem.core.claim import FolderTaken
     from warpdem.core.paths import require_usable
+    from warpdem.core.run_lock import FolderTaken
     from warpdem.scene.file import load_scene
 
     require_usable("--out", out)

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from warpdem.app.run import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
 from warpdem.core.atomic_file import replaced
-from warpdem.core.claim import claimed
+from warpdem.core.run_lock import claimed
 from warpdem.errors import WarpdemError
 from warpdem.model import needs
 from warpdem.model.digests import file_digests, scene_hash

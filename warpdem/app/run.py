@@ -15,10 +15,10 @@ from rich.markup import escape
 from rich.text import Text
 
 from warpdem.app import advice, summary
-from warpdem.core.claim import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.core.interrupts import held_back
 from warpdem.core.output_schedule import Cadence
 from warpdem.core.progress import progress_bar, told_if_long
+from warpdem.core.run_lock import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.core.snapshot import WallMesh
 from warpdem.errors import OutputError, SceneError, StabilityError
 from warpdem.measure import measures, observation

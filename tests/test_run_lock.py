@@ -12,14 +12,14 @@ from concurrent.futures import ThreadPoolExecutor
 import psutil
 import pytest
 
-from warpdem.core import claim
-from warpdem.core.claim import LOCK, FolderTaken, claimed, is_taken, refuse_taken
+from warpdem.core import run_lock
+from warpdem.core.run_lock import LOCK, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.errors import OutputError
 
 HOLD = """
 import sys
 from pathlib import Path
-from warpdem.core.claim import claimed
+from warpdem.core.run_lock import claimed
 with claimed(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
@@ -94,14 +94,14 @@ def test_many_at_once_have_it_one_at_a_time(tmp_path):
 
 def test_a_lock_that_its_owner_has_just_removed_is_none(tmp_path, monkeypatch):
     """Opened before it went and locked after: the next one that comes would make a file of its own."""
-    real, removed = claim._lock, []
+    real, removed = run_lock._lock, []
 
     def lock(descriptor, folder, new):
         real(descriptor, folder, new)
         if not removed:
             removed.append((folder / LOCK).unlink())
 
-    monkeypatch.setattr(claim, "_lock", lock)
+    monkeypatch.setattr(run_lock, "_lock", lock)
     with claimed(tmp_path):
         assert is_taken(tmp_path)
 
@@ -110,8 +110,8 @@ def test_who_only_looks_keeps_nobody_out(tmp_path):
     """A look has the lock for a moment."""
     (tmp_path / LOCK).touch()
     descriptor = os.open(tmp_path / LOCK, os.O_RDWR)
-    claim.fcntl.flock(descriptor, claim.fcntl.LOCK_EX)
-    look = threading.Timer(0.03, lambda: claim.fcntl.flock(descriptor, claim.fcntl.LOCK_UN))
+    run_lock.fcntl.flock(descriptor, run_lock.fcntl.LOCK_EX)
+    look = threading.Timer(0.03, lambda: run_lock.fcntl.flock(descriptor, run_lock.fcntl.LOCK_UN))
     look.start()
     with claimed(tmp_path):
         pass
@@ -132,7 +132,7 @@ def no_locks(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(claim.fcntl, "flock", refuse)
+    monkeypatch.setattr(run_lock.fcntl, "flock", refuse)
 
 
 def owner(**changes) -> str:
