@@ -73,7 +73,8 @@ def test_velocity_of_the_composed_body_is_that_of_its_points():
     whole = rigid_motion.compose(outer, inner)
     x = rng.normal(size=3).astype(WIDE)
     outer_place = rigid_motion.apply(inner.axes, x) + inner.origin
-    carried = rigid_motion.apply(rigid_motion.transposed(inner.axes), outer.velocity + rigid_motion.cross(outer.spin, outer_place))
+    outer_velocity = outer.velocity + rigid_motion.cross(outer.spin, outer_place)
+    carried = rigid_motion.apply(rigid_motion.transposed(inner.axes), outer_velocity)
     own = inner.velocity + rigid_motion.cross(inner.spin, np.broadcast_to(x, (4, 3)))
     wanted = (carried + own).astype(float)
     found = whole.velocity + rigid_motion.cross(whole.spin, np.broadcast_to(x, (4, 3)))

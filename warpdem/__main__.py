@@ -22,12 +22,12 @@ def _command():
 
 
 def main() -> None:
-    """Entry point of the command; leaves with the exit codes of ``warpdem.core.command.answer``."""
+    """Entry point of the command; leaves with the exit codes of ``warpdem.core.command.run_command``."""
     from warpdem.core import interrupts
-    from warpdem.core.command import answer
+    from warpdem.core.command import run_command
 
     try:
-        answer(_command)
+        run_command(_command)
     finally:
         interrupts.ignore()  # while Python ends
 

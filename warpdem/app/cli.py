@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from warpdem.core.command import answer
+from warpdem.core.command import run_command
 from warpdem.drawing.look import Look
 
 app = App(
@@ -72,7 +72,7 @@ def run(
     from warpdem.app.phases import run as run_all
     from warpdem.app.run import default_folder, named_folder
     from warpdem.core.paths import require_usable
-    from warpdem.core.run_lock import FolderTaken
+    from warpdem.core.run_lock import FolderLocked
     from warpdem.scene.file import load_scene
 
     require_usable("--out", out)
@@ -85,7 +85,7 @@ def run(
                 run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
                         quiet=quiet, picture=picture)  # fmt: skip
                 break
-            except FolderTaken as taken:
+            except FolderLocked as taken:
                 if out or resume or taken.folder != folder:
                     raise  # else another run has just taken the folder that was free: the next one
     except KeyboardInterrupt as stop:
@@ -273,8 +273,8 @@ def demo(
 
 
 def main() -> None:
-    """The command, for programs that have imported this; exit codes as ``warpdem.core.command.answer``."""
-    answer(lambda: app)
+    """The command, for programs that have imported this; exit codes as ``warpdem.core.command.run_command``."""
+    run_command(lambda: app)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def ask(
     limit = TIME_LIMIT + 10.0 * file.stat().st_size / usd_reader.BYTES_PER_SECOND
     memory.require(file.stat().st_size, head, f"a file of {file.stat().st_size} bytes", "take a smaller one")
     arguments = [what, str(file), about, *map(str, folders or ())]
-    said, arrays = reader_process.ask(usd_reader.__file__, arguments, limit, head, "the USD library")
+    said, arrays = reader_process.run_reader(usd_reader.__file__, arguments, limit, head, "the USD library")
     if said.get("up", "Z") not in TO_Z_UP:
         raise SceneError(f"{head}: upAxis = {said['up']!r}, must be Y or Z")
     return said, arrays
