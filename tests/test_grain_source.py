@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem.core.paths import Access
+from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
 from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps

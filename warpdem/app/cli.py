@@ -71,7 +71,7 @@ def run(
     """
     from warpdem.app.phases import run as run_all
     from warpdem.app.run import default_folder, named_folder
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.core.run_lock import FolderLocked
     from warpdem.scene.file import load_scene
 
@@ -162,7 +162,7 @@ def convert(
         target: File to write: .toml, .usda, .usdc or .usd.
         overwrite: Allow a target that exists.
     """
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.scene.convert import convert as write
 
     require_usable("TARGET", target)
@@ -202,7 +202,7 @@ def render(
     """
     from rich.progress import Progress
 
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.drawing.rendering import render as draw
 
     for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
@@ -252,7 +252,7 @@ def demo(
         quiet: As in run.
     """
     from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.core.start_warp import start_warp
 
     require_usable("--out", out)

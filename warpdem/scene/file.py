@@ -11,8 +11,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpdem.core import memory, paths
-from warpdem.core.paths import Access, access_of_file
+from warpdem.core import memory
+from warpdem.core.access import Access, access_of_file
+from warpdem.core.file_names import expanded
 from warpdem.errors import SceneError
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
@@ -44,7 +45,7 @@ def load_scene(
     Raises:
         SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
-    file = paths.expanded(path)
+    file = expanded(path)
     access, origins, time, notes = access_of_file(file.parent, allow_paths, plugins), {}, 0.0, ()
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():
