@@ -12,8 +12,8 @@ import sys
 
 import numpy as np
 
+from warpdem.core.process_limits import limit_memory
 from warpdem.core.vtk_header import overclaim
-from warpdem.usd.reader import limit_memory
 
 EXPANSION = 100
 """Memory that reading may take per byte of the file [-], beside what is always allowed: arrays may be compressed."""

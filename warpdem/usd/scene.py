@@ -21,8 +21,8 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.usd import not_taken
-from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
+from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
 Place = tuple[str | int, ...]
 GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
@@ -330,7 +330,7 @@ class _Stage:
         held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
         unknown = [name for name in prim["left"] if name.startswith("primvars:dem:")]
         if unknown:
-            known = ", ".join(usd_reader.GRAIN_ARRAYS)
+            known = ", ".join(GRAIN_ARRAYS)
             raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
         columns = self.columns(path, held)
         types = held.get("dem.types")
