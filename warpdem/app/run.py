@@ -23,6 +23,7 @@ from warpdem.core.snapshot import WallMesh
 from warpdem.errors import OutputError, SceneError, StabilityError
 from warpdem.measure import measures, observation
 from warpdem.measure.dimensionless import Turning, TurningNumbers
+from warpdem.model import digests
 from warpdem.output.background import Background
 from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
@@ -216,7 +217,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "status": status,
         "scene": sim.scene.source,
         "title": sim.scene.title,
-        "scene_hash": summary.scene_hash(sim.scene),
+        "scene_hash": digests.scene_hash(sim.scene),
         "state_hash": sim.state_hash(),
         "versions": {"warpdem": __version__, "warp": wp.config.version, "numpy": np.__version__,
                      "python": platform.python_version()},
