@@ -18,8 +18,8 @@ from warpdem.errors import SceneError
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located
+from warpdem.scene.read_toml import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.scene.start import NOT_IN_A_PHASE, place_in_phase
-from warpdem.scene.text import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
