@@ -12,7 +12,7 @@ from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
 from warpdem.mesh.geometry import build_mesh
 from warpdem.scene.model import Wall
 from warpdem.scene.motion import Rotation
-from warpdem.scene.sizes import DiameterDistribution
+from warpdem.scene.size_distribution import DiameterDistribution
 from warpdem.scene.wall_shapes import Plane
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")

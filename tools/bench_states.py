@@ -13,7 +13,7 @@ import numpy as np
 
 import warpdem
 from warpdem.filling.packing import fill
-from warpdem.scene.sizes import DiameterDistribution
+from warpdem.scene.size_distribution import DiameterDistribution
 
 ROOT = Path(__file__).resolve().parent.parent
 DIAMETER = (0.3e-3, 0.6e-3)  # [m], uniform by number (Table 2 of the paper)
