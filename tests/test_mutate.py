@@ -47,8 +47,10 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setattr(mutate, "PARTS", ("warpdem", "kernels", "scenes", "tests"))
     for part in mutate.PARTS:
         (mutate.ROOT / part).mkdir(parents=True)
+    (mutate.ROOT / "kernels/contact").mkdir()
     for name, text in {
-        "warpdem/__init__.py": "", "kernels/__init__.py": "", "kernels/contact/law.py": "ONE = 1\nTWO = 2\n",
+        "warpdem/__init__.py": "", "kernels/__init__.py": "", "kernels/contact/__init__.py": "",
+        "kernels/contact/law.py": "ONE = 1\nTWO = 2\n",
         "tests/test_one.py": "from warpdem.kernels.contact.law import ONE\n\n\ndef test_one():\n    assert ONE == 1\n",
         "tests/test_two.py": "from warpdem.kernels.contact.law import TWO\n\n\ndef test_two():\n    assert TWO == 2\n",
     }.items():  # fmt: skip
@@ -100,7 +102,7 @@ def test_results_of_other_mutants_are_kept_and_those_of_changed_ones_dropped(tmp
 
 
 def test_a_text_that_moved_on_is_named():
-    with pytest.raises(ValueError, match=r"a: '1' stands 2 times in kernels/law\.py, not once"):
+    with pytest.raises(ValueError, match=r"a: '1' stands 2 times in kernels/contact/law\.py, not once"):
         mutate.Mutant("a", "kernels/contact/law.py", "1", "2", ()).changed("11")
 
 

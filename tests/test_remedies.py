@@ -15,7 +15,7 @@ from warpdem.scene import models
 from warpdem.scene.messages import _all_keys, rounded_down, rounded_up
 from warpdem.scene.units import DIMENSIONS, to_si
 
-PACKAGE = Path(cli.__file__).parent
+PACKAGE = Path(cli.__file__).parents[1]
 KEY = re.compile(r"\b([a-z]+(?:\[[^\]\s]*\])?(?:\.[a-z_]+(?:\[[^\]\s]*\])?)+)\b")
 OPTION = re.compile(r"(?<![\w-])--([a-z][a-z-]+)")
 KEYS = set(_all_keys(Scene))

@@ -14,8 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
-from warpdem.core.paths import Access, access_of_file
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.state import contact_history
@@ -171,8 +171,8 @@ def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> N
     Args:
         data: the checkpoint, as ``read`` gives it.
         scene: validated scene.
-        files: its ``summary.file_digests``.
-        scene_hash: its ``summary.scene_hash``.
+        files: its ``model.digests.file_digests``.
+        scene_hash: its ``model.digests.scene_hash``.
 
     Raises:
         SceneError: with the keys that differ, unless all are among `MAY_CHANGE`.
