@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 
-from warpdem.core.snapshot import FramePose
+from warpdem.core.pose import FramePose
 from warpdem.errors import WarpdemError
 
 CATEGORIES = "#4477aa #ee6677 #228833 #ccbb44 #66ccee #aa3377 #ee8866 #44bb99 #bbcc33 #999999".split()

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.snapshot import ContactNetwork, FramePose, Part, RotationPart, SampledPart, Snapshot, TranslationPart
+from warpdem.core.pose import FramePose, Part, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import ContactNetwork, Snapshot
 from warpdem.errors import WarpdemError
 
 # name in the file, field of the snapshot

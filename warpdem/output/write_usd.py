@@ -24,16 +24,8 @@ from pathlib import Path
 import numpy as np
 
 from warpdem.core.atomic_file import replaced
-from warpdem.core.snapshot import (
-    FramePose,
-    Placement,
-    RotationPart,
-    SampledPart,
-    Snapshot,
-    TranslationPart,
-    WallLoad,
-    WallMesh,
-)
+from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.scene.model import MESH_SUFFIXES
 from warpdem.scene.tables import relative_to, scene_tables

@@ -21,7 +21,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
-from warpdem.core.snapshot import ContactNetwork, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.core.vtk_header import overclaim
 from warpdem.errors import WarpdemError
 from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of

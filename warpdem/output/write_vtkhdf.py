@@ -7,7 +7,8 @@
 
 Each is a temporal PolyData of VTKHDF 2.3, which ParaView reads as it stands (composite types with time are read too, but their
 reader does not follow the time that is asked for; so there are three files, not one). An array that did not change
-since the frame before is not stored again. A frame is there for a reader as a whole or not at all: see ``committed_file``.
+since the frame before is not stored again. A frame is there for a reader as a whole or not at all: see
+`warpdem.core.journaled_file`.
 """
 
 import json
@@ -18,8 +19,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from warpdem.core.committed_file import CommittedFile, repair
-from warpdem.core.snapshot import Placement, Snapshot, WallMesh
+from warpdem.core.journaled_file import JournaledFile, repair
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
 
@@ -116,7 +118,7 @@ class Series:
         """
         self._path, self._topology, self._size = path, topology, size
         self._resume = resume and path.exists()
-        self._disk: CommittedFile | None = None
+        self._disk: JournaledFile | None = None
         self._file: h5py.File | None = None
         self._rows: dict[str, _Rows] = {}  # datasets by their path below VTKHDF
         self._last: dict[str, tuple[np.ndarray, int]] = {}  # array as it was last stored, and its first row
@@ -182,7 +184,7 @@ class Series:
             self._disk.close()
 
     def _open(self, time: float, groups: dict[str, dict[str, np.ndarray]], points: np.ndarray, about: dict[str, str]) -> None:
-        self._disk = CommittedFile(self._path, resume=self._resume)
+        self._disk = JournaledFile(self._path, resume=self._resume)
         try:
             self._file = h5py.File(self._disk, "r+" if self._resume else "w")
         except OSError as error:

@@ -14,8 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
-from warpdem.core.paths import Access, access_of_file
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.state import contact_history

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.rigid import Pose
+from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0, in_body_axes
 from warpdem.kernels import grain
