@@ -7,7 +7,7 @@ import warp as wp
 
 from warpdem.filling.grain_source import Grains0
 from warpdem.kernels import Built
-from warpdem.mesh.geometry import TriangleMesh
+from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.digests import Given
 from warpdem.model.domain import Domain
 from warpdem.model.plan import Plan
