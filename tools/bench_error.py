@@ -26,8 +26,8 @@ from rich.console import Console
 from rich.table import Table
 
 import warpdem
-from warpdem.scene.model import Engine
 from warpdem.scene.models import model
+from warpdem.scene.settings import Engine
 
 INTEGRATORS = get_args(Engine.model_fields["integrator"].annotation)
 PRECISIONS = get_args(Engine.model_fields["precision"].annotation)
