@@ -33,8 +33,9 @@ from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import model_name, plugin_refusal, user_model
 from warpdem.scene.motion import Motions, Sampled, Standing
+from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, place_in_phase
 from warpdem.scene.settings import Engine, Output, Time
-from warpdem.scene.start import NOT_IN_A_PHASE, Phase, Start, changed, place_in_phase
+from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.walls import Wall
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.mesh.check import size_warning
+from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import build_mesh, inside
 
 
