@@ -3,9 +3,10 @@
 import os
 import signal
 import sys
+from collections.abc import Callable
 
 
-def _leave(*_) -> None:
+def _leave(*_: object) -> None:
     """Answer Ctrl-C before there is anything that has to end in order."""
     os.write(2, b"interrupted\n")
     os._exit(130)
@@ -15,7 +16,7 @@ if "warpdem.core.command" not in sys.modules and signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGINT, _leave)  # until `answer` takes over
 
 
-def _command():
+def _command() -> Callable[[], object]:
     from warpdem.app.cli import app
 
     return app
