@@ -5,7 +5,7 @@ from warpdem.measure import bulk
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.mixing import kinds, lacey_index
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.motion_chain import frame_chain
 
 ENERGY = (
     "elastic_normal", "elastic_tangential", "elastic_rolling", "dissipated_normal_damping", "dissipated_tangential_damping",

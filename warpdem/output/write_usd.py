@@ -27,8 +27,8 @@ from warpdem.core.atomic_file import replaced
 from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
 from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.scene.model import MESH_SUFFIXES
 from warpdem.scene.tables import relative_to, scene_tables
+from warpdem.scene.walls import MESH_SUFFIXES
 from warpdem.scene.write_usd import GRAINS as _SOURCES
 from warpdem.scene.write_usd import MATERIALS as _MATERIALS
 from warpdem.scene.write_usd import WALLS as _WALLS

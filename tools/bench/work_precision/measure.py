@@ -28,8 +28,8 @@ from bench.window import OtherLoad, commit, machine
 from bench.work_precision.compare import DEFAULT, cheapest, claims, cost_key, frontier, others_win
 from bench.work_precision.plot import plot
 from bench.work_precision.problems import PROBLEMS, Problem, Setting
-from warpdem.scene.model import Engine
 from warpdem.scene.models import model
+from warpdem.scene.settings import Engine
 
 INTEGRATORS = get_args(Engine.model_fields["integrator"].annotation)
 PRECISIONS = get_args(Engine.model_fields["precision"].annotation)

@@ -1,11 +1,9 @@
-"""Mending meshes and judging their size."""
+"""Repair of meshes: duplicates and windings."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from warpdem.errors import SceneError
-from warpdem.mesh.check import size_warning
 from warpdem.mesh.triangle_mesh import build_mesh, inside
 
 
@@ -65,36 +63,3 @@ def test_bodies_beside_and_in_each_other_are_wound_so_that_inside_is_right(inver
 def test_bodies_that_cut_each_other_are_left_as_they_are(vessel, shaft):
     mesh = build_mesh(np.concatenate([box((4, 4, 4))[:, ::vessel], box((1, 1, 1), (2, 0, 0))[:, ::shaft]]))
     assert mesh.turned == 0
-
-
-def warning(size, diameters, key="walls[1].mesh"):
-    return size_warning("drum.stl", np.array([np.zeros(3), size]), diameters, key)
-
-
-def test_millimetres_read_as_metres_are_refused_with_the_remedy():
-    with pytest.raises(SceneError, match=r"walls\[1\]\.mesh: .*300 m large.*0\.005 m in diameter.*scale = 0\.001"):
-        warning((100.0, 100.0, 300.0), [0.004, 0.006])
-    with pytest.raises(SceneError, match=r"diameters in the wrong unit\? A number without a unit is in metres$"):
-        warning((100.0, 100.0, 300.0), [0.004, 0.006])
-    assert warning((0.1, 0.1, 0.3), [0.004, 0.006]) is None
-
-
-def test_mesh_smaller_than_its_grains_is_refused_with_the_remedy():
-    with pytest.raises(SceneError, match=r"0\.0003 m large.*0\.005 m in diameter.*scale = 1000"):
-        warning((1e-4, 1e-4, 3e-4), 0.005)
-    with pytest.raises(SceneError, match=r"or was it scaled twice.*diameters lack their unit, as in \"5 mm\"\? A number"):
-        warning((0.3, 0.1, 0.1), 5.0)
-    # a thin plate is no mistake
-    assert warning((0.1, 0.1, 1e-4), 0.005) is None
-
-
-def test_odd_sizes_are_told_with_both_sizes_and_the_remedy():
-    # a vessel of 10 grains across, read in millimetres
-    told = warning((57.0, 57.0, 57.0), 0.005)
-    for part in ("walls[1].mesh: drum.stl", "57 m large", "0.005 m in diameter", "11400 diameters", "scale = 0.001"):
-        assert part in told
-    assert "scale" in warning((0.01, 0.01, 0.01), 0.005)
-    # one that a thousandth would not mend has no such advice
-    assert "0.001" not in warning((10.0, 1.0, 1.0), 0.009).split(";")[1]
-    assert warning((0.015, 0.0, 0.0), 0.005) is None
-    assert warning((5.0, 0.0, 0.0), 0.005) is None
