@@ -314,8 +314,8 @@ def test_a_grain_that_leaves_does_not_put_the_lists_in_question(threads, monkeyp
     places = np.array([[0.0199, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]])
     border = {"x": {"max": 0.02, "kind": "open"}}
     sim = simulated(places, grain={"velocities": [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]]}, borders=border, threads=threads)
-    told, advance = [], sim.stepper.advance
-    monkeypatch.setattr(sim.stepper, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
+    told, advance = [], sim.engine.advance
+    monkeypatch.setattr(sim.engine, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
     sim.step(80)
     assert sim.left["x max"][0] == 1
     assert [moved for _, moved in told if moved][-1] == LEFT  # before it, its way was too far for the contact list

@@ -6,7 +6,7 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import flight, neighbors, rebuild
+from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
@@ -25,8 +25,8 @@ def compile_plan(plan: Plan, device=None) -> Built:
     before the run.
 
     Returns:
-        Namespace with ``loop`` (the step), ``resident`` and ``renewal`` (the GPU's, or None), ``lists`` (neighbours),
-        ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
+        Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
+        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -35,7 +35,7 @@ def compile_plan(plan: Plan, device=None) -> Built:
     with using(names):
         built = _built(plan)
         if device is not None and any(is_file(name) for name in names):
-            stepping = vars(built.resident).values() if plan.resident else (built.loop.run,)
+            stepping = vars(built.graph).values() if plan.resident else (built.loop.run,)
             for thing in (*stepping, built.loop.read_budget):
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
@@ -132,14 +132,19 @@ def _built(plan: Plan) -> Built:
         travel, images, closest_on_feature, Rows, **spins, moving=plan.moving, meshes=meshes, shapes=any(shapes), gap=plan.gap,
         stages=stages, shortest=min((length for length in plan.period if length), default=0.0),
     )  # fmt: skip
+    moved = displacement.build(
+        travel, images, step.Control, **spins, moving=plan.moving, stages=stages, leave=plan.outlets > 0
+    )
     graph = again = None
     if plan.resident:
         evaluate = thread_contact.build(
             plan.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning, lag=plan.lag
         )
         graph = captured.build(
-            step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
-            lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,
-        )  # fmt: skip
+            step, pair_pack, evaluate, Rows, plan.real, history=plan.memory, stages=stages, lanes=plan.lanes
+        )
         again = rebuild.build(Rows)
-    return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack, paths=paths)
+    return Built(
+        loop=step, graph=graph, rebuild=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack, paths=paths,
+        displacement=moved,
+    )  # fmt: skip
