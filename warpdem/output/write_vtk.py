@@ -1,6 +1,6 @@
 """Results as VTK files: one VTP per frame and body, one PVD that gives them their times; and the way back.
 
-The arrays are those of ``vtk_arrays``; the contact network has files and an index of its own, so that it can be shown or left.
+The arrays are those of ``result_arrays``. The contact network has files and an index of its own, so that it can be left out.
 
 Everything stands in frame axes. The field data of each grain file tell where the frame stood, so that a reader can show
 the laboratory view: x_lab = frame_rotation x + frame_translation (rotation row by row; frame_spin and frame_velocity in
@@ -24,12 +24,16 @@ from warpdem.core.atomic_file import not_written, replaced
 from warpdem.core.snapshot import ContactNetwork, Placement, Snapshot, WallLoad, WallMesh
 from warpdem.core.vtk_header import overclaim
 from warpdem.errors import WarpdemError
-from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
+from warpdem.output.result_arrays import (
+    contact_arrays,
+    frame_arrays,
+    grain_arrays,
+    snapshot_of,
+    triangle_arrays,
+    wall_arrays,
+)
 
 INDEX, CONTACT_INDEX = "result.pvd", "contacts.pvd"
-
-# field data of a wall file: field of its load, name in the file
-_WALL_ARRAYS = {"force": "force", "torque": "torque", "about": "torque_about", "power": "power"}
 
 
 @dataclass(frozen=True)
@@ -256,10 +260,10 @@ def _wall_polydata(wall: WallMesh, load: WallLoad | None):
         add_array(data.GetFieldData(), "infinite", np.array([1]))
     if load is not None:
         if len(load.pressure):
-            add_array(data.GetCellData(), "force", load.triangle_force)
-            add_array(data.GetCellData(), "pressure", load.pressure)
-        for name in ("force", "torque", "about", "power"):
-            add_array(data.GetFieldData(), _WALL_ARRAYS[name], np.atleast_2d(getattr(load, name)))
+            for name, values in triangle_arrays(load).items():
+                add_array(data.GetCellData(), name, values)
+        for name, values in wall_arrays(load).items():
+            add_array(data.GetFieldData(), name, np.atleast_2d(values))
     return data
 
 

@@ -21,7 +21,14 @@ import numpy as np
 from warpdem.core.committed_file import CommittedFile, repair
 from warpdem.core.snapshot import Placement, Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.vtk_arrays import contact_arrays, frame_arrays, grain_arrays, snapshot_of
+from warpdem.output.result_arrays import (
+    TRIANGLE_ARRAYS,
+    WALL_ARRAYS,
+    contact_arrays,
+    frame_arrays,
+    grain_arrays,
+    snapshot_of,
+)
 
 GRAINS, WALLS, CONTACTS = "result.vtkhdf", "result_walls.vtkhdf", "result_contacts.vtkhdf"
 
@@ -84,10 +91,11 @@ class VtkhdfWriter:
             loads = [snapshot.loads[wall.name] for wall in self._walls]
             rows = [len(wall.triangles) for wall in self._walls]
             # walls that are not meshes have a load of their own but none of their triangles
-            cell_data["force"] = np.concatenate([_padded(w.triangle_force, n) for w, n in zip(loads, rows, strict=True)])
-            cell_data["pressure"] = np.concatenate([_padded(w.pressure, n) for w, n in zip(loads, rows, strict=True)])
-            for name, key in {"force": "force", "torque": "torque", "torque_about": "about", "power": "power"}.items():
-                field_data[name] = np.array([getattr(load, key) for load in loads])
+            for entry in TRIANGLE_ARRAYS:
+                own = [getattr(load, entry.field) for load in loads]
+                cell_data[entry.name] = np.concatenate([_padded(values, n) for values, n in zip(own, rows, strict=True)])
+            for entry in WALL_ARRAYS:
+                field_data[entry.name] = np.array([getattr(load, entry.field) for load in loads])
         self._shapes.write(
             snapshot.time, np.concatenate(placed), cells=np.concatenate(self._triangles), cell_data=cell_data,
             field_data=field_data, about={"walls": json.dumps([wall.name for wall in self._walls])},
