@@ -27,7 +27,7 @@ from warpdem.core.progress import told_if_long
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
 from warpdem.output.history import history_columns
-from warpdem.output.write_vtk import read_results
+from warpdem.output.read_vtk import read_results
 from warpdem.state import checkpoint
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}

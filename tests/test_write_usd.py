@@ -22,8 +22,9 @@ from warpdem.core.snapshot import (
     WallMesh,
 )
 from warpdem.errors import WarpdemError
+from warpdem.output.read_vtk import read_results
 from warpdem.output.write_usd import UsdWriter
-from warpdem.output.write_vtk import VtkWriter, read_results
+from warpdem.output.write_vtk import VtkWriter
 from warpdem.scene.file import scene_from_dict
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"

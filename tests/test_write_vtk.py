@@ -8,7 +8,8 @@ from numpy.testing import assert_array_equal
 
 from warpdem.core.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.write_vtk import VtkWriter, read_frame, read_results
+from warpdem.output.read_vtk import read_frame, read_results
+from warpdem.output.write_vtk import VtkWriter
 
 CUBE = WallMesh(
     "box",
