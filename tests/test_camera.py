@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpdem.core.snapshot import FramePose
+from warpdem.core.pose import FramePose
 from warpdem.drawing.camera import looking, picture_axes, placed, upright
 from warpdem.drawing.look import Look
 

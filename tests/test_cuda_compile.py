@@ -9,7 +9,7 @@ from warpdem.kernels import packing
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.wall import distance
 
-from warpdem.engine.compiled import compile_plan
+from warpdem.model.compiled import compile_plan
 from warpdem.model.plan import WARP_LANES, Plan
 
 ARCHITECTURE = 90

@@ -6,7 +6,7 @@ import trimesh
 
 from warpdem.errors import SceneError
 from warpdem.mesh.check import size_warning
-from warpdem.mesh.geometry import build_mesh, inside
+from warpdem.mesh.triangle_mesh import build_mesh, inside
 
 
 def box(size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)):

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from warpdem.mesh import pieces as mesh_pieces
-from warpdem.mesh.geometry import build_mesh
+from warpdem.mesh.triangle_mesh import build_mesh
 
 
 def box(size=(1.0, 2.0, 3.0)):

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation as Turn
 
 from warpdem import SceneError
-from warpdem.core.rigid import PI
+from warpdem.core.rigid_motion import PI
 from warpdem.scene.file import scene_from_dict
 from warpdem.scene.motion import Chain, Motions, Rotation, Sampled, Standing, Translation
 

@@ -7,8 +7,8 @@ from warpdem.errors import SceneError
 from warpdem.filling import packing
 from warpdem.filling.packing import fill, filling, pack, worst_overlaps
 from warpdem.filling.region import region
-from warpdem.mesh.geometry import build_mesh, clipped_volume, signed_distance
-from warpdem.scene.sizes import DiameterDistribution, size_law
+from warpdem.mesh.triangle_mesh import build_mesh, clipped_volume, signed_distance
+from warpdem.scene.size_distribution import DiameterDistribution, size_law
 
 CUBE = np.array([[0.0, 0.0, 0.0], [0.01, 0.01, 0.01]])
 SMALLEST, LARGEST = 0.5e-3, 1e-3

@@ -7,8 +7,8 @@ import trimesh
 from warpdem.errors import SceneError
 from warpdem.filling.packing import filling, pack
 from warpdem.filling.region import region
-from warpdem.mesh.geometry import build_mesh, signed_distance
-from warpdem.scene.sizes import size_law
+from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
+from warpdem.scene.size_distribution import size_law
 
 BOX = [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
 

@@ -8,7 +8,8 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from warpdem.core.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
+from warpdem.core.pose import FramePose, Placement, TranslationPart
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.drawing.legend import bar_width, font_size, heading
 from warpdem.drawing.rendering import render
 from warpdem.drawing.visible import visible

@@ -22,8 +22,8 @@ from rich.console import Console
 from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.app.run import cadence, check_request, default_folder, named_folder, run_scene
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.claim import FolderTaken, claimed
 from warpdem.core.progress import told_if_long
+from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
 from warpdem.output.history import history_columns
@@ -444,7 +444,7 @@ def test_a_folder_is_claimed_before_anything_is_computed(tmp_path, monkeypatch, 
         assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
         monkeypatch.undo()
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(FolderTaken, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
+        with pytest.raises(FolderLocked, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
             run(scene(), Path("out/bed"), **keys)
         refused.append(True)
 
@@ -477,7 +477,7 @@ def test_a_folder_that_is_removed_stops_the_run_and_is_left_to_others(tmp_path, 
                 (tmp_path / "done").touch()
                 shutil.rmtree(folder)
                 if anew:
-                    other.enter_context(claimed(folder))
+                    other.enter_context(locked(folder))
 
         monkeypatch.setattr(Simulation, "step", removed)
         said = "now belongs to another run" if anew else "was removed during the run"

@@ -9,7 +9,7 @@ from warpdem.filling.barriers import Barrier, barriers, places_at_start, with_si
 from warpdem.filling.grain_source import check_start, load_grains
 from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
 from warpdem.filling.pool import find_pool
-from warpdem.mesh.geometry import build_mesh, signed_distance
+from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.model.walls import load_meshes
 
 D = 3e-3

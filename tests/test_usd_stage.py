@@ -10,7 +10,6 @@ import trimesh
 from pxr import Gf, Usd, UsdGeom, Vt
 
 from warpdem.errors import SceneError
-from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
@@ -83,7 +82,7 @@ def reader(monkeypatch, tmp_path):
 
     def replace(code):
         (tmp_path / "reader.py").write_text(code)
-        monkeypatch.setattr(usd_reader, "__file__", str(tmp_path / "reader.py"))
+        monkeypatch.setattr(usd_stage, "PROGRAM", tmp_path / "reader.py")
         (tmp_path / "a.usda").write_text("#usda 1.0\n")
         return tmp_path / "a.usda"
 
@@ -110,7 +109,7 @@ def test_failure_of_the_reader_is_told_with_its_reason(reader):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the memory of a process can be limited on Linux only")
 def test_memory_is_limited():
     code = (
-        "import numpy as np, warpdem.usd.reader as r; r.MEMORY_SLACK = 50_000_000; r.limit_memory(1_000_000);"
+        "import numpy as np, warpdem.core.process_limits as r; r.MEMORY_SLACK = 50_000_000; r.limit_memory(1_000_000);"
         "a = np.ones(7_000_000); print('fits');"
         "b = np.ones(7_000_000)"
     )

@@ -11,7 +11,8 @@ from rich.console import Console
 
 from warpdem import Scene, Simulation
 from warpdem.app.run import run_scene
-from warpdem.core.snapshot import FramePose, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.measure.wall_loads import read_loads, torque_point
 from warpdem.model.schedule import Schedule
 from warpdem.output.write_usd import UsdWriter

@@ -11,16 +11,8 @@ from usd_stages import validation_errors
 
 from warpdem import SceneError, Simulation, load_scene
 from warpdem.app.run import run_scene
-from warpdem.core.snapshot import (
-    FramePose,
-    Placement,
-    RotationPart,
-    SampledPart,
-    Snapshot,
-    TranslationPart,
-    WallLoad,
-    WallMesh,
-)
+from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.read_vtk import read_results
 from warpdem.output.write_usd import UsdWriter

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from warpdem.core.committed_file import CommittedFile, journal_of, repair
-from warpdem.core.snapshot import ContactNetwork, FramePose, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.journaled_file import JournaledFile, journal_of, repair
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.errors import OutputError, WarpdemError
 from warpdem.output.read_vtkhdf import read_vtkhdf
 from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter
@@ -295,7 +296,7 @@ def test_a_kill_at_any_write_leaves_whole_frames(tmp_path, monkeypatch):
 def test_a_committed_file_is_what_a_plain_one_would_be(tmp_path):
     rng = np.random.default_rng(2)
     plain = bytearray()
-    file = CommittedFile(tmp_path / "a")
+    file = JournaledFile(tmp_path / "a")
     for step in range(40):
         for _ in range(6):
             place, data = int(rng.integers(0, len(plain) + 9000)), rng.bytes(int(rng.integers(1, 12000)))
@@ -314,7 +315,7 @@ def test_a_committed_file_is_what_a_plain_one_would_be(tmp_path):
         if step % 10 == 6:
             file.commit()
             file.close()
-            file = CommittedFile(tmp_path / "a", resume=True)
+            file = JournaledFile(tmp_path / "a", resume=True)
     file.close()
 
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from warpdem import Scene
 from warpdem.app.run import writer_of
-from warpdem.core.snapshot import ContactNetwork, FramePose, Snapshot
+from warpdem.core.pose import FramePose
+from warpdem.core.snapshot import ContactNetwork, Snapshot
 
 TOUCHING = 1.9  # contacts per grain of a settled bed
 

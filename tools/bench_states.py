@@ -13,7 +13,7 @@ import numpy as np
 
 import warpdem
 from warpdem.filling.packing import fill
-from warpdem.scene.sizes import DiameterDistribution
+from warpdem.scene.size_distribution import DiameterDistribution
 
 ROOT = Path(__file__).resolve().parent.parent
 DIAMETER = (0.3e-3, 0.6e-3)  # [m], uniform by number (Table 2 of the paper)
@@ -186,7 +186,7 @@ def mid_discharge(
     start = Start(f"hourglass_{count}", folder / f"hourglass_{count}_{flow:g}.npz", mesh=turned_mesh)
     if not start.file.exists():
         if states is None:
-            from warpdem.mesh.geometry import load_mesh
+            from warpdem.mesh.triangle_mesh import load_mesh
 
             upper = ((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
             position, radius = fill(load_mesh(turned_mesh), upper, SIZES, seed=1, count=count)

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from warpdem.app.run import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
 from warpdem.core.atomic_file import replaced
-from warpdem.core.claim import claimed
+from warpdem.core.run_lock import locked
 from warpdem.errors import WarpdemError
 from warpdem.model import needs
 from warpdem.model.digests import file_digests, scene_hash
@@ -66,7 +66,7 @@ def run(
     check_request(folder, until, overwrite or resume)
     for k in range(len(scene.phases)):
         needs.check_grid(scene.phase(k))
-    with claimed(folder):
+    with locked(folder):
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
         return _run(scene, folder, until, resume, picture, said)
 

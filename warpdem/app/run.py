@@ -15,10 +15,10 @@ from rich.markup import escape
 from rich.text import Text
 
 from warpdem.app import advice, summary
-from warpdem.core.cadence import Cadence
-from warpdem.core.claim import Claim, FolderTaken, claimed, is_taken, refuse_taken
 from warpdem.core.interrupts import held_back
+from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.progress import progress_bar, told_if_long
+from warpdem.core.run_lock import FolderLocked, RunLock, is_locked, locked, require_unlocked
 from warpdem.core.snapshot import WallMesh
 from warpdem.errors import OutputError, SceneError, StabilityError
 from warpdem.measure import observation
@@ -53,7 +53,7 @@ def default_folder(scene_path: Path) -> Path:
     """``out/NAME``, or ``out/NAME-2``, ``out/NAME-3``... when there are results already, or another run is writing there."""
     base = named_folder(scene_path)
     folder, number = base, 1
-    while (folder / "run.json").exists() or is_taken(folder):
+    while (folder / "run.json").exists() or is_locked(folder):
         number += 1
         folder = base.with_name(f"{base.name}-{number}")
     return folder
@@ -64,11 +64,11 @@ def check_request(folder: Path, until: float | None, overwrite: bool) -> None:
 
     Raises:
         SceneError: if ``folder`` holds a run and ``overwrite`` is false, or cannot be written; if ``until`` [s] is not above 0.
-        FolderTaken: a SceneError: another run is writing into ``folder``, or has left its results there.
+        FolderLocked: a SceneError: another run is writing into ``folder``, or has left its results there.
     """
     if until is not None and not 0.0 < until < math.inf:
         raise SceneError(f"--until {until:g}: the time at which the run ends must be above 0 [s]")
-    refuse_taken(folder)
+    require_unlocked(folder)
     refuse_results(folder, overwrite)
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
@@ -79,17 +79,17 @@ def refuse_results(folder: Path, overwrite: bool) -> None:
     """Refuse to write over the results of another run.
 
     Raises:
-        FolderTaken: if ``folder`` holds a run and ``overwrite`` is false.
+        FolderLocked: if ``folder`` holds a run and ``overwrite`` is false.
     """
     if (folder / "run.json").exists() and not overwrite:
         said = f"--out {folder}: holds the results of a run; take another one, or say --overwrite (overwrite=True)"
-        raise FolderTaken(folder, said)
+        raise FolderLocked(folder, said)
 
 
-def cadence(sim: Simulation, end: float) -> Cadence:
+def cadence(sim: Simulation, end: float) -> OutputSchedule:
     """When frames and rows of the history are due in a run to ``end`` [s]."""
     output = sim.scene.output
-    return Cadence.of(output.interval or end / 50.0, output.history_interval, sim.dt)
+    return OutputSchedule.of(output.interval or end / 50.0, output.history_interval, sim.dt)
 
 
 def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False):
@@ -118,7 +118,7 @@ def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resu
 class Outputs:
     """All files of a run but the pictures."""
 
-    def __init__(self, sim: Simulation, folder: Path, resume: bool = False, claim: Claim | None = None) -> None:
+    def __init__(self, sim: Simulation, folder: Path, resume: bool = False, claim: RunLock | None = None) -> None:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         self.writers = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in sim.scene.output.formats]
@@ -260,13 +260,13 @@ def run_scene(
     """
     folder, console = Path(folder), console or Console()
     check_request(folder, until, overwrite or resume)
-    with claimed(folder) as claim:
+    with locked(folder) as claim:
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
         return _run(scene, claim, device, threads, until, resume, quiet, picture, console, told)
 
 
 def _run(
-    scene: Scene, claim: Claim, device: str | None, threads: int | None, until: float | None, resume: bool, quiet: bool,
+    scene: Scene, claim: RunLock, device: str | None, threads: int | None, until: float | None, resume: bool, quiet: bool,
     picture: bool | None, console: Console, told: set[str] | None,
 ) -> Simulation:  # fmt: skip
     """``run_scene`` in a folder that no other run writes into."""

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 
-from warpdem.core.snapshot import FramePose
+from warpdem.core.pose import FramePose
 from warpdem.errors import WarpdemError
 from warpdem.output.result_arrays import GRAIN_ARRAYS, TRIANGLE_ARRAYS
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from warpdem.core.snapshot import FramePose, RotationPart, Snapshot, WallMesh
+from warpdem.core.pose import FramePose, RotationPart
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.drawing.camera import looking, placed, upright
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut

@@ -10,9 +10,9 @@ from warpdem.filling.barriers import Barrier, barriers, places_at_start
 from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
 from warpdem.filling.spaces import Space, space_of
 from warpdem.filling.state_file import read_state
-from warpdem.mesh.geometry import TriangleMesh, signed_distance
+from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.motion import Chain, frame_chain, wall_chain
-from warpdem.scene.sizes import size_law
+from warpdem.scene.size_distribution import size_law
 from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
 
 

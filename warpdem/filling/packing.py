@@ -30,8 +30,8 @@ from warpdem.filling.barriers import TOUCH, Barrier
 from warpdem.filling.region import Region, region
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import packing as kernels
-from warpdem.mesh.geometry import TriangleMesh, signed_distance
-from warpdem.scene.sizes import DiameterDistribution, SizeLaw, size_law
+from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
+from warpdem.scene.size_distribution import DiameterDistribution, SizeLaw, size_law
 
 OVERLAP = 1e-6
 """Largest overlap left between two grains as a share of the smaller radius [-]: more than rounding leaves in a row of grains

@@ -8,9 +8,9 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import Barrier, is_closed, straddled, with_sides
 from warpdem.filling.region import Region, free_volume, is_cup, open_region, region, sample_points
-from warpdem.mesh.geometry import TriangleMesh, signed_distance
 from warpdem.mesh.shells import cavities, corners_in_file
-from warpdem.scene.sizes import size_law
+from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
+from warpdem.scene.size_distribution import size_law
 
 SIDES = 4000
 """Points of a region by which is told which closed meshes hold it."""

@@ -10,7 +10,7 @@ from warpdem.filling.barriers import Barrier, Place, barriers, lowest_gap, with_
 from warpdem.filling.grain_source import Grains0
 from warpdem.filling.region import region, sample_points
 from warpdem.filling.spaces import bodies
-from warpdem.scene.sizes import size_law
+from warpdem.scene.size_distribution import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
 SAMPLES = 4000  # places of a box at which is asked whether walls leave it free

@@ -8,7 +8,7 @@ import numpy as np
 
 from warpdem.guards.messages import grain_at, instant
 from warpdem.kernels import grain
-from warpdem.mesh.geometry import signed_distance
+from warpdem.mesh.triangle_mesh import signed_distance
 
 DEEP = 0.1  # radii beyond a mesh: what rounding of its search tree never makes
 

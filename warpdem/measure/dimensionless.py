@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.rigid import compose
+from warpdem.core.rigid_motion import compose
 from warpdem.scene.motion import Chain, frame_chain, wall_chain
 
 

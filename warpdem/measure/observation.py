@@ -10,21 +10,9 @@ from warpdem.kernels.field import Numbers
 from warpdem.kernels.observer import build_each
 from warpdem.measure.column import Column, Readings
 from warpdem.scene.model import Scene
-from warpdem.scene.models import is_file, model, numbers, using
+from warpdem.scene.models import model, numbers
 
 REDUCTIONS = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}
-
-
-def compile_own(scene, device) -> None:
-    """Compile the observers that are files of the user, so that their mistakes come before the run.
-
-    Raises:
-        SceneError: Warp cannot compile a file of the user.
-    """
-    for name in {scene.located(one.model): None for one in scene.observers}:
-        if is_file(name):
-            with using([name]):
-                wp.load_module(build_each(model("observer", name).build()).module, device=device)
 
 
 def observe(sim, name: str) -> np.ndarray:

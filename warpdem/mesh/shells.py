@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.rigid import turn_increment, unit
+from warpdem.core.rigid_motion import turn_increment, unit
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
-from warpdem.mesh.geometry import TriangleMesh, build_mesh, inside
 from warpdem.mesh.pieces import components
+from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside
 from warpdem.usd.stage import USD_SUFFIXES
 
 MOST_SHELLS = 200

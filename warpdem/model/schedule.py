@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from warpdem.core.rigid import Pose, apply, compose, cross, rounded, still, transposed
-from warpdem.core.snapshot import FramePose, Placement
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
 from warpdem.scene.motion import Chain, frame_chain, wall_chain
 
 

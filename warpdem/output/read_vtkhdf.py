@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from warpdem.core.committed_file import repair
+from warpdem.core.journaled_file import repair
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.result_arrays import snapshot_of

@@ -10,16 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.snapshot import (
-    ContactNetwork,
-    FramePose,
-    Part,
-    RotationPart,
-    SampledPart,
-    Snapshot,
-    TranslationPart,
-    WallLoad,
-)
+from warpdem.core.pose import FramePose, Part, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad
 from warpdem.errors import WarpdemError
 
 

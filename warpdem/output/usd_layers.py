@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from warpdem.core.snapshot import (
-    FramePose,
-    RotationPart,
-    SampledPart,
-    TranslationPart,
-    WallMesh,
-)
+from warpdem.core.pose import FramePose, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import WallMesh
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, STATE, extent, usd_value
 from warpdem.scene.write_usd import WALLS as _WALLS
 from warpdem.scene.write_usd import state_units

@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from warpdem.core.committed_file import CommittedFile
+from warpdem.core.journaled_file import JournaledFile
 from warpdem.errors import WarpdemError
 
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
@@ -28,7 +28,7 @@ class Series:
         """
         self._path, self._topology, self._size = path, topology, size
         self._resume = resume and path.exists()
-        self._disk: CommittedFile | None = None
+        self._disk: JournaledFile | None = None
         self._file: h5py.File | None = None
         self._rows: dict[str, _Rows] = {}  # datasets by their path below VTKHDF
         self._last: dict[str, tuple[np.ndarray, int]] = {}  # array as it was last stored, and its first row
@@ -96,7 +96,7 @@ class Series:
     def _open(
         self, time: float, groups: dict[str, dict[str, np.ndarray]], points: np.ndarray, about: dict[str, str]
     ) -> None:
-        self._disk = CommittedFile(self._path, resume=self._resume)
+        self._disk = JournaledFile(self._path, resume=self._resume)
         try:
             self._file = h5py.File(self._disk, "r+" if self._resume else "w")
         except OSError as error:

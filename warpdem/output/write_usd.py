@@ -25,11 +25,8 @@ from typing import Any
 import numpy as np
 
 from warpdem.core.atomic_file import replaced
-from warpdem.core.snapshot import (
-    Placement,
-    Snapshot,
-    WallMesh,
-)
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, LOAD, STATE, grain_values, load_values
 from warpdem.output.usd_clips import PARTS, ValueClips, bytes_of

@@ -16,7 +16,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from warpdem.core.snapshot import ContactNetwork, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.output.pvd_index import Entry, read_index, write_index
 from warpdem.output.result_arrays import (
     contact_arrays,

@@ -7,7 +7,8 @@
 
 Each is a temporal PolyData of VTKHDF 2.3, which ParaView reads as it stands (composite types with time are read too, but their
 reader does not follow the time that is asked for; so there are three files, not one). An array that did not change
-since the frame before is not stored again. A frame is there for a reader as a whole or not at all: see ``committed_file``.
+since the frame before is not stored again. A frame is there for a reader as a whole or not at all: see
+`warpdem.core.journaled_file`.
 """
 
 import json
@@ -15,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.snapshot import Placement, Snapshot, WallMesh
+from warpdem.core.pose import Placement
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.output.result_arrays import (
     TRIANGLE_ARRAYS,
     WALL_ARRAYS,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from warpdem.core import paths
+from warpdem.core.file_names import unusable
 from warpdem.scene.units import Quantity, Vector
 
 Vec3 = tuple[float, float, float]
@@ -43,7 +43,7 @@ def _short(name: str) -> str:
 
 def _file_name(name: str) -> str:
     """Refuse what no file can be called."""
-    if reason := paths.unusable(name):
+    if reason := unusable(name):
         raise ValueError(reason)
     return name
 

@@ -11,14 +11,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpdem.core import memory, paths
-from warpdem.core.paths import Access, access_of_file
+from warpdem.core import memory
+from warpdem.core.access import Access, access_of_file
+from warpdem.core.file_names import expanded
 from warpdem.errors import SceneError
 from warpdem.scene.messages import PYTHON_ONLY, Place, line, place_text, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located
+from warpdem.scene.read_toml import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.scene.start import NOT_IN_A_PHASE, place_in_phase
-from warpdem.scene.text import MOST_LEVELS, NotToml, kind_of, parsed, read_text, syntax_error, too_much
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -44,7 +45,7 @@ def load_scene(
     Raises:
         SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
-    file = paths.expanded(path)
+    file = expanded(path)
     access, origins, time, notes = access_of_file(file.parent, allow_paths, plugins), {}, 0.0, ()
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():

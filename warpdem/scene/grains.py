@@ -9,7 +9,7 @@ from pydantic_core import core_schema
 
 from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, wrong
 from warpdem.scene.borders import Box
-from warpdem.scene.sizes import Diameter, size_law
+from warpdem.scene.size_distribution import Diameter, size_law
 from warpdem.scene.units import Array, Quantity, Vector
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")

@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic.json_schema import SkipJsonSchema
 
-from warpdem.core.paths import Access
+from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.scene import models
 from warpdem.scene.base import (
@@ -394,7 +394,7 @@ class Scene(SceneModel):
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
 
         Raises:
-            SceneError: the scene may not read it; see ``warpdem.core.paths``.
+            SceneError: the scene may not read it; see ``warpdem.core.access``.
         """
         if refusal := self.access.refusal(path, self.base):
             raise SceneError(f'{self.source}: "{path}" {refusal}')

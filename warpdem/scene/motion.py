@@ -23,9 +23,9 @@ from pydantic import (
     model_validator,
 )
 
-from warpdem.core import rigid
-from warpdem.core.rigid import PI, WIDE, Increment, Pose
-from warpdem.core.snapshot import Part, RotationPart, SampledPart, TranslationPart
+from warpdem.core import rigid_motion
+from warpdem.core.pose import Part, RotationPart, SampledPart, TranslationPart
+from warpdem.core.rigid_motion import PI, WIDE, Increment, Pose
 from warpdem.scene.base import (
     AngularRate,
     Direction,
@@ -240,15 +240,15 @@ class Rotation(Timed):
 
     def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
         """Poses at ``time`` [s]; velocities and accelerations are those of the stretches that hold ``piece`` [s]."""
-        axis = rigid.unit(self.axis)
+        axis = rigid_motion.unit(self.axis)
         angle, rate, acceleration = self.turning(time, piece)
-        turn = rigid.turn_increment(axis, angle)
-        return rigid.turning_about(np.array(self.origin), turn, np.outer(rate, axis), np.outer(acceleration, axis))
+        turn = rigid_motion.turn_increment(axis, angle)
+        return rigid_motion.turning_about(np.array(self.origin), turn, np.outer(rate, axis), np.outer(acceleration, axis))
 
     def increments(self, time: np.ndarray) -> Increment:
         """Increments between consecutive instants of ``time`` [s], shape (k + 1,) gives k."""
-        turn = rigid.turn_increment(rigid.unit(self.axis), -np.diff(self.turning(time, time)[0]))
-        return Increment(turn, -rigid.apply(turn, np.array(self.origin)))
+        turn = rigid_motion.turn_increment(rigid_motion.unit(self.axis), -np.diff(self.turning(time, time)[0]))
+        return Increment(turn, -rigid_motion.apply(turn, np.array(self.origin)))
 
     def part(self, time: float) -> RotationPart:
         """The place at one instant [s], for writers."""
@@ -321,7 +321,7 @@ class Translation(Timed):
         angle = swing * np.asarray(time, dtype=WIDE) + phase
         velocity = np.array(self.velocity, dtype=WIDE) + np.outer(swing * np.cos(angle), amplitude)
         acceleration = -np.outer(swing * swing * np.sin(angle), amplitude)
-        return rigid.shifting_by(self._shift(np.zeros_like(time), time), velocity, acceleration)
+        return rigid_motion.shifting_by(self._shift(np.zeros_like(time), time), velocity, acceleration)
 
     def increments(self, time: np.ndarray) -> Increment:
         """Increments between consecutive instants of ``time`` [s], shape (k + 1,) gives k."""
@@ -379,7 +379,7 @@ class Standing(SceneModel):
     @functools.cached_property
     def axes(self) -> np.ndarray:
         """A, shape (3, 3), long double."""
-        return np.eye(3, dtype=WIDE) + rigid.quaternion_turn_increment(rigid.unit(self.quaternion)[None])[0]
+        return np.eye(3, dtype=WIDE) + rigid_motion.quaternion_turn_increment(rigid_motion.unit(self.quaternion)[None])[0]
 
     @property
     def displaces(self) -> bool:
@@ -392,7 +392,7 @@ class Standing(SceneModel):
 
     def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
         """The same pose at each ``time``."""
-        at_rest = rigid.still(len(time))
+        at_rest = rigid_motion.still(len(time))
         axes = np.broadcast_to(self.axes, at_rest.axes.shape)
         return dataclasses.replace(at_rest, axes=axes, origin=at_rest.origin + np.array(self.shift))
 
@@ -506,7 +506,7 @@ class Chain:
         """
         piece = time if piece is None else piece
         poses = [motion.pose(time, piece) for motion in self.motions]
-        return functools.reduce(rigid.compose, poses) if poses else rigid.still(len(time))
+        return functools.reduce(rigid_motion.compose, poses) if poses else rigid_motion.still(len(time))
 
     def increments(self, time: np.ndarray) -> Increment:
         """Increments between consecutive instants of ``time`` [s], shape (k + 1,) gives k."""
@@ -518,7 +518,7 @@ class Chain:
                 total = own
                 continue
             pose = motion.pose(time, time)
-            total = rigid.chained(total, own, pose[:-1], pose[1:])
+            total = rigid_motion.chained(total, own, pose[:-1], pose[1:])
         return total
 
     def parts(self, time: float) -> tuple[Part, ...]:

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.rigid import (
+from warpdem.core.pose import SampledPart
+from warpdem.core.rigid_motion import (
     WIDE,
     Increment,
     Pose,
@@ -27,7 +28,6 @@ from warpdem.core.rigid import (
     transposed,
     turning_about,
 )
-from warpdem.core.snapshot import SampledPart
 from warpdem.errors import SceneError
 from warpdem.usd import stage as usd_stage
 

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.usd import not_taken
-from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
+from warpdem.usd import unsupported
+from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
 Place = tuple[str | int, ...]
 GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
@@ -58,7 +58,7 @@ def read(
     said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
     if said["unsaid"]:
         raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
-    notes = not_taken.notes(file, said["physics"])
+    notes = unsupported.notes(file, said["physics"])
     stage = _Stage(file, said, arrays)
     time = 0.0 if said["code"] is None else said["code"] / said["rate"]
     if said["code"] is not None:
@@ -68,7 +68,7 @@ def read(
 
 def _beside(said: dict) -> list[str]:
     """Notes on shapes and points that are no part of the scene, and on arrays of grains that are not taken."""
-    notes, listed = [], not_taken.listed
+    notes, listed = [], unsupported.listed
     off = [prim["path"] for prim in said["prims"] if prim.get("enabled") is False]
     if off:
         notes.append(f"{listed(off)}: no walls or grains, since physics:collisionEnabled = false")
@@ -330,7 +330,7 @@ class _Stage:
         held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
         unknown = [name for name in prim["left"] if name.startswith("primvars:dem:")]
         if unknown:
-            known = ", ".join(usd_reader.GRAIN_ARRAYS)
+            known = ", ".join(GRAIN_ARRAYS)
             raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
         columns = self.columns(path, held)
         types = held.get("dem.types")

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core import apart, memory
+from warpdem.core import memory, reader_process
+from warpdem.core.process_limits import BYTES_PER_SECOND
 from warpdem.errors import SceneError
-from warpdem.usd import reader as usd_reader
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+PROGRAM = Path(__file__).with_name("reader") / "__main__.py"
+"""The program that opens USD files."""
 TIME_LIMIT = 300.0
 """Time that reading a file may take on the clock [s], with ten seconds for each second of `reader.BYTES_PER_SECOND`: the reader
 limits its processor time, which other work on the machine does not use up."""
@@ -39,10 +41,10 @@ def ask(
     if not file.is_file():
         raise SceneError(f"{where}: no such USD file: {file}")
     head = where if where == str(file) else f"{where}: {file.name}"
-    limit = TIME_LIMIT + 10.0 * file.stat().st_size / usd_reader.BYTES_PER_SECOND
+    limit = TIME_LIMIT + 10.0 * file.stat().st_size / BYTES_PER_SECOND
     memory.require(file.stat().st_size, head, f"a file of {file.stat().st_size} bytes", "take a smaller one")
     arguments = [what, str(file), about, *map(str, folders or ())]
-    said, arrays = apart.ask(usd_reader.__file__, arguments, limit, head, "the USD library")
+    said, arrays = reader_process.run_reader(str(PROGRAM), arguments, limit, head, "the USD library")
     if said.get("up", "Z") not in TO_Z_UP:
         raise SceneError(f"{head}: upAxis = {said['up']!r}, must be Y or Z")
     return said, arrays

@@ -43,7 +43,7 @@ def repair(path: Path) -> None:
     journal.unlink()
 
 
-class CommittedFile(io.RawIOBase):
+class JournaledFile(io.RawIOBase):
     """What ``h5py.File`` takes as a file; see the module."""
 
     def __init__(self, path: Path, *, resume: bool = False):

@@ -11,7 +11,7 @@ import trimesh
 
 from warpdem import Scene, SceneError, Simulation, load_scene
 from warpdem.app import cli
-from warpdem.core.paths import SCENES, Access, access_of_file
+from warpdem.core.access import SCENES, Access, access_of_file
 
 SCENE = """
 [materials.g]

@@ -5,7 +5,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy import integrate, stats
 
-from warpdem.scene.sizes import Diameter, DiameterDistribution, size_law
+from warpdem.scene.size_distribution import Diameter, DiameterDistribution, size_law
 
 SPREAD = {"mean": 3.0, "deviation": 1.0, "min": 1.0, "max": 6.0}
 

@@ -8,11 +8,13 @@ from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
 from warpdem.kernels.lists import flight, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.kernels.wall import images as wall_images
 from warpdem.model.plan import Plan
+from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
 
 
@@ -38,6 +40,18 @@ def compile_plan(plan: Plan, device=None) -> Built:
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
     return built
+
+
+def compile_observers(scene: Scene, device: wp.Device) -> None:
+    """Compile the observers that are files of the user, so that their mistakes come before the run.
+
+    Raises:
+        SceneError: Warp cannot compile a file of the user.
+    """
+    for name in {scene.located(one.model): None for one in scene.observers}:
+        if is_file(name):
+            with using([name]):
+                wp.load_module(build_each(model("observer", name).build()).module, device=device)
 
 
 @functools.cache

@@ -13,7 +13,9 @@ import numpy as np
 from warpdem.errors import SceneError
 
 
-def ask(program: str, arguments: Sequence[str], limit: float, head: str, library: str) -> tuple[dict, dict[str, np.ndarray]]:
+def run_reader(
+    program: str, arguments: Sequence[str], limit: float, head: str, library: str
+) -> tuple[dict, dict[str, np.ndarray]]:
     """What a program says of a file.
 
     Args:

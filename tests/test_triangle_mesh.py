@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.mesh.geometry import build_mesh, clipped_volume, inside, load_mesh, require_closed, signed_distance
+from warpdem.mesh.triangle_mesh import build_mesh, clipped_volume, inside, load_mesh, require_closed, signed_distance
 
 MESHES = Path(__file__).resolve().parent.parent / "scenes" / "meshes"
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from warpdem.core.cadence import Cadence
+from warpdem.core.output_schedule import OutputSchedule
 
 CASES = [
     # interval [s], of rows [s], step [s]
@@ -36,7 +36,7 @@ def due(cadence, steps):
 @pytest.mark.parametrize(("interval", "history", "dt"), CASES)
 @pytest.mark.parametrize("steps", [1, 7, 5000, 12345])
 def test_every_frame_has_its_row_and_all_are_foretold(interval, history, dt, steps):
-    cadence = Cadence.of(interval, history, dt)
+    cadence = OutputSchedule.of(interval, history, dt)
     frames, rows = due(cadence, steps)
     assert frames == [*range(0, steps, max(1, round(interval / dt))), steps]
     assert set(frames) <= set(rows)
@@ -48,7 +48,7 @@ def test_every_frame_has_its_row_and_all_are_foretold(interval, history, dt, ste
 def test_rows_divide_the_frames_evenly(share):
     """The interval of rows is written in decimals, as in a scene file."""
     interval = 0.02
-    cadence = Cadence.of(interval, float(f"{interval / share:.9g}"), 7.77e-6)
+    cadence = OutputSchedule.of(interval, float(f"{interval / share:.9g}"), 7.77e-6)
     every = round(interval / 7.77e-6)
     _, rows = due(cadence, 20 * every)
     assert len(rows) == 20 * share + 1
@@ -57,8 +57,8 @@ def test_rows_divide_the_frames_evenly(share):
 
 
 def test_a_rate_of_rows_of_its_own_is_kept():
-    cadence = Cadence.of(0.02, 0.003, 1e-5)
-    assert cadence == Cadence(2000, Fraction(300))
+    cadence = OutputSchedule.of(0.02, 0.003, 1e-5)
+    assert cadence == OutputSchedule(2000, Fraction(300))
     _, rows = due(cadence, 6000)
     assert sorted({*range(0, 6001, 300), *range(0, 6001, 2000)}) == rows
     assert cadence.rows(6000) == len(rows) == 21 + 2  # they meet at 0 and 6000
@@ -66,4 +66,4 @@ def test_a_rate_of_rows_of_its_own_is_kept():
 
 
 def test_rows_rarer_than_frames_are_rows_at_frames():
-    assert Cadence.of(0.02, 0.06, 7.77e-6) == Cadence(2574, Fraction(2574))
+    assert OutputSchedule.of(0.02, 0.06, 7.77e-6) == OutputSchedule(2574, Fraction(2574))

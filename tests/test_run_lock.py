@@ -12,15 +12,15 @@ from concurrent.futures import ThreadPoolExecutor
 import psutil
 import pytest
 
-from warpdem.core import claim
-from warpdem.core.claim import LOCK, FolderTaken, claimed, is_taken, refuse_taken
+from warpdem.core import run_lock
+from warpdem.core.run_lock import LOCK, FolderLocked, is_locked, locked, require_unlocked
 from warpdem.errors import OutputError
 
 HOLD = """
 import sys
 from pathlib import Path
-from warpdem.core.claim import claimed
-with claimed(Path(sys.argv[1])):
+from warpdem.core.run_lock import locked
+with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -39,9 +39,9 @@ def holder(tmp_path):
 
 
 def test_a_folder_of_another_process_is_refused_with_its_name(holder, tmp_path):
-    assert is_taken(tmp_path / "out")
-    for look in (refuse_taken, lambda folder: claimed(folder).__enter__()):
-        with pytest.raises(FolderTaken, match=f"process {holder.pid} on {platform.node()}, since 2"):
+    assert is_locked(tmp_path / "out")
+    for look in (require_unlocked, lambda folder: locked(folder).__enter__()):
+        with pytest.raises(FolderLocked, match=f"process {holder.pid} on {platform.node()}, since 2"):
             look(tmp_path / "out")
     assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK]
 
@@ -50,9 +50,9 @@ def test_a_killed_owner_keeps_nobody_out(holder, tmp_path):
     holder.kill()
     holder.wait()
     assert (tmp_path / "out" / LOCK).exists()
-    assert not is_taken(tmp_path / "out")
-    refuse_taken(tmp_path / "out")
-    with claimed(tmp_path / "out"):
+    assert not is_locked(tmp_path / "out")
+    require_unlocked(tmp_path / "out")
+    with locked(tmp_path / "out"):
         assert json.loads((tmp_path / "out" / LOCK).read_text())["process"] == os.getpid()
     assert list((tmp_path / "out").iterdir()) == []  # the folder was there before
 
@@ -63,10 +63,10 @@ def test_an_owner_that_ends_leaves_nothing(holder, tmp_path):
 
 
 def test_what_was_made_goes_if_it_is_empty(tmp_path):
-    with claimed(tmp_path / "a" / "b" / "c"):
+    with locked(tmp_path / "a" / "b" / "c"):
         pass
     assert list(tmp_path.iterdir()) == []
-    with claimed(tmp_path / "a" / "b"):
+    with locked(tmp_path / "a" / "b"):
         (tmp_path / "a" / "b" / "result").touch()
     assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["result"]
 
@@ -78,12 +78,12 @@ def test_many_at_once_have_it_one_at_a_time(tmp_path):
     def one(number: int) -> None:
         for _ in range(30):
             try:
-                with claimed(tmp_path / "out" / "bed"):
+                with locked(tmp_path / "out" / "bed"):
                     inside.append(number)
                     most.append(len(inside))
                     inside.remove(number)
                     got.append(number)
-            except FolderTaken:
+            except FolderLocked:
                 pass
 
     with ThreadPoolExecutor(8) as pool:
@@ -94,34 +94,34 @@ def test_many_at_once_have_it_one_at_a_time(tmp_path):
 
 def test_a_lock_that_its_owner_has_just_removed_is_none(tmp_path, monkeypatch):
     """Opened before it went and locked after: the next one that comes would make a file of its own."""
-    real, removed = claim._lock, []
+    real, removed = run_lock._lock, []
 
     def lock(descriptor, folder, new):
         real(descriptor, folder, new)
         if not removed:
             removed.append((folder / LOCK).unlink())
 
-    monkeypatch.setattr(claim, "_lock", lock)
-    with claimed(tmp_path):
-        assert is_taken(tmp_path)
+    monkeypatch.setattr(run_lock, "_lock", lock)
+    with locked(tmp_path):
+        assert is_locked(tmp_path)
 
 
 def test_who_only_looks_keeps_nobody_out(tmp_path):
     """A look has the lock for a moment."""
     (tmp_path / LOCK).touch()
     descriptor = os.open(tmp_path / LOCK, os.O_RDWR)
-    claim.fcntl.flock(descriptor, claim.fcntl.LOCK_EX)
-    look = threading.Timer(0.03, lambda: claim.fcntl.flock(descriptor, claim.fcntl.LOCK_UN))
+    run_lock.fcntl.flock(descriptor, run_lock.fcntl.LOCK_EX)
+    look = threading.Timer(0.03, lambda: run_lock.fcntl.flock(descriptor, run_lock.fcntl.LOCK_UN))
     look.start()
-    with claimed(tmp_path):
+    with locked(tmp_path):
         pass
     os.close(descriptor)
 
 
 def test_the_word_of_another_host_is_heeded_where_a_name_is_free_to_choose(tmp_path):
     (tmp_path / LOCK).write_text(json.dumps({"process": 1, "host": "elsewhere", "since": "then", "began": 0.0}))
-    assert is_taken(tmp_path)
-    with claimed(tmp_path):  # asked for by name: its lock is free, so its run has ended
+    assert is_locked(tmp_path)
+    with locked(tmp_path):  # asked for by name: its lock is free, so its run has ended
         pass
 
 
@@ -132,7 +132,7 @@ def no_locks(monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(claim.fcntl, "flock", refuse)
+    monkeypatch.setattr(run_lock.fcntl, "flock", refuse)
 
 
 def owner(**changes) -> str:
@@ -148,16 +148,16 @@ def owner(**changes) -> str:
 def test_without_locks_the_words_of_the_owner_decide(tmp_path, no_locks, says, taken):
     (tmp_path / LOCK).write_text(says)
     if taken:
-        with pytest.raises(FolderTaken, match=f"if there is no such run any more, remove .*{LOCK}"):
-            claimed(tmp_path).__enter__()
+        with pytest.raises(FolderLocked, match=f"if there is no such run any more, remove .*{LOCK}"):
+            locked(tmp_path).__enter__()
     else:
-        with claimed(tmp_path):
+        with locked(tmp_path):
             pass
 
 
 def test_without_locks_a_new_file_is_a_claim(tmp_path, no_locks):
-    with claimed(tmp_path / "out"), pytest.raises(FolderTaken):
-        claimed(tmp_path / "out").__enter__()
+    with locked(tmp_path / "out"), pytest.raises(FolderLocked):
+        locked(tmp_path / "out").__enter__()
 
 
 @pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.ENOSPC])
@@ -171,5 +171,5 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch, number):
 
     monkeypatch.setattr(os, "open", refuse)
     with pytest.raises(OutputError, match=rf"out: cannot be written \({os.strerror(number)}\)"):
-        claimed(tmp_path / "out").__enter__()
+        locked(tmp_path / "out").__enter__()
     assert list(tmp_path.iterdir()) == []

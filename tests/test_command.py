@@ -11,7 +11,7 @@ import time
 import pytest
 
 from warpdem.core import interrupts
-from warpdem.core.process import UNNAMED, answer
+from warpdem.core.command import UNNAMED, run_command
 from warpdem.errors import OutputError, SceneError
 
 SCENE = """
@@ -99,7 +99,7 @@ def closed() -> None:
 def test_no_file_becomes_the_standard_output_of_a_library(folder):
     """The system gives the lowest free number to the next file."""
     opens = "os.write(os.open('number', os.O_CREAT | os.O_RDWR), str(os.open('other', os.O_CREAT)).encode())"
-    code = f"import os; from warpdem.core.process import answer; answer(lambda: lambda: {opens})"
+    code = f"import os; from warpdem.core.command import run_command; run_command(lambda: lambda: {opens})"
     subprocess.run([sys.executable, "-c", code], cwd=folder, preexec_fn=closed, check=True, timeout=60)
     assert int((folder / "number").read_text()) > 2
 
@@ -178,7 +178,7 @@ def test_two_runs_at_the_same_moment_have_a_folder_each(folder):
 def code_of(work) -> int:
     """Exit code of a command in this process."""
     try:
-        answer(lambda: work)
+        run_command(lambda: work)
     except SystemExit as stop:
         return stop.code
     return 0
@@ -209,7 +209,7 @@ def test_each_error_has_its_code_and_words(capfd, error, code, said):
 
 def test_a_fault_of_the_program_is_told_as_python_does():
     with pytest.raises(ZeroDivisionError):
-        answer(lambda: lambda: 1 // 0)
+        run_command(lambda: lambda: 1 // 0)
 
 
 def test_an_interrupt_that_a_library_turns_into_an_error_is_an_interrupt(capfd):

@@ -9,7 +9,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Cadence:
+class OutputSchedule:
     """Steps at which frames and rows are written, besides the first and the last one: every frame has its row."""
 
     frame_every: int
@@ -18,7 +18,7 @@ class Cadence:
     """Steps between two rows; rows come at the whole steps nearest to its multiples."""
 
     @classmethod
-    def of(cls, interval: float, history_interval: float | None, dt: float) -> "Cadence":
+    def of(cls, interval: float, history_interval: float | None, dt: float) -> "OutputSchedule":
         """The cadence of a run.
 
         Where the interval of rows divides the one of frames, rows divide the steps between two frames evenly, to the nearest

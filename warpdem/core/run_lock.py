@@ -28,12 +28,12 @@ except ImportError:  # not a POSIX system
 
 LOCK = ".running"
 """The file that is locked; what it says is for people, and for file systems without locks."""
-TRIES = 100  # another run may remove what is claimed at the same moment, each time anew
+TRIES = 100  # another run may remove what is locked at the same moment, each time anew
 LOOKS = 5  # at a lock that somebody has
 NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 
-class FolderTaken(SceneError):
+class FolderLocked(SceneError):
     """Another run writes into ``folder``, or has left its results there."""
 
     def __init__(self, folder: Path, message: str) -> None:
@@ -41,7 +41,7 @@ class FolderTaken(SceneError):
         self.folder = folder
 
 
-class Claim:
+class RunLock:
     """A folder that this run alone writes into, as long as it holds it."""
 
     def __init__(self, folder: Path, descriptor: int) -> None:
@@ -60,7 +60,7 @@ class Claim:
         except OSError as error:
             if not self.folder.is_dir():
                 raise OutputError(f"{self.folder}: was removed during the run ({error.strerror})") from error
-            return  # somebody tidied up: nobody else has claimed it
+            return  # somebody tidied up: nobody else has locked it
         if there != self._identity:
             raise OutputError(f"{self.folder}: was removed, and now belongs to another run ({_words(self.folder)})")
 
@@ -76,11 +76,11 @@ class Claim:
 
 
 @contextmanager
-def claimed(folder: Path) -> Iterator[Claim]:
+def locked(folder: Path) -> Iterator[RunLock]:
     """Make ``folder`` if it is not there and hold it for the block; what was made and is still empty then is removed.
 
     Raises:
-        FolderTaken: another run writes into it.
+        FolderLocked: another run writes into it.
         OutputError: the system refuses to make the folder, or a file in it.
     """
     claim, made = _claim(Path(folder))
@@ -93,20 +93,20 @@ def claimed(folder: Path) -> Iterator[Claim]:
                 path.rmdir()
 
 
-def is_taken(folder: Path) -> bool:
+def is_locked(folder: Path) -> bool:
     """Whether a run writes into ``folder``, or one on another host has not said that it ended."""
     try:
-        refuse_taken(folder)
-    except FolderTaken:
+        require_unlocked(folder)
+    except FolderLocked:
         return True
     return _owner(folder).get("host", platform.node()) != platform.node()
 
 
-def refuse_taken(folder: Path) -> None:
+def require_unlocked(folder: Path) -> None:
     """Refuse a folder that a run writes into; nothing is written.
 
     Raises:
-        FolderTaken: with the process and the host of that run.
+        FolderLocked: with the process and the host of that run.
     """
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR)
@@ -118,7 +118,7 @@ def refuse_taken(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _claim(folder: Path) -> tuple[Claim, list[Path]]:
+def _claim(folder: Path) -> tuple[RunLock, list[Path]]:
     """The claim, and the folders made for it, outermost first."""
     made: list[Path] = []
     for _ in range(TRIES):
@@ -130,7 +130,7 @@ def _claim(folder: Path) -> tuple[Claim, list[Path]]:
             if _identity(os.fstat(descriptor)) != _identity(os.stat(folder / LOCK)):
                 raise FileNotFoundError  # its owner has just removed it
             _write_owner(descriptor)
-            return Claim(folder, descriptor), made
+            return RunLock(folder, descriptor), made
         except FileNotFoundError as error:  # removed meanwhile by a run that ended, or was refused
             _close(descriptor)
             last = error
@@ -174,7 +174,7 @@ def _lock(descriptor: int, folder: Path, new: bool) -> None:
     """Lock the open file in ``folder``, which is ``new`` or may be another run's.
 
     Raises:
-        FolderTaken: another run has it.
+        FolderLocked: another run has it.
     """
     for left in reversed(range(LOOKS)) if fcntl is not None else ():
         try:
@@ -227,9 +227,9 @@ def _words(folder: Path) -> str:
     return f"process {owner['process']} on {owner['host']}, since {owner['since']}"
 
 
-def _taken(folder: Path, remedy: str = "") -> FolderTaken:
+def _taken(folder: Path, remedy: str = "") -> FolderLocked:
     said = f"--out {folder}: another run is writing there ({_words(folder)}); take another folder, or end that run first"
-    return FolderTaken(folder, said + remedy)
+    return FolderLocked(folder, said + remedy)
 
 
 def _identity(status: os.stat_result) -> tuple[int, int]:

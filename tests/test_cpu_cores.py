@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from warpdem.core.cores import available_cores
+from warpdem.core.cpu_cores import available_cores
 
 MANY = 64
 

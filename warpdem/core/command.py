@@ -71,7 +71,7 @@ class Stream:
                 os.close(nowhere)
 
 
-def answer(load: Callable[[], Callable[[], object]]) -> None:
+def run_command(load: Callable[[], Callable[[], object]]) -> None:
     """Run the command that ``load`` imports and leave the process with its exit code, if that is not 0.
 
     0: done; 2: wrong scene or option; 3: the run stopped itself, or something cannot be written; 130: interrupted; 141: the
