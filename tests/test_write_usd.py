@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Usd, UsdGeom, UsdPhysics
-from usd_stages import validation_errors
 
+from usd_stages import validation_errors
 from warpdem import SceneError, Simulation, load_scene
 from warpdem.app.run import run_scene
 from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart

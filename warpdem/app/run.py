@@ -32,7 +32,7 @@ from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_run_record
 from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
-from warpdem.scene.motion import largest_rates
+from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation
 from warpdem.state import checkpoint
 from warpdem.usd.stage import USD_SUFFIXES

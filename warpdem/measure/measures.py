@@ -9,7 +9,7 @@ from warpdem.measure.column import Column, Readings
 from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.scene.measures import FlowPlane, Mixing, Region
 from warpdem.scene.model import Scene
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.motion_chain import frame_chain
 
 ENERGY = (
     "elastic_normal", "elastic_tangential", "elastic_rolling", "dissipated_normal_damping", "dissipated_tangential_damping",

@@ -31,8 +31,8 @@ from warpdem.errors import WarpdemError
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, LOAD, STATE, grain_values, load_values
 from warpdem.output.usd_clips import PARTS, ValueClips, bytes_of
 from warpdem.output.usd_layers import PLACEMENT_OPS, first_layer, fixed_motions, frame_samples, root_layer, walls_layer
-from warpdem.scene.model import MESH_SUFFIXES
 from warpdem.scene.tables import relative_to, scene_tables
+from warpdem.scene.walls import MESH_SUFFIXES
 from warpdem.scene.write_usd import GRAINS as _SOURCES
 from warpdem.scene.write_usd import MATERIALS as _MATERIALS
 from warpdem.scene.write_usd import WALLS as _WALLS
