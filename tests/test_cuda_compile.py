@@ -1,13 +1,13 @@
 """Every kernel that a GPU run launches compiles for CUDA, also on a machine without a GPU, into registers alone."""
 
-import cubin
 import pytest
 import warp as wp
-from switches import switched
 from warpdem.kernels import packing
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.wall import distance
 
+import cubin
+from switches import switched
 from warpdem.model.compiled import compile_kernels
 from warpdem.model.features import (
     WARP_LANES,

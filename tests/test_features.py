@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from switches import switched
 from warpdem.kernels import grain
 
+from switches import switched
 from warpdem import Scene, SceneError, Simulation
 from warpdem.model import features
 from warpdem.scene import models

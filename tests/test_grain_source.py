@@ -10,10 +10,10 @@ from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
 from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
 from warpdem.mesh.triangle_mesh import build_mesh
-from warpdem.scene.model import Wall
-from warpdem.scene.motion import Rotation
+from warpdem.scene.rotation import Rotation
 from warpdem.scene.size_distribution import DiameterDistribution
 from warpdem.scene.wall_shapes import Plane
+from warpdem.scene.walls import Wall
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
 

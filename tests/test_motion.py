@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation as Turn
 from warpdem import SceneError
 from warpdem.core.rigid_motion import PI
 from warpdem.scene.file import scene_from_dict
-from warpdem.scene.motion import Chain, Motions, Rotation, Sampled, Standing, Translation
+from warpdem.scene.motion import Motions, Sampled, Standing, Translation
+from warpdem.scene.motion_chain import Chain
+from warpdem.scene.rotation import Rotation
 
 MOTIONS = TypeAdapter(Motions)
 

@@ -7,7 +7,8 @@ from warpdem.errors import SceneError
 from warpdem.filling import packing
 from warpdem.filling.packing import fill, filling, pack, worst_overlaps
 from warpdem.filling.region import region
-from warpdem.mesh.triangle_mesh import build_mesh, clipped_volume, signed_distance
+from warpdem.mesh.clipped_volume import clipped_volume
+from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
 
 CUBE = np.array([[0.0, 0.0, 0.0], [0.01, 0.01, 0.01]])

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.scene.motion import Rotation, Standing
+from warpdem.scene.motion import Standing
+from warpdem.scene.rotation import Rotation
 from warpdem.state import checkpoint
 
 STEP = 2e-5

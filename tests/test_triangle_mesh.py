@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.mesh.triangle_mesh import build_mesh, clipped_volume, inside, load_mesh, require_closed, signed_distance
+from warpdem.mesh.clipped_volume import clipped_volume
+from warpdem.mesh.triangle_mesh import build_mesh, inside, load_mesh, require_closed, signed_distance
 
 MESHES = Path(__file__).resolve().parent.parent / "scenes" / "meshes"
 

@@ -15,7 +15,9 @@ from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damp
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.models import model
-from warpdem.scene.motion import Rotation, Translation, frame_chain
+from warpdem.scene.motion import Translation
+from warpdem.scene.motion_chain import frame_chain
+from warpdem.scene.rotation import Rotation
 
 STABLE_SHARE = PACKED_SHARE
 """Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""

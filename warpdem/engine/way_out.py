@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
 LEVEL = 1.0e-9  # sine of an angle below which a direction counts as level, or as along another

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
-from warpdem.scene.motion import frame_chain, wall_chain
+from warpdem.scene.motion_chain import frame_chain, wall_chain
 from warpdem.scene.wall_shapes import Shape
 
 TOUCH = 1e-5

@@ -11,7 +11,7 @@ from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, 
 from warpdem.filling.spaces import Space, space_of
 from warpdem.filling.state_file import read_state
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
-from warpdem.scene.motion import Chain, frame_chain, wall_chain
+from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 from warpdem.scene.size_distribution import size_law
 from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
 

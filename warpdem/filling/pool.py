@@ -14,7 +14,7 @@ import numpy as np
 from warpdem.core.progress import tell
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import Barrier
-from warpdem.mesh.pieces import components
+from warpdem.mesh.grouping import components
 
 FEWEST_NODES, MOST_NODES = 200_000, 3_000_000
 """Nodes of a grid: more than are needed to measure its volume, no more than a few seconds allow."""

@@ -8,7 +8,8 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import Barrier, is_closed
 from warpdem.filling.pool import Pool, find_pool, where_it_runs_out
-from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, clipped_volume, inside, require_closed
+from warpdem.mesh.clipped_volume import clipped_volume
+from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside, require_closed
 
 LEVEL = 1e-9
 """Largest slant of a direction that counts as one of the axes [-]."""

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.core.rigid_motion import compose
-from warpdem.scene.motion import Chain, frame_chain, wall_chain
+from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
 
 @dataclass(frozen=True)

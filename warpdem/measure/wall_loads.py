@@ -12,7 +12,8 @@ import numpy as np
 
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
-from warpdem.scene.motion import Rotation, Standing
+from warpdem.scene.motion import Standing
+from warpdem.scene.rotation import Rotation
 
 
 def torque_point(scene, number: int) -> np.ndarray:

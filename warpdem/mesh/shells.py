@@ -7,7 +7,7 @@ import numpy as np
 from warpdem.core.rigid_motion import turn_increment, unit
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
-from warpdem.mesh.pieces import components
+from warpdem.mesh.grouping import components
 from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside
 from warpdem.usd.stage import USD_SUFFIXES
 

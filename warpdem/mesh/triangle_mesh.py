@@ -15,9 +15,11 @@ from warpdem.errors import SceneError
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
 from warpdem.mesh.bodies import Bodies, find_bodies
-from warpdem.mesh.check import first_of_each, not_cancelled, wrongly_wound
 from warpdem.mesh.distance import DistanceQuery
-from warpdem.mesh.pieces import ROUNDING, Edges, Shape, find_pieces, fit_planes, renumber, split_bent
+from warpdem.mesh.edges import Edges
+from warpdem.mesh.grouping import renumber
+from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, split_bent
+from warpdem.mesh.repair import first_of_each, not_cancelled, wrongly_wound
 from warpdem.mesh.weld import weld
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -86,7 +88,7 @@ class TriangleMesh:
 def load_mesh(
     path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh", folders=None
 ) -> TriangleMesh:
-    """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh.check`).
+    """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh.repair`).
 
     Args:
         path: STL (binary or ASCII), OBJ, PLY or USD file; of a USD file the lengths are metres and z is upwards already.
@@ -261,28 +263,6 @@ def inside(mesh: TriangleMesh, points) -> np.ndarray:
     return signed_distance(mesh, points)[0] < 0.0
 
 
-def clipped_volume(mesh: TriangleMesh, box) -> float:
-    """Volume [m3] of the inside of a closed mesh within an axis-aligned box, exact.
-
-    The divergence theorem for the field (0, 0, clip(z, z_low, z_high)), whose flux through the cut faces of the box is
-    zero or, at its lids, constant: only the mesh's own triangles, cut at the box, are needed.
-
-    Args:
-        mesh: Closed mesh.
-        box: Least and greatest corner [m], shape (2, 3).
-    """
-    low, high = np.asarray(box, float)
-    t = mesh.corners
-    for axis in (0, 1):
-        t = _split(t, axis, low[axis])[1]
-        t = _split(t, axis, high[axis])[0]
-    t = np.concatenate([part for side in _split(t, 2, low[2]) for part in _split(side, 2, high[2])])
-    height = (np.clip(t[:, :, 2], low[2], high[2]) - low[2]).mean(axis=1)
-    edge = t[:, 1:] - t[:, :1]
-    area_z = 0.5 * (edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
-    return abs(float((height * area_z).sum()))
-
-
 def _rotation_matrix(rotate) -> np.ndarray:
     """Matrix of a turn by `rotate.angle` about `rotate.axis` (Rodrigues' formula), shape (3, 3)."""
     if rotate is None:
@@ -290,27 +270,3 @@ def _rotation_matrix(rotate) -> np.ndarray:
     x, y, z = np.asarray(rotate.axis, float) / np.linalg.norm(rotate.axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(rotate.angle) * cross + 2.0 * math.sin(0.5 * rotate.angle) ** 2 * (cross @ cross)
-
-
-def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (t, 3, 3) cut at the plane x[axis] = value: those below it and those above it, wound as before."""
-    d = t[:, :, axis] - value
-    below, above = (d <= 0.0).all(axis=1), (d >= 0.0).all(axis=1) & ~(d <= 0.0).all(axis=1)
-    cut = ~below & ~above
-    t_cut, d = t[cut], d[cut]
-    high = d > 0.0
-    # turn each so that the corner alone on its side comes first; a corner in the plane counts as below
-    alone_high = high.sum(axis=1) == 1
-    lone = np.where(alone_high, high.argmax(axis=1), (~high).argmax(axis=1))
-    index = (lone[:, None] + np.arange(3)) % 3
-    row = np.arange(len(t_cut))[:, None]
-    (a, b, c), (da, db, dc) = t_cut[row, index].transpose(1, 0, 2), d[row, index].T
-    ab = a + (da / (da - db))[:, None] * (b - a)
-    ac = a + (da / (da - dc))[:, None] * (c - a)
-    tip = np.stack([a, ab, ac], axis=1)
-    rest = np.concatenate([np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)])
-    twice = np.tile(alone_high, 2)
-    return (
-        np.concatenate([t[below], tip[~alone_high], rest[twice]]),
-        np.concatenate([t[above], tip[alone_high], rest[~twice]]),
-    )

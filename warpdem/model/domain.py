@@ -7,7 +7,8 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.packing import worst_overlaps
-from warpdem.scene.motion import Chain, Standing, Translation
+from warpdem.scene.motion import Standing, Translation
+from warpdem.scene.motion_chain import Chain
 
 AXES = "xyz"
 LEAST_PERIOD = 4.4  # in largest diameters: a grain must not meet two images of another, with room for a skin

@@ -14,7 +14,7 @@ from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.model.domain import Domain
 from warpdem.scene.models import digest, is_file, model, numbers
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.motion_chain import frame_chain
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register
 WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one pack: it reads consecutive memory

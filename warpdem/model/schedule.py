@@ -4,7 +4,7 @@ import numpy as np
 
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
-from warpdem.scene.motion import Chain, frame_chain, wall_chain
+from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
 
 class WallMotion:

@@ -40,7 +40,7 @@ from warpdem.model.features import coefficient_table
 from warpdem.model.impact import impact, pressed
 from warpdem.model.travel import longest_step
 from warpdem.scene.models import model, numbers
-from warpdem.scene.motion import frame_chain, wall_chain
+from warpdem.scene.motion_chain import frame_chain, wall_chain
 
 PACKED = 6  # contacts per grain: dense frictional packing
 RAYLEIGH_SHARE = 0.1

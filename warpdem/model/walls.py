@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
-from warpdem.mesh.check import size_warning
+from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
 from warpdem.scene.size_distribution import size_law

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from warpdem.errors import SceneError
 from warpdem.scene.models import nearest
-from warpdem.scene.start import Phase
+from warpdem.scene.phases import Phase
 
 MAX_PROBLEMS = 7
 """Problems listed in one message [-]: two lines each, so that it stays on one screen."""

@@ -18,7 +18,8 @@ from warpdem.filling.grain_source import Grains0, in_body_axes
 from warpdem.kernels import grain
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
-from warpdem.scene.motion import Standing, frame_chain
+from warpdem.scene.motion import Standing
+from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
 from warpdem.state import checkpoint

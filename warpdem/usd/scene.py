@@ -22,17 +22,14 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.usd import stage as usd_stage
 from warpdem.usd import unsupported
+from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_lengths, similarity
 from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
 Place = tuple[str | int, ...]
-GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
-"""Arrays of a group of grains that ``primvars:dem:`` may hold in float64."""
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
 """Keys that say where a wall is; a prim without them is its own geometry."""
 MADE_OF = ("walls", "grains", "streams")
 """Lists whose entries take the material that is bound to their prims."""
-ROUNDING = 2.0**-22
-"""How far a number may be from its single-precision twin, relative [-]: two roundings."""
 
 
 def read(
@@ -292,7 +289,7 @@ class _Stage:
         if prim["kind"] == "PlaneShape":
             normal = np.linalg.inv(linear).T[:, "XYZ".index(prim["axis"])]
             return {"plane": {"point": origin, "normal": normal.tolist()}}
-        factor = _similarity(linear)
+        factor = similarity(linear)
         if prim["kind"] == "SphereShape" and factor:
             radius = float(Decimal(repr(prim["radius"])) * self.unit) * factor
             return {"sphere": {"centre": origin, "radius": radius, "inside": bool(inside)}}
@@ -332,7 +329,7 @@ class _Stage:
         if unknown:
             known = ", ".join(GRAIN_ARRAYS)
             raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
-        columns = self.columns(path, held)
+        columns = grain_columns(self.file, path, held, self.up, self.metres)
         types = held.get("dem.types")
         if types is None:
             table = self.entry(prim, "grains")
@@ -343,7 +340,7 @@ class _Stage:
             return
         materials = prim["dem"].pop("materials", {"targets": []})["targets"]
         groups, group = prim["dem"].pop("groups", []), held.get("group", np.zeros(len(types), dtype=int))
-        _fit(self.file, path, {**columns, "types": types, "group": group})
+        require_equal_lengths(self.file, path, {**columns, "types": types, "group": group})
         if len(types) and not (0 <= types.min() and types.max() < len(materials)):
             count = len(materials)
             raise SceneError(f"{self.file}: {path}.primvars:dem:types: must number the {count} targets of dem:materials")
@@ -353,52 +350,3 @@ class _Stage:
             if 0 <= of < len(groups):
                 table["name"] = groups[of]
             table |= {key: values[taken] for key, values in columns.items()}
-
-    def columns(self, path: str, held: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays of grains in SI and the scene's axes: the float64 ones, else what USD has in single precision."""
-        columns = {key: held[f"dem.{key}"] for key in GRAIN_KEYS if f"dem.{key}" in held}
-        linear, origin = self.up @ held["matrix"][:3, :3], self.up @ held["matrix"][:3, 3]
-        factor = _similarity(linear)
-        if not factor:
-            raise SceneError(f"{self.file}: {path}: a transform with shear or unequal scales makes no spheres of spheres")
-        points = held.get("points", np.zeros((0, 3)))
-        world = (points @ linear.T + origin) * self.metres
-        # in a result the points are in frame axes, below the transform that carries the frame
-        if columns.setdefault("positions", world) is not world and not any(
-            _agree(single, columns["positions"]) for single in (world, points * self.metres)
-        ):
-            raise SceneError(
-                f"{self.file}: {path}: points and primvars:dem:positions differ: the grains were moved in one of them; to go "
-                "by the points, take all primvars:dem: of the prim out"
-            )
-        if "radii" not in columns and "diameters" not in columns and "widths" in held:
-            widths, count = held["widths"] * (self.metres * factor), len(columns["positions"])
-            columns["diameters"] = np.full(count, widths[0]) if len(widths) == 1 else widths
-        if "velocities" not in columns and len(held.get("velocities", ())):
-            columns["velocities"] = held["velocities"] @ linear.T * self.metres
-        if "spins" not in columns and len(held.get("omega", ())):
-            columns["spins"] = held["omega"] @ (linear.T / factor)
-        return columns | ({"ids": held["ids"]} if len(held.get("ids", ())) else {})
-
-
-def _similarity(matrix: np.ndarray) -> float:
-    """Factor of a matrix (3, 3) that turns and scales alike in all directions; 0 for any other."""
-    square = matrix.T @ matrix
-    factor = float(np.sqrt(np.trace(square) / 3.0))
-    if np.abs(square - factor**2 * np.eye(3)).max() > 1e-6 * factor**2:
-        return 0.0
-    return 1.0 if abs(factor - 1.0) < 1e-12 else factor
-
-
-def _agree(single: np.ndarray, double: np.ndarray) -> bool:
-    """Whether points are the single-precision picture of others."""
-    slack = ROUNDING * np.abs(double).max(initial=0.0)
-    return single.shape == double.shape and bool(np.abs(single - double).max(initial=0.0) <= slack)
-
-
-def _fit(file: Path, path: str, columns: dict[str, np.ndarray]) -> None:
-    """Refuse arrays of different length."""
-    counts = {key: len(values) for key, values in columns.items()}
-    if len(set(counts.values())) > 1:
-        listed = ", ".join(f"{key} {count}" for key, count in counts.items())
-        raise SceneError(f"{file}: {path}: its arrays have different numbers of grains: {listed}")
