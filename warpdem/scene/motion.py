@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Discriminator, Field, PlainSerializer, Tag,
 from warpdem.core import rigid_motion
 from warpdem.core.pose import SampledPart, TranslationPart
 from warpdem.core.rigid_motion import PI, WIDE, Increment, Pose
-from warpdem.scene.base import FileName, Point, SceneModel, Vec3, unit_vector, wrong
+from warpdem.scene.base import FileName, Point, SceneModel, Vec3, unit_vector, validation_error
 from warpdem.scene.motion_base import Frequency, Phase, Timed
 from warpdem.scene.rotation import Rotation
 from warpdem.scene.units import Quantity, Vector
@@ -38,10 +38,10 @@ class Translation(Timed):
     @model_validator(mode="after")
     def _oscillation_is_whole(self) -> "Translation":
         if self.amplitude is not None and self.frequency is None:
-            raise wrong([(("frequency",), None, "missing: an amplitude needs a frequency [1/s], > 0")])
+            raise validation_error([(("frequency",), None, "missing: an amplitude needs a frequency [1/s], > 0")])
         for key, given in (("frequency", self.frequency is not None), ("phase", self.phase != 0.0)):
             if given and self.amplitude is None:
-                raise wrong([((key,), getattr(self, key), "only for an oscillation: give an amplitude [m] too")])
+                raise validation_error([((key,), getattr(self, key), "only for an oscillation: give an amplitude [m] too")])
         if "velocity" not in self.model_fields_set and self.amplitude is None:
             raise ValueError("give velocity, amplitude with frequency, or both; found none")
         return self

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from warpdem.core import rigid_motion
 from warpdem.core.pose import RotationPart
 from warpdem.core.rigid_motion import PI, WIDE, Increment, Pose
-from warpdem.scene.base import AngularRate, Direction, Point, exactly_one, wrong
+from warpdem.scene.base import AngularRate, Direction, Point, exactly_one, validation_error
 from warpdem.scene.motion_base import Timed
 from warpdem.scene.rates import Knot, Pieces, RateSegment, Sinusoid
 
@@ -45,11 +45,11 @@ class Rotation(Timed):
     def _only_turns(cls, value: Any) -> Any:
         schedule = value.get("schedule") if isinstance(value, dict) else None
         parts = [part if isinstance(part, dict) else {} for part in schedule] if isinstance(schedule, list) else []
-        places = [("schedule", k, key) for k, part in enumerate(parts) for key in _OF_SHIFTS if key in part]
+        key_paths = [("schedule", k, key) for k, part in enumerate(parts) for key in _OF_SHIFTS if key in part]
         if schedule is not None and "axis" not in value:
-            places += [(key,) for key in _OF_SHIFTS if key in value]
-        if places:
-            raise wrong([(places[0], None, _NO_SCHEDULE)])
+            key_paths += [(key,) for key in _OF_SHIFTS if key in value]
+        if key_paths:
+            raise validation_error([(key_paths[0], None, _NO_SCHEDULE)])
         return value
 
     @model_validator(mode="after")
@@ -60,17 +60,18 @@ class Rotation(Timed):
             until = ("schedule", k, "until")
             if segment.until is None:
                 if k + 1 < len(self.schedule):
-                    raise wrong([(until, None, "missing: only the last stretch may omit it")])
+                    raise validation_error([(until, None, "missing: only the last stretch may omit it")])
                 if isinstance(segment.rate, tuple):
-                    raise wrong([(until, None, "missing: a ramp must end")])
+                    raise validation_error([(until, None, "missing: a ramp must end")])
             elif segment.until <= end:
-                raise wrong([(until, segment.until, f"must be later than {end:g} s, where the stretch before ends")])
+                raise validation_error([(until, segment.until, f"must be later than {end:g} s, where the stretch before ends")])
             else:
                 end = segment.until
         times = [time for time, _ in self.table or []]
         for k in range(1, len(times)):
             if times[k] <= times[k - 1]:
-                raise wrong([(("table", k, 0), times[k], f"must be later than {times[k - 1]:g} s, the entry before")])
+                reason = f"must be later than {times[k - 1]:g} s, the entry before"
+                raise validation_error([(("table", k, 0), times[k], reason)])
         return self
 
     @functools.cached_property

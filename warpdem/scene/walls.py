@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, field_validator, model_validator
 
-from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, wrong
+from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.motion import Motions
 from warpdem.scene.units import Quantity
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
@@ -72,7 +72,8 @@ class Wall(SceneModel):
     @model_validator(mode="after")
     def _prim_is_of_usd(self) -> "Wall":
         if self.prim and self.mesh is not None and not self.mesh.lower().endswith(USD_SUFFIXES):
-            raise wrong([(("prim",), self.prim, f"only for a mesh from USD, a file ending in {', '.join(USD_SUFFIXES)}")])
+            reason = f"only for a mesh from USD, a file ending in {', '.join(USD_SUFFIXES)}"
+            raise validation_error([(("prim",), self.prim, reason)])
         return self
 
     @model_validator(mode="after")
@@ -83,7 +84,7 @@ class Wall(SceneModel):
             stray = [key for key in pose if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
                 reason = "only for a mesh; a shape is placed by its own keys"
-                raise wrong([((key,), getattr(self, key), reason) for key in stray])
+                raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 
     @property
