@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from warpdem.app import advice, summary
-from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
+from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, told_if_long
 from warpdem.filling.streams import mean_to_come
 from warpdem.model import needs
