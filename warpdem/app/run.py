@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from warpdem.app import advice, summary
+from warpdem.app import scene_warnings, summary
 from warpdem.app.final_picture import draw_picture, wants_picture
 from warpdem.app.outputs import Outputs, cadence
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
@@ -131,7 +131,7 @@ def _announce(sim: Simulation, end: float, folder: Path, console: Console, told:
                   f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {escape(str(folder))}")  # fmt: skip
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
-    warned = advice.warnings(sim)
+    warned = scene_warnings.warnings(sim)
     for words in [*sim.notes, *warned]:
         if words not in told:
             console.print(summary.warning_text(words) if words in warned else Text(f"note: {words}"))

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from warpdem.app import advice, summary
+from warpdem.app import scene_warnings, summary
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
 from warpdem.simulation import Simulation
@@ -32,7 +32,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "groups": sim.scene.groups,
         "plan": sim.plan.explain(),
         "notes": sim.notes,
-        "warnings": [*advice.warnings(sim), *summary.shortfalls(sim)],
+        "warnings": [*scene_warnings.warnings(sim), *summary.shortfalls(sim)],
         "grains": len(sim.state),
         "time": sim.time,
         "steps": sim.step_number,
