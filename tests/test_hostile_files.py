@@ -215,6 +215,7 @@ def test_more_than_the_memory_holds_is_refused_with_both_numbers(tmp_path, case)
 
 
 def test_grains_that_fit_are_not_refused_and_told_from_eight_tenths(tmp_path, monkeypatch):
+    from warpdem.app import scene_warnings
 
     (tmp_path / "scene.toml").write_text(HEAD + FILL.format(0.05, "count = 300", "2 mm"))
     scene = load_scene(tmp_path / "scene.toml")

@@ -5,7 +5,8 @@ import pytest
 import trimesh
 
 from warpdem.errors import SceneError
-from warpdem.filling.packing import filling, pack
+from warpdem.filling.fill_request import filling
+from warpdem.filling.packing import pack
 from warpdem.filling.region import region
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.scene.size_distribution import size_law

@@ -6,8 +6,10 @@ import trimesh
 
 from warpdem import Scene, SceneError
 from warpdem.filling.barriers import Barrier, barriers, places_at_start, with_sides
+from warpdem.filling.fill_request import HEIGHT_FRACTION
 from warpdem.filling.grain_source import check_start, load_grains
-from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import OVERLAP
 from warpdem.filling.pool import find_pool
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.model.walls import load_meshes

@@ -21,7 +21,8 @@ from rich.table import Table
 import warpdem
 from bench.states import Settings, Start, save_state, scene_of
 from bench.window import OtherLoad, Window, spread, window
-from warpdem.filling.packing import Filling, pack
+from warpdem.filling.fill_request import Filling
+from warpdem.filling.packing import pack
 from warpdem.filling.region import region
 
 SMALLEST = 0.3e-3  # diameter of the smallest grains [m]

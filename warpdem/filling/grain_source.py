@@ -7,7 +7,10 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import Barrier, barriers, places_at_start
-from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
+from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
+from warpdem.filling.packing import pack
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import Packing
 from warpdem.filling.spaces import Space, space_of
 from warpdem.filling.state_file import read_state
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
