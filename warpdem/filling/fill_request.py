@@ -7,7 +7,7 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier
+from warpdem.filling.placed_walls import PlacedWall
 from warpdem.filling.region import Region
 from warpdem.scene.size_distribution import SizeLaw
 
@@ -30,7 +30,7 @@ class Filling:
     """Random numbers of the places; sizes come from a stream of their own."""
     key: str
     """Scene key, for messages."""
-    walls: tuple[Barrier, ...] = ()
+    walls: tuple[PlacedWall, ...] = ()
     """Walls that may come near them, beside the mesh of the region."""
 
     @property
@@ -47,7 +47,7 @@ def filling(
     solid_fraction: float | None = None,
     volume: float | None = None,
     key: str = "fill",
-    walls: Sequence[Barrier] = (),
+    walls: Sequence[PlacedWall] = (),
 ) -> Filling:
     """Draw the sizes of the grains of a filling.
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from warpdem.core.progress import tell
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import TOUCH
 from warpdem.filling.fill_request import Filling
+from warpdem.filling.placed_walls import TOUCH
 from warpdem.mesh.triangle_mesh import signed_distance
 
 TRIES = 1_000_000

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from warpdem.filling.barriers import TOUCH
 from warpdem.filling.fill_request import Filling
+from warpdem.filling.placed_walls import TOUCH
 from warpdem.mesh.triangle_mesh import signed_distance
 
 MARGIN = 1e-3

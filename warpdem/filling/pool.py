@@ -13,7 +13,7 @@ import numpy as np
 
 from warpdem.core.progress import tell
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier
+from warpdem.filling.placed_walls import PlacedWall
 from warpdem.mesh.grouping import components
 
 FEWEST_NODES, MOST_NODES = 200_000, 3_000_000
@@ -74,7 +74,7 @@ class Pool:
 
 
 def find_pool(
-    walls: Sequence[Barrier],
+    walls: Sequence[PlacedWall],
     box: np.ndarray,
     axes: np.ndarray,
     leaks: np.ndarray,
@@ -134,7 +134,7 @@ def find_pool(
 
 
 def where_it_runs_out(
-    walls: Sequence[Barrier], box: np.ndarray, axes: np.ndarray, leaks: np.ndarray, radius: float, key: str
+    walls: Sequence[PlacedWall], box: np.ndarray, axes: np.ndarray, leaks: np.ndarray, radius: float, key: str
 ) -> str:
     """Why ``find_pool`` finds nothing, from the place that has walls on most sides of it, in words; arguments as there."""
     grid = _Grid(walls, box, axes, leaks, radius, FEWEST_NODES)
@@ -176,7 +176,7 @@ class _Grid:
             if leaks[side, k]:
                 self.outside[tuple(-side if axis == k else slice(None) for axis in range(3))] = True
 
-    def _distances(self, walls: Sequence[Barrier]) -> np.ndarray:
+    def _distances(self, walls: Sequence[PlacedWall]) -> np.ndarray:
         total = int(np.prod(self.shape))
         found = np.full(total, np.inf)
         for first in range(0, total, CHUNK):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, is_closed
+from warpdem.filling.placed_walls import PlacedWall, is_closed
 from warpdem.filling.pool import Pool, find_pool, where_it_runs_out
 from warpdem.mesh.clipped_volume import clipped_volume
 from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside, require_closed
@@ -102,7 +102,7 @@ def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None
 
 def open_region(
     mesh: TriangleMesh,
-    walls: Sequence[Barrier],
+    walls: Sequence[PlacedWall],
     box,
     radius: float,
     key: str,
@@ -164,13 +164,13 @@ def is_cup(mesh: TriangleMesh, up) -> bool:
     size = float((box[1] - box[0]).prod())
     if abs(mesh.volume) > CUP * size:
         return False
-    wall = Barrier(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
+    wall = PlacedWall(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
     leaks = np.array([[True, True, True], [True, True, False]])
     pool = find_pool([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
     return pool is not None and pool.volume > abs(mesh.volume)
 
 
-def free_volume(space: Region, walls: Sequence[Barrier], key: str) -> Region:
+def free_volume(space: Region, walls: Sequence[PlacedWall], key: str) -> Region:
     """The region with the volume that walls leave of it, measured at `SAMPLES` points; the same where they take nothing.
 
     Raises:
