@@ -5,10 +5,10 @@ import trimesh
 from warpdem.core.threads import Threads
 from warpdem.errors import SceneError
 from warpdem.filling import fill_request, packing_neighbors, packing_run, packing_walls
+from warpdem.filling.fill_region import closed_region
 from warpdem.filling.fill_request import filling
 from warpdem.filling.packing import fill, pack
 from warpdem.filling.packing_neighbors import worst_overlaps
-from warpdem.filling.region import region
 from warpdem.mesh.clipped_volume import clipped_volume
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
@@ -51,7 +51,7 @@ def test_box_is_filled_to_the_solid_fraction_without_overlap(fraction):
 def test_dense_fillings_of_nearly_equal_grains(count, fraction):
     law = size_law(DiameterDistribution(uniform=(0.9, 1.1)))
     side = (count * law.mean_volume / fraction) ** (1.0 / 3.0)
-    asked = filling(region(None, [[0] * 3, [side] * 3], "fill"), law, 1, solid_fraction=fraction)
+    asked = filling(closed_region(None, [[0] * 3, [side] * 3], "fill"), law, 1, solid_fraction=fraction)
     [position], [took] = pack([asked])
     assert abs(asked.solid_fraction - fraction) < 2e-3
     assert worst_overlaps(position, asked.radius)[0].max() <= packing_run.OVERLAP
@@ -212,18 +212,18 @@ def test_open_mesh_cannot_be_filled():
 
 def test_mass_of_grains_is_met_within_half_a_grain():
     law = size_law(SIZES)
-    asked = filling(region(None, CUBE, "fill"), law, 3, volume=2e-7)
+    asked = filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-7)
     assert abs(solid_volume(asked.radius) - 2e-7) <= 0.5 * np.pi / 6.0 * LARGEST**3
     with pytest.raises(SceneError, match="exactly one of count, solid_fraction and volume"):
-        filling(region(None, CUBE, "fill"), law, 3, volume=2e-7, count=3)
+        filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-7, count=3)
     with pytest.raises(SceneError, match=r"fill: asked for \d+ grains .*fraction of 2; .*at most 0\.74"):
-        filling(region(None, CUBE, "fill"), law, 3, volume=2e-6)
+        filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-6)
 
 
 def test_fillings_of_one_vessel_and_held_grains_keep_clear_of_each_other():
     mesh = ball()
-    large = filling(region(mesh, None, "a"), size_law(2e-3), 1, solid_fraction=0.25, key="a")
-    space = region(mesh, [[-1, -1, -1], [1, 1, 0.004]], "b")
+    large = filling(closed_region(mesh, None, "a"), size_law(2e-3), 1, solid_fraction=0.25, key="a")
+    space = closed_region(mesh, [[-1, -1, -1], [1, 1, 0.004]], "b")
     small = filling(space, size_law(SIZES), 1, solid_fraction=0.15, key="b")
     held = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.03]]), np.array([3e-3, 1e-3])
     places, [took] = pack([large, small], held)
@@ -237,7 +237,7 @@ def test_fillings_of_one_vessel_and_held_grains_keep_clear_of_each_other():
 
 def test_fillings_apart_do_not_know_of_each_other():
     def asked(shift, key):
-        return filling(region(None, CUBE + np.array([shift, 0.0, 0.0]), key), size_law(SIZES), 4, count=300, key=key)
+        return filling(closed_region(None, CUBE + np.array([shift, 0.0, 0.0]), key), size_law(SIZES), 4, count=300, key=key)
 
     together, took = pack([asked(0.0, "a"), asked(0.011, "b")])
     alone, _ = pack([asked(0.011, "b")])
@@ -252,7 +252,7 @@ def test_fillings_apart_do_not_know_of_each_other():
 def test_grains_that_do_not_fit_among_others_are_refused(monkeypatch):
     monkeypatch.setattr(packing_run, "PATIENCE", 60)
     monkeypatch.setattr(packing_run, "SHAKES", ())
-    asked = filling(region(None, CUBE, "grains[1].fill"), size_law(1.5e-3), 0, solid_fraction=0.2, key="grains[1].fill")
+    asked = filling(closed_region(None, CUBE, "grains[1].fill"), size_law(1.5e-3), 0, solid_fraction=0.2, key="grains[1].fill")
     held = np.full((1, 3), 0.005), np.array([5.8e-3])
     with pytest.raises(SceneError, match=r"grains\[1\]\.fill: asked for .*0\.2.* among 1 grains given by place"):
         pack([asked], held)
@@ -260,7 +260,7 @@ def test_grains_that_do_not_fit_among_others_are_refused(monkeypatch):
 
 def test_grains_that_fit_exactly_in_rows_find_places():
     # ten abreast: a row between two walls touches to the last bit; 7.5 high: a column in an edge must leave it
-    asked = filling(region(None, [[0, 0, 0], [4, 4, 3]], "fill"), size_law(0.4), 0, solid_fraction=0.55)
+    asked = filling(closed_region(None, [[0, 0, 0], [4, 4, 3]], "fill"), size_law(0.4), 0, solid_fraction=0.55)
     [position], _ = pack([asked])
     assert worst_overlaps(position, asked.radius)[0].max() <= packing_run.OVERLAP
 
@@ -269,7 +269,7 @@ def test_broad_sizes_are_packed_without_overlap():
     """About equal volumes of small and large grains; the table has room for what each size needs, not the largest."""
     radius = np.where(np.arange(2000) < 2, 0.5e-3, 0.05e-3)
     side = (9.0 * (radius**3).sum()) ** (1.0 / 3.0)
-    asked = fill_request.Filling(region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
+    asked = fill_request.Filling(closed_region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
     with packing_run.PackingRun([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
         packed.run()
         position, listed = packed.places()[0], packed._neighbours
@@ -301,7 +301,7 @@ def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkey
 def test_a_filling_whose_grains_cannot_be_kept_off_a_wall_ends_soon_with_the_place(monkeypatch):
     """Where a grain never gets off a wall no overlap is left that could shrink: not each attempt takes all its steps."""
     mesh = ball()
-    asked = filling(region(mesh, None, "fill"), size_law(1e-3), 0, count=300)
+    asked = filling(closed_region(mesh, None, "fill"), size_law(1e-3), 0, count=300)
 
     class Stubborn(packing_walls.PackingWall):
         def reached(self, position):

@@ -7,8 +7,8 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
+from warpdem.filling.fill_region import FillRegion
 from warpdem.filling.placed_walls import PlacedWall
-from warpdem.filling.region import Region
 from warpdem.scene.size_distribution import SizeLaw
 
 DENSEST = 0.74
@@ -23,7 +23,7 @@ PACKING_BYTES = 350
 class Filling:
     """Grains that are to be placed in a region."""
 
-    region: Region
+    region: FillRegion
     radius: np.ndarray
     """Radii [m], shape (n,), in the order in which they were drawn."""
     places: np.random.Generator
@@ -40,7 +40,7 @@ class Filling:
 
 
 def filling(
-    space: Region,
+    space: FillRegion,
     sizes: SizeLaw,
     seed: int,
     count: int | None = None,
@@ -91,7 +91,7 @@ def filling(
     return asked
 
 
-def _refuse_too_dense(count: float, fraction: float, space: Region, key: str) -> None:
+def _refuse_too_dense(count: float, fraction: float, space: FillRegion, key: str) -> None:
     if fraction > DENSEST:
         raise SceneError(
             f"{key}: asked for {count:.0f} grains in {space.volume:.6g} m3, a solid fraction of {fraction:.3g}; "

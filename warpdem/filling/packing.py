@@ -18,9 +18,9 @@ Fillings whose regions meet are packed together: none overlaps another, in whate
 import numpy as np
 
 from warpdem.core import memory
+from warpdem.filling.fill_region import closed_region
 from warpdem.filling.fill_request import PACKING_BYTES, Filling, filling
 from warpdem.filling.packing_run import Packing, PackingRun
-from warpdem.filling.region import region
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
 
@@ -85,7 +85,7 @@ def fill(
     Raises:
         SceneError: No space, a grain too large for it, or a solid fraction that cannot be reached.
     """
-    asked = filling(region(mesh, box, key), size_law(diameter), seed, count, solid_fraction, key=key)
+    asked = filling(closed_region(mesh, box, key), size_law(diameter), seed, count, solid_fraction, key=key)
     [places], _ = pack([asked])
     return places, asked.radius
 

@@ -22,7 +22,7 @@ CUP_NODES = 40_000
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class FillRegion:
     """A box along its own axes, within a closed mesh if there is one."""
 
     low: np.ndarray
@@ -65,7 +65,7 @@ class Region:
         return points if (self.axes == np.eye(3)).all() else np.einsum("ij,ni->nj", self.axes, points)
 
 
-def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None, up=(0.0, 0.0, 1.0)) -> Region:
+def closed_region(mesh: TriangleMesh | None, box, key: str, height: float | None = None, up=(0.0, 0.0, 1.0)) -> FillRegion:
     """Region of a closed mesh, a box, or the part of the mesh within the box.
 
     Args:
@@ -97,7 +97,7 @@ def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None
     volume = float(np.prod(high - low)) if mesh is None else clipped_volume(mesh, (low, high))
     if volume <= 0.0:
         raise SceneError(f"{key}: the region {[low.tolist(), high.tolist()]} m holds nothing of the inside of {mesh.name}")
-    return Region(low, high, axes, mesh, volume)
+    return FillRegion(low, high, axes, mesh, volume)
 
 
 def open_region(
@@ -109,7 +109,7 @@ def open_region(
     height: float | None = None,
     up=(0.0, 0.0, 1.0),
     point=None,
-) -> Region:
+) -> FillRegion:
     """The space that a mesh holds without being closed around it: of a hopper, a cup, a trough, up to their brim or a level.
 
     Args:
@@ -152,7 +152,7 @@ def open_region(
     pool = find_pool(walls, corners, axes, leaks, radius, key, point)
     if pool is None:
         raise SceneError(where_it_runs_out(walls, corners, axes, leaks, radius, key))
-    return Region(*corners, axes, None, pool.volume, pool)
+    return FillRegion(*corners, axes, None, pool.volume, pool)
 
 
 def is_cup(mesh: TriangleMesh, up) -> bool:
@@ -170,7 +170,7 @@ def is_cup(mesh: TriangleMesh, up) -> bool:
     return pool is not None and pool.volume > abs(mesh.volume)
 
 
-def free_volume(space: Region, walls: Sequence[PlacedWall], key: str) -> Region:
+def with_free_volume(space: FillRegion, walls: Sequence[PlacedWall], key: str) -> FillRegion:
     """The region with the volume that walls leave of it, measured at `SAMPLES` points; the same where they take nothing.
 
     Raises:
@@ -194,7 +194,7 @@ def free_volume(space: Region, walls: Sequence[PlacedWall], key: str) -> Region:
     return replace(space, volume=space.volume * (1.0 - float(taken.mean()))) if taken.any() else space
 
 
-def sample_points(space: Region, count: int) -> np.ndarray:
+def sample_points(space: FillRegion, count: int) -> np.ndarray:
     """Points [m] spread evenly over a region, shape (k, 3): those of ``count`` in its box that are within its mesh."""
     # additive recurrence: its numbers are powers of the root of x^4 = x + 1, which spread best in three dimensions
     share = (0.5 + np.outer(np.arange(1, count + 1), 1.2207440846057596 ** -np.arange(1.0, 4.0))) % 1.0
@@ -230,13 +230,13 @@ def _direction(up, key: str) -> np.ndarray:
     return up / length
 
 
-def _below_slanted_level(mesh: TriangleMesh, up: np.ndarray, height: float) -> Region:
+def _below_slanted_level(mesh: TriangleMesh, up: np.ndarray, height: float) -> FillRegion:
     """The inside of a mesh below a level that is not square to the frame's axes."""
     axes = _level_axes(up)
     turned = build_mesh(mesh.corners, (axes, np.zeros(3)), mesh.name)
     low, high = turned.bounds.copy()
     high[2] = min(high[2], low[2] + height)
-    return Region(low, high, axes, mesh, clipped_volume(turned, (low, high)))
+    return FillRegion(low, high, axes, mesh, clipped_volume(turned, (low, high)))
 
 
 def _level_axes(up: np.ndarray) -> np.ndarray:
