@@ -7,10 +7,10 @@ import trimesh
 from warpdem import Scene, SceneError
 from warpdem.filling.fill_request import HEIGHT_FRACTION
 from warpdem.filling.grain_source import check_start, load_grains
+from warpdem.filling.open_space import find_open_space
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.packing_run import OVERLAP
 from warpdem.filling.placed_walls import PlacedWall, assign_sides, place_walls, wall_poses_at_start
-from warpdem.filling.pool import find_pool
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.model.walls import load_meshes
 
@@ -228,8 +228,8 @@ def test_the_space_between_walls_has_the_right_volume_however_the_grid_lies():
     wall = [PlacedWall("cup", build_mesh(SHELL), 0, np.eye(3), np.zeros(3))]
     leaks = np.array([[True, True, True], [True, True, False]])
     for height in (0.02, 0.025, 0.03, 0.05):
-        pool = find_pool(wall, np.array([[-0.03, -0.03, 0], [0.03, 0.03, height]]), np.eye(3), leaks, 2e-3, "fill")
-        np.testing.assert_allclose(pool.volume, disk(0.03) * height, rtol=2e-3)
+        open_space = find_open_space(wall, np.array([[-0.03, -0.03, 0], [0.03, 0.03, height]]), np.eye(3), leaks, 2e-3, "fill")
+        np.testing.assert_allclose(open_space.volume, disk(0.03) * height, rtol=2e-3)
 
 
 def test_a_box_within_metal_is_refused(tmp_path):

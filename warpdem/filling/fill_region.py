@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.open_space import OpenSpace, find_open_space, leak_message
 from warpdem.filling.placed_walls import PlacedWall, is_closed
-from warpdem.filling.pool import Pool, find_pool, where_it_runs_out
 from warpdem.mesh.clipped_volume import clipped_volume
 from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside, require_closed
 
@@ -35,7 +35,7 @@ class FillRegion:
     """Closed mesh in frame axes."""
     volume: float
     """Volume of the box within the mesh, less what other walls take up [m3]."""
-    pool: Pool | None = None
+    open_space: OpenSpace | None = None
     """The part of the space between walls that it is limited to."""
 
     @property
@@ -56,8 +56,8 @@ class FillRegion:
 
     def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Random centres (n, 3) [m] in the box shrunk by each grain's radius (n,) [m]; the mesh is not looked at."""
-        if self.pool is not None:
-            points = self.pool.random_points(generator, len(radius))
+        if self.open_space is not None:
+            points = self.open_space.random_points(generator, len(radius))
             self.clamp(points, radius)
             return points
         low, high = self.low + radius[:, None], self.high - radius[:, None]
@@ -146,13 +146,13 @@ def open_region(
     key = f"{key}: {mesh.name}"
     if height is not None:
         floor = corners[1 - top, k]
-        if is_closed(mesh) and (pool := find_pool(walls, corners, axes, leaks, radius, key, point)) is not None:
-            floor = pool.bounds[1 - top, k]
+        if is_closed(mesh) and (open_space := find_open_space(walls, corners, axes, leaks, radius, key, point)) is not None:
+            floor = open_space.bounds[1 - top, k]
         corners[top, k] = min(corners[1, k], floor + height) if top else max(corners[0, k], floor - height)
-    pool = find_pool(walls, corners, axes, leaks, radius, key, point)
-    if pool is None:
-        raise SceneError(where_it_runs_out(walls, corners, axes, leaks, radius, key))
-    return FillRegion(*corners, axes, None, pool.volume, pool)
+    open_space = find_open_space(walls, corners, axes, leaks, radius, key, point)
+    if open_space is None:
+        raise SceneError(leak_message(walls, corners, axes, leaks, radius, key))
+    return FillRegion(*corners, axes, None, open_space.volume, open_space)
 
 
 def is_cup(mesh: TriangleMesh, up) -> bool:
@@ -166,8 +166,8 @@ def is_cup(mesh: TriangleMesh, up) -> bool:
         return False
     wall = PlacedWall(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
     leaks = np.array([[True, True, True], [True, True, False]])
-    pool = find_pool([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
-    return pool is not None and pool.volume > abs(mesh.volume)
+    open_space = find_open_space([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
+    return open_space is not None and open_space.volume > abs(mesh.volume)
 
 
 def with_free_volume(space: FillRegion, walls: Sequence[PlacedWall], key: str) -> FillRegion:
@@ -177,7 +177,7 @@ def with_free_volume(space: FillRegion, walls: Sequence[PlacedWall], key: str) -
         SceneError: They leave nothing; names them.
     """
     near = [wall for wall in walls if wall.is_near(space.bounds, 0.0)]
-    if not near or space.pool is not None:
+    if not near or space.open_space is not None:
         return space
     points = sample_points(space, SAMPLES)
     taken = np.zeros(len(points), bool)

@@ -27,7 +27,7 @@ def initial_positions(asked: Filling) -> np.ndarray:
         tell(f"placing {len(radius)} grains: {len(left)} left")
         position[left] = space.random_points(asked.places, radius[left])
         tried += len(left)
-        if space.mesh is None and space.pool is None and not asked.walls:
+        if space.mesh is None and space.open_space is None and not asked.walls:
             break
         outside = left[~_is_free(asked, position[left], radius[left])]
         in_vain = in_vain + 1 if len(outside) == len(left) else 0
@@ -40,7 +40,7 @@ def initial_positions(asked: Filling) -> np.ndarray:
 def _is_free(asked: Filling, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Whether grains, (n, 3) and (n,) [m], are clear of the mesh and the walls of a filling, bool, shape (n,)."""
     space = asked.region
-    free = np.ones(len(position), bool) if space.pool is None else space.pool.holds(position)
+    free = np.ones(len(position), bool) if space.open_space is None else space.open_space.holds(position)
     if space.mesh is not None:
         free &= signed_distance(space.mesh, position)[0] <= -radius
     for wall in asked.walls:

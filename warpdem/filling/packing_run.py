@@ -201,7 +201,7 @@ class PackingRun:
         self._last += self._move
         before = loose.copy()
         for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
-            if asked.region.pool is not None:
+            if asked.region.open_space is not None:
                 keep_this_side(self._last[part], walls)
         loose += self._last
         for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
@@ -213,8 +213,8 @@ class PackingRun:
                     for other in walls:
                         if other is not wall:
                             other.note(loose[part] - came_from)
-            if asked.region.pool is not None:
-                strayed = ~asked.region.pool.is_near(loose[part])
+            if asked.region.open_space is not None:
+                strayed = ~asked.region.open_space.is_near(loose[part])
                 loose[part][strayed] = before[part][strayed]
                 for wall in walls:
                     wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
