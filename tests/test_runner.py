@@ -20,7 +20,9 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.run import cadence, check_request, default_folder, named_folder, run_scene
+from warpdem.app.outputs import cadence
+from warpdem.app.run import run_scene
+from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
 from warpdem.core.progress import told_if_long
 from warpdem.core.run_lock import FolderLocked, locked
