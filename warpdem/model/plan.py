@@ -230,7 +230,7 @@ def make_plan(
     if not orientation:
         left_out["orientation of the grains"] = "output.orientation is false" if spins else "nothing turns a grain"
     frame = frame_chain(scene)
-    if not frame.turns:
+    if not frame.rotates:
         still = "the frame only shifts" if frame.moves else "the frame never moves"
         left_out["turning of the axes"] = "no frame" if scene.frame is None else still
     if not scene.walls:
@@ -263,7 +263,7 @@ def make_plan(
         torsion=bool(rolling and scene.contact.torsion),
         spins=spins,
         integrator=scene.engine.integrator,
-        turning_frame=frame.turns,
+        turning_frame=frame.rotates,
         moving_frame=frame.moves,
         meshes=sum(w.mesh is not None for w in scene.walls),
         planes=sum(w.plane is not None for w in scene.walls),
