@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-import cubin
 import pytest
 import warp as wp
 from warpdem.kernels import packing
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.wall import distance
 
-from warpdem.engine.compiled import compile_plan
+import cubin
+from warpdem.model.compiled import compile_plan
 from warpdem.model.plan import WARP_LANES, Plan
 
 ARCHITECTURE = 90

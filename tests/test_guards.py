@@ -25,7 +25,7 @@ def put(sim: Simulation, number: int, column, value) -> None:
     record = sim.state.record.numpy()
     record[sim.state.rank[number], column] = value
     sim.state.record.assign(record)
-    sim._forces_ready, sim._grown = False, True
+    sim._clock.forces_evaluated, sim._grown = False, True
 
 
 # -- energy ----------------------------------------------------------------------------------------

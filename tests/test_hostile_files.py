@@ -21,7 +21,7 @@ from warpdem.app import cli
 from warpdem.core import memory
 from warpdem.core.vtk_header import overclaim
 from warpdem.model import needs
-from warpdem.output.write_vtk import read_frame
+from warpdem.output.read_vtk import read_frame
 from warpdem.state import checkpoint
 
 pytestmark = pytest.mark.filterwarnings("error", "ignore:Cyclopts application invoked without tokens")

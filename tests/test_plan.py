@@ -64,7 +64,7 @@ def with_everything(of: Scene, monkeypatch, **switches) -> Simulation:
         found = made(*arguments)
         return plan.Plan(**{**vars(found), **switches})
 
-    monkeypatch.setattr("warpdem.simulation.make_plan", full)
+    monkeypatch.setattr("warpdem.model.prepare.make_plan", full)
     sim = run(of)
     monkeypatch.undo()
     return sim

@@ -20,13 +20,14 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.run import cadence, check_request, default_folder, history_columns, named_folder, run_scene
+from warpdem.app.run import cadence, check_request, default_folder, named_folder, run_scene
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
 from warpdem.core.progress import told_if_long
 from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
-from warpdem.output.write_vtk import read_results
+from warpdem.output.history import history_columns
+from warpdem.output.read_vtk import read_results
 from warpdem.state import checkpoint
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -529,4 +530,4 @@ def test_the_page_on_scenes_lists_the_columns_of_the_history():
     asked = {"flow": [{"name": "NAME", **plane}], "mixing": [{"name": "NAME", "by": "x", "cell": 1.0}]}
     floor = {"name": "NAME", "material": "glass", "plane": plane}
     for column in history_columns(scene(walls=[floor], measures=asked)):
-        assert f"`{re.sub(' [yz] ', ' x ', column)}`" in section, column
+        assert f"`{re.sub(' [yz] ', ' x ', column.header)}`" in section, column

@@ -10,8 +10,8 @@ import pytest
 import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from rich.console import Console
-from usd_stages import define_loose_mesh
 
+from usd_stages import define_loose_mesh
 from warpdem import Scene, SceneError, Simulation
 from warpdem.app.check import describe
 from warpdem.app.run import run_scene

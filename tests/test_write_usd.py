@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Usd, UsdGeom, UsdPhysics
-from usd_stages import validation_errors
 
+from usd_stages import validation_errors
 from warpdem import SceneError, Simulation, load_scene
 from warpdem.app.run import run_scene
 from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
 from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.errors import WarpdemError
+from warpdem.output.read_vtk import read_results
 from warpdem.output.write_usd import UsdWriter
-from warpdem.output.write_vtk import VtkWriter, read_results
+from warpdem.output.write_vtk import VtkWriter
 from warpdem.scene.file import scene_from_dict
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"

@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal
 from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.write_vtk import VtkWriter, read_frame, read_results
+from warpdem.output.read_vtk import read_frame, read_results
+from warpdem.output.write_vtk import VtkWriter
 
 CUBE = WallMesh(
     "box",

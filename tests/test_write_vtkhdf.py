@@ -12,7 +12,8 @@ from warpdem.core.journaled_file import JournaledFile, journal_of, repair
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.errors import OutputError, WarpdemError
-from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter, read_vtkhdf
+from warpdem.output.read_vtkhdf import read_vtkhdf
+from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter
 
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]], dtype=np.int32)
 BOX = WallMesh("box", np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]), TRIANGLES)

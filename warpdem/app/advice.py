@@ -202,7 +202,7 @@ def _outside(sim) -> Iterator[str]:
     Not where a grain is amid the corners of a mesh, as in a cup of solid walls, or falls or flies towards one.
     """
     scene, start = sim.scene, sim.expected
-    if sim.given.start or not len(start) or not scene.walls or scene.borders:
+    if sim.model.given.scene.start or not len(start) or not scene.walls or scene.borders:
         return
     if any(wall.mesh is None or wall.open for wall in scene.walls):
         return

@@ -21,10 +21,12 @@ from warpdem.core.progress import progress_bar, told_if_long
 from warpdem.core.run_lock import FolderLocked, RunLock, is_locked, locked, require_unlocked
 from warpdem.core.snapshot import WallMesh
 from warpdem.errors import OutputError, SceneError, StabilityError
-from warpdem.measure import measures, observation
+from warpdem.measure import observation
+from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import Turning, TurningNumbers
 from warpdem.model import digests
 from warpdem.output.background import Background
+from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_run_record
@@ -35,10 +37,6 @@ from warpdem.simulation import Simulation
 from warpdem.state import checkpoint
 from warpdem.usd.stage import USD_SUFFIXES
 
-HISTORY_COLUMNS = (
-    "time [s]", "frame_angle [rad]", "grains [-]", "kinetic [J]", "rotational [J]", "elastic [J]", "potential [J]",
-    "fields [J]", "centre_x [m]", "centre_y [m]", "centre_z [m]", "largest_overlap [-]", "largest_approach_speed [m/s]",
-)  # fmt: skip
 CHECKPOINT = "checkpoint.h5"
 SETTING_UP = "setting up: meshes, grains, and kernels to place them (compiled once) ..."
 COMPILING = "compiling kernels (once per kind of scene) ..."
@@ -88,29 +86,6 @@ def refuse_results(folder: Path, overwrite: bool) -> None:
         raise FolderLocked(folder, said)
 
 
-def history_columns(scene: Scene) -> list[str]:
-    """Header of history.csv: loads on each wall in laboratory axes, measures and observers come last."""
-    vectors = [f"{name} {axis} {unit}" for name, unit in (("force", "[N]"), ("torque", "[N m]")) for axis in "xyz"]
-    walls = [f"{wall.name} {column}" for wall in scene.walls for column in (*vectors, "power [W]")]
-    return [*HISTORY_COLUMNS, *walls, *measures.columns(scene), *observation.columns(scene)]
-
-
-def history_row(sim: Simulation, observed: list[float]) -> list[float]:
-    """One row of history.csv, ``observed`` by the scene's observers."""
-    loads = sim.wall_loads(lab=True).values()
-    energy, particles, met = sim.energy(), sim.particles, sim.extremes
-    mass, position = particles.mass, particles.position_lab
-    centre = mass @ position / mass.sum() if len(mass) else np.full(3, np.nan)
-    return [
-        sim.time, sim.schedule.pose(sim.time).angle, len(mass), energy["kinetic"], energy["rotational"],
-        energy["elastic"], energy["potential"], energy.get("fields", 0.0), *centre,
-        max(met["pair_overlap_share"], met["wall_overlap_share"]),
-        max(met["pair_approach_speed"], met["wall_approach_speed"]),
-        *(number for load in loads for number in (*load.force, *load.torque, load.power)),
-        *measures.values(sim), *observed,
-    ]  # fmt: skip
-
-
 def cadence(sim: Simulation, end: float) -> OutputSchedule:
     """When frames and rows of the history are due in a run to ``end`` [s]."""
     output = sim.scene.output
@@ -151,7 +126,9 @@ class Outputs:
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
         self.rooms = Room(sim.device), Room(sim.device)  # of the instant that is written, and of the next one
-        self.history = HistoryWriter(folder / "history.csv", history_columns(sim.scene), resume=resume)
+        self.columns = history_columns(sim.scene)
+        header = [column.header for column in self.columns]
+        self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
         self.turning = TurningNumbers(sim.scene)
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
@@ -168,14 +145,14 @@ class Outputs:
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
             network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
             instant = Instant(self.sim, self.rooms[0], contacts=row or network)
-            observed = observation.row(self.sim) if row else []  # by kernels, which no other thread may launch
+            observed = observation.observed(self.sim) if row else {}  # by kernels, which no other thread may launch
             self.background.start(lambda: self._write(instant, observed, row, frame))
 
-    def _write(self, instant: Instant, observed: list[float], row: bool, frame: bool) -> None:
+    def _write(self, instant: Instant, observed: dict[str, np.ndarray], row: bool, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
             sim = instant.simulation()
             if row:
-                self.history.write(history_row(sim, observed))
+                self.history.write(history_row(self.columns, Readings(sim, observed)))
                 self.turning.add(sim)
             if frame:
                 snapshot = sim.snapshot()

@@ -74,7 +74,7 @@ class Instant:
         room.wait()
         self._room = room
         still = self._still = copy.copy(sim)
-        for part in ("state", "lists", "stepper"):
+        for part in ("state", "lists", "stepper", "_clock"):
             setattr(still, part, copy.copy(getattr(sim, part)))
         still.lists.sim, still.stepper.control = still, SimpleNamespace()
         self._hold("state", still.state, sim.state, sim.state.names)

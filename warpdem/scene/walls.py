@@ -57,8 +57,8 @@ class Wall(SceneModel):
     )
     torque_about: Point | None = Field(
         None,
-        description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time 0 "
-        "and moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to it, else (0, 0, 0).",
+        description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "
+        "0 and moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to it, else (0, 0, 0).",
     )
     open: StrictBool = Field(
         False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."

@@ -8,7 +8,6 @@ a contact stay if its law does; those at a wall, if both scenes name it and it h
 
 import dataclasses
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0, in_body_axes
 from warpdem.kernels import grain
+from warpdem.model.past import Past
 from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.motion_chain import frame_chain
@@ -33,26 +33,6 @@ def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()
     access = scene.access if folders is None else dataclasses.replace(scene.access, folders=(*folders, path.parent))
     start = Start(checkpoint=str(path), continues=list(continues))
     return scene.model_copy(update={"start": start, "grains": [], "access": access})
-
-
-@dataclass(frozen=True)
-class Past:
-    """What a scene starts from."""
-
-    scene: Scene
-    """The scene with frame, walls and streams as they go on."""
-    grains: Grains0
-    """The grains at time 0."""
-    data: dict[str, np.ndarray]
-    """Memory of contacts, as ``Lists.remember`` takes it; how grains are turned, if that was kept."""
-    old_walls: tuple[str, ...]
-    """Names of walls that were there with the same geometry."""
-    next_id: int
-    """Least id that no grain had so far."""
-    feeders: dict[int, dict]
-    """State of the random numbers of streams that go on."""
-    notes: tuple[str, ...]
-    """What was left behind."""
 
 
 def read(scene: Scene) -> Past:
