@@ -5,15 +5,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem.core.paths import Access
+from warpdem.core.access import Access
 from warpdem.errors import SceneError
+from warpdem.filling.fill_request import HEIGHT_FRACTION
 from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
-from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
-from warpdem.mesh.geometry import build_mesh
-from warpdem.scene.model import Wall
-from warpdem.scene.motion import Rotation
-from warpdem.scene.sizes import DiameterDistribution
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import OVERLAP
+from warpdem.mesh.triangle_mesh import build_mesh
+from warpdem.scene.rotation import Rotation
+from warpdem.scene.size_distribution import DiameterDistribution
 from warpdem.scene.wall_shapes import Plane
+from warpdem.scene.walls import Wall
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
 

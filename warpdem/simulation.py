@@ -83,11 +83,10 @@ class Simulation:
             model, grains = prepare(given, where, where.is_cuda if resident is None else resident, past)
             self.model = model
             self.scene, self.device, self.meshes, self.domain = model.scene, model.device, model.meshes, model.domain
-            self.expected, self.schedule, self.plan, self.limits = model.expected, model.schedule, model.plan, model.limits
+            self.expected, self.schedule, self.plan, self.limits = model.expected, model.schedule, model.features, model.limits
             self.kernels, self.coefficients, self.walls = model.kernels, model.coefficients, model.walls
             self.dt, self.notes = model.dt, list(model.notes)
-            plan = model.plan
-            self.state = State(grains, model.density, plan.spins, plan.orientation, model.device, plan.sums)
+            self.state = State.of(model, grains)
             self._clock = Clock(model.dt)
             count = threads or (available_threads() if model.scene.streams else threads_for(len(grains)))
             self.threads = Threads(count if model.device.is_cpu else 1, as_pays=threads is None)
@@ -98,7 +97,7 @@ class Simulation:
         streams = range(len(model.scene.streams))
         self.feeders = [Feeder(number, model.scene, model.dt, self._feed_walls(number)) for number in streams]
         self.notes += [note for feeder in self.feeders for note in feeder.walls.notes]
-        self.budget = Budget(self) if self.plan.sums else None
+        self.budget = Budget(self) if self.plan.measures.sums else None
         if self.budget is not None:
             self.engine.leavers.before_leaving = self.budget.left
         self._next_id = int(grains.id.max(initial=-1)) + 1
@@ -241,7 +240,7 @@ class Simulation:
             ids = np.arange(self._next_id, self._next_id + n)
             kinds = (np.full(n, number, np.int32) for number in (feeder.type, feeder.group))
             came = Grains0(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
-            if not self.plan.scheme.RELATIVE:
+            if not self.plan.backend.scheme.RELATIVE:
                 came = absolute(self.schedule, came, self.time)
                 if self.step_number > 0:  # the record holds the velocity of mid-step, and the next kick is a whole one
                     kick = 0.5 * self.dt * self.schedule.rows(self.step_number, 0)[0, 2:5]

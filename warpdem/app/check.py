@@ -8,13 +8,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from warpdem.app import advice, summary
-from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
+from warpdem.app import scene_warnings, summary
+from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, told_if_long
 from warpdem.filling.streams import mean_to_come
 from warpdem.model import needs
-from warpdem.model.plan import LEFT_OUT
-from warpdem.scene.motion import largest_rates
+from warpdem.model.features import LEFT_OUT
+from warpdem.scene.motion_chain import largest_rates
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
 SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
@@ -51,14 +52,14 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
         "largest_rates": rates,
         "time_step": sim.dt,
         "time_step_from": found.binding if scene.time.step == "auto" else "time.step",
-        "limits": advice.limit_rows(sim),
+        "limits": scene_warnings.limit_rows(sim),
         "max_speed": found.max_speed,
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
-        "warnings": advice.warnings(sim),
+        "warnings": scene_warnings.warnings(sim),
     }
     return {**out, **_probed(sim, steps, console)} if probe and most else out
 

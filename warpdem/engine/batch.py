@@ -17,8 +17,8 @@ from warpdem.kernels.step import clock as clock_slots
 from warpdem.kernels.step.loop import SPAN
 from warpdem.kernels.step.motion import Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
+from warpdem.model.features import field_numbers
 from warpdem.model.model import Model
-from warpdem.model.plan import field_numbers
 from warpdem.model.travel import share
 from warpdem.state.clock import Clock
 
@@ -67,7 +67,7 @@ class Batch:
     def __init__(self, model: Model, clock: Clock, timers: Timers, threads: int, steps_ahead: Callable[[], int]) -> None:
         self._model, self._now, self._timers, self._steps_ahead = model, clock, timers, steps_ahead
         device, scene, kernels = model.device, model.scene, model.kernels
-        self.stages = len(model.plan.scheme.STAGES)
+        self.stages = len(model.features.backend.scheme.STAGES)
         control = self.control = kernels.loop.Control()
         control.share = wp.zeros((threads, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
@@ -107,7 +107,7 @@ class Batch:
             with self._timers.measure("schedule"):
                 ahead = self._steps_ahead()
                 self._write("row", schedule.rows(first, ahead), Row)
-                if self._model.plan.frame_rows:
+                if self._model.features.frame_rows:
                     self._write("frame", schedule.frames(first, ahead), FrameRow)
                 self._placements = schedule.placements(first, ahead)
                 self._write("placement", self._placements, Placement)

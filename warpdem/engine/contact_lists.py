@@ -77,8 +77,8 @@ class ContactLists:
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
         self.model, self.state, self.clock, self.pool = model, state, clock, pool
-        self.real = model.plan.real
-        n, axes = len(state), 1 + model.plan.moving
+        self.real = model.features.backend.real
+        n, axes = len(state), 1 + model.features.walls.moving
         self.skin, self.margin = skin, 0.2 * skin
         self.rebuilds = self.refreshes = self.version = 0
         self.known = n
@@ -88,14 +88,14 @@ class ContactLists:
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
-        self.rows: Any = self.new_rows(n, 0) if model.plan.walls else None
+        self.rows: Any = self.new_rows(n, 0) if model.features.walls.present else None
         self.near_feature: wp.array | None = None
-        self.memory = pool.zeros((0, max(model.plan.memory, 1), model.plan.lanes), self.real)
+        self.memory = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
 
     @property
     def max_displacement(self) -> float:
         """Displacement of a grain up to which the inner list holds [m]."""
-        alone = len(self.state) < 2 and not self.model.plan.walls
+        alone = len(self.state) < 2 and not self.model.features.walls.present
         return 1.0e300 if alone else 0.5 * self.margin
 
     def set_totals(self, totals: list[int]) -> None:
@@ -109,7 +109,7 @@ class ContactLists:
 
     def new_rows(self, grains: int, slots: int) -> Any:
         """Wall contacts of ``grains`` grains with ``slots`` slots in all."""
-        plan, device = self.model.plan, self.model.device
+        features, device = self.model.features, self.model.device
         rows = self.model.kernels.Rows()
         rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
         rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
@@ -117,13 +117,13 @@ class ContactLists:
         for name in ("feature", "hit_state", "hit_mask"):
             setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
         rows.hit = wp.zeros(slots, dtype=Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=wall_record.result_type(bool(plan.rolling)), device=device)
-        generations = 2 if len(plan.scheme.STAGES) == 1 else 3
+        rows.result = wp.zeros(slots, dtype=wall_record.result_type(bool(features.contact.rolling)), device=device)
+        generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
         rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
-        if plan.energy:
+        if features.measures.energy:
             rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
-            rows.power = wp.zeros((grains, plan.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(plan.memory), device=device)
+            rows.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
+        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.memory), device=device)
         return rows
 
     # -- reading --------------------------------------------------------------------------------
@@ -138,10 +138,10 @@ class ContactLists:
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
-        lists, state, plan = self.model.kernels.lists, self.state, self.model.plan
+        lists, state, features = self.model.kernels.lists, self.state, self.model.features
         if self.constants.size:
             return self.constants
-        out = self.pool.zeros((self.owner.shape[0], lists.constants_width, plan.lanes), self.real)
+        out = self.pool.zeros((self.owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
         inputs = [state.record, state.inverse, self.model.coefficients, self.owner, self.partner, self.kind, out]
         wp.launch(lists.contact_constants, self.owner.size, inputs, device=self.model.device)
         return out

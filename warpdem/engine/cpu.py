@@ -101,7 +101,7 @@ class CpuExecutor:
         control.moved.zero_()
         surface = model.walls.surface if model.walls is not None else Surface()
         before = base, count, int(forces_first), int(hold), self._clock.step_number & 1
-        after = control, model.coefficients, model.plan.materials, model.dt, lists.max_displacement
+        after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
 
         def job(thread: int):
             inputs = [thread, n, *before, grains, packs, rows, surface, *after]

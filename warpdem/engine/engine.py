@@ -37,7 +37,7 @@ class Engine:
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers) -> None:
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self.executor: CpuExecutor | GraphExecutor
-        self.executor = (GraphExecutor if model.plan.resident else CpuExecutor)(model, state, clock, threads)
+        self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.slots, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
         executor = self.executor
@@ -113,11 +113,11 @@ class Engine:
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain up to the present time, in memory order."""
-        model, plan, n = self._model, self._model.plan, self._state.slots
-        out = {name: wp.zeros((n, width), dtype=wp.float64, device=model.device) for name, width in plan.sums.items()}
+        model, measures, n = self._model, self._model.features.measures, self._state.slots
+        out = {name: wp.zeros((n, width), dtype=wp.float64, device=model.device) for name, width in measures.sums.items()}
         if "flow" in out:
             out["flow"] = self._state.flow
-        if n and (plan.energy or plan.momentum):
+        if n and (measures.energy or measures.momentum):
             base, _ = self.batch.row()
             grains, _, rows = self.structs.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)

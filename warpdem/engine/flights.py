@@ -60,7 +60,7 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        return self.model.plan.in_frame and not self.model.plan.wall_images
+        return self.model.features.frame.tracked and not self.model.features.walls.images
 
     def _instant(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""
@@ -180,7 +180,7 @@ class Flights:
 
     def _walls_ahead(self) -> tuple[int, wp.array]:
         """Steps for which the walls' places are known, and how fast each motion is until then."""
-        dt, moving = self.model.dt, self.model.plan.moving
+        dt, moving = self.model.dt, self.model.features.walls.moving
         speeds, longest = np.zeros((max(len(self.model.schedule.motions), 1), 2)), LONGEST
         if moving:
             there = self.batch.placements_ahead()[:, :moving]

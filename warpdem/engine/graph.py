@@ -274,7 +274,7 @@ class Captured:
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""
-        if self.model.plan.memory:
+        if self.model.features.contact.memory:
             kernel = self.model.kernels.graph.adopt_history
             self.launch(kernel, self.contacts.owner.size, self.contacts, self.batch.clock)
 

@@ -125,13 +125,13 @@ class HostBuild:
             a.set_totals([0, 0, 0])
             return None
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
-        beyond = self.model.plan.gap + a.skin
+        beyond = self.model.features.contact.gap + a.skin
         classes = size_classes(radius)
         order = morton_order(position, finest_cell(radius, classes, beyond), self.model.device)
         position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
         old_id = wp.clone(state.id)
         state.reorder(order)
-        a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.plan.moving), wp.vec3d)
+        a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         a.grids = grids_for(position, radius, self._classes, beyond, self.model.device)
         counts = [pool.zeros(n, wp.int32) for _ in range(2)]
         starts = [pool.zeros(n + 1, wp.int32) for _ in range(2)]
@@ -202,7 +202,7 @@ class HostBuild:
         for name in ("touching", "close", "width", "touching_start", "close_start"):
             setattr(a, name, buffer(name, (n,), wp.int32))
         a.row_start = buffer("row start", (n + 1,), wp.int32)
-        a.reference = buffer("reference", (n, 1 + self.model.plan.moving), wp.vec3d)
+        a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         if a.rows is not None:
             a.rows.grain = buffer("wall grain", (n,), wp.int32)
         self.program.build_inner()
@@ -211,19 +211,20 @@ class HostBuild:
 
     def inner_fits(self, write: Callable[[], None]) -> None:
         """As ``program.Decisions``: give the arrays the length that the list has."""
-        a, plan, pool = self.lists, self.model.plan, self.storage.pool
+        a, features, pool = self.lists, self.model.features, self.storage.pool
+        law, width = features.contact, features.backend.lanes
         a.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
-        batches, slots = pool.capacity("packs", a.totals[0] // plan.lanes), pool.capacity("shares", a.totals[1])
-        lanes, history = (batches, plan.lanes), (batches, max(plan.memory, 1), plan.lanes)
-        a.row = self.storage.force_slots((slots + 1, share_width(plan.spins)), history, a.outer.slot.shape[0], a.real)
-        a.entry = pool.buffer("entry", (slots + 1 if plan.energy else 0, ENTRY), a.real)
+        batches, slots = pool.capacity("packs", a.totals[0] // width), pool.capacity("shares", a.totals[1])
+        lanes, history = (batches, width), (batches, max(law.memory, 1), width)
+        a.row = self.storage.force_slots((slots + 1, share_width(law.spins)), history, a.outer.slot.shape[0], a.real)
+        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, ENTRY), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
-        a.kind = pool.buffer("kind", lanes if plan.table else (0, plan.lanes), wp.int32)
-        a.trial = pool.buffer("trial", history if self.batch.stages > 1 else (0, 1, plan.lanes), a.real)
+        a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)
+        a.trial = pool.buffer("trial", history if self.batch.stages > 1 else (0, 1, width), a.real)
         kernels = self.model.kernels.lists
         a.constants = pool.buffer(
-            "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, plan.lanes), a.real
+            "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )
         a.next_memory = self.storage.next_history(history, a.version, a.real)
         write()

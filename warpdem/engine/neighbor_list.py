@@ -36,8 +36,8 @@ def skin_bounds(model: Model) -> tuple[float, float]:
     radius, skin = model.expected.radius, model.scene.engine.skin
     mean = float(radius.mean()) if len(radius) else 1.0
     low, high = (0.4 * mean, 2.0 * mean) if skin == "auto" else (skin, skin)
-    longest = min((length for length in model.plan.period if length), default=np.inf)
-    most = 0.95 * (0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - model.plan.gap)
+    longest = min((length for length in model.features.domain.period if length), default=np.inf)
+    most = 0.95 * (0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - model.features.contact.gap)
     return min(low, most), min(high, most)
 
 
@@ -100,7 +100,7 @@ class NeighborLists(ContactLists):
             self._remove(gone)
             found[gone] = 0
             # energies are kept by contact: what the spring of a partner has lost would count twice
-            force_rebuild |= self.model.plan.energy or len(self.state) < KEPT_SHARE * self.state.slots
+            force_rebuild |= self.model.features.measures.energy or len(self.state) < KEPT_SHARE * self.state.slots
         if not (changed or force_rebuild or due & BEYOND):
             return
         if (found & FAST).any():

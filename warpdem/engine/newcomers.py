@@ -90,7 +90,7 @@ class Newcomers:
 
     def _neighbours(self, record: np.ndarray, known: int) -> np.ndarray:
         """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named both ways."""
-        model, here, beyond = self.model, self.state.here, self.model.plan.gap + self.lists.skin
+        model, here, beyond = self.model, self.state.here, self.model.features.contact.gap + self.lists.skin
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
         low, high = position[new].min(axis=0), position[new].max(axis=0)
@@ -140,7 +140,7 @@ class Newcomers:
         begin = used + starts(count.numpy()[new])
         for name, axis in WALL_ROWS.items():
             setattr(rows, name, grown(getattr(rows, name), n + 1, axis))
-        if self.model.plan.energy:
+        if self.model.features.measures.energy:
             rows.entry, rows.power = grown(rows.entry, n), grown(rows.power, n)
         for name, axis in WALL_SLOTS.items():
             setattr(rows, name, grown(getattr(rows, name), int(begin[-1]), axis))

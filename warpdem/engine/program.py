@@ -94,8 +94,8 @@ class Step:
     def wall_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts with walls."""
         if self.model.walls is not None:
-            b, m = self.batch, self.model
-            shared = self.grains, self.rows, self.surface, b.control, m.coefficients, m.plan.materials, b.clock, m.dt
+            b, m, materials = self.batch, self.model, self.model.features.contact.materials
+            shared = self.grains, self.rows, self.surface, b.control, m.coefficients, materials, b.clock, m.dt
             self.launch(m.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
 
     def move(self, ahead: int, stage: int = 0) -> None:
@@ -205,7 +205,7 @@ class ListBuild:
         lanes = a.owner, a.partner, a.kind, a.constants, a.slot_i, a.slot_j
         self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), filler, *lanes)
         self.launch(
-            k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.plan.materials, m.coefficients, s.id,
+            k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
             a.outer.start, a.outer.count, a.outer.slot, a.listed, a.touching_start, a.close_start, a.row_start, a.memory,
             a.outer.contact, *lanes, a.next_memory,
         )  # fmt: skip
@@ -216,7 +216,7 @@ class ListBuild:
 
     def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
         """How many there are of what ``counts`` gives per grain, and where each grain begins (``kernels.lists.numbering``)."""
-        sums, lanes = self.batch.scratch(self.n).sums, self.model.plan.lanes
+        sums, lanes = self.batch.scratch(self.n).sums, self.model.features.backend.lanes
         self.launch(numbering.sum_blocks, sums.shape[0], lanes, *counts, sums)
         self.launch.once(numbering.start_blocks, sums, total)
         self.launch(numbering.start_grains, sums.shape[0], lanes, *counts, sums, *starts)

@@ -37,30 +37,30 @@ class Structs:
         return self._built
 
     def _grains(self) -> Any:
-        model, plan, state, lists = self._model, self._model.plan, self._state, self._lists
+        model, features, state, lists = self._model, self._model.features, self._state, self._lists
         grains = model.kernels.loop.Grains()
         grains.record, grains.inverse, grains.kind = state.record, state.inverse, state.kind
-        if plan.orientation:
+        if features.measures.orientation:
             grains.orientation = state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
-        grains.store = wp.zeros((state.slots, plan.scheme.STORE), dtype=wp.vec3d, device=model.device)
+        grains.store = wp.zeros((state.slots, features.backend.scheme.STORE), dtype=wp.vec3d, device=model.device)
         grains.row = packed(lists.row, model.kernels.pairs.Share)
         grains.entry = packed(lists.entry, model.kernels.pairs.Entry)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
-            if name in plan.sums:
+            if name in features.measures.sums:
                 setattr(grains, name, packed(getattr(state, name), dtype))
-        for name in plan.sums.keys() & {"wall_work", "flow"}:
+        for name in features.measures.sums.keys() & {"wall_work", "flow"}:
             setattr(grains, name, getattr(state, name))
         return grains
 
     def _packs(self) -> Any:
-        model, plan, lists = self._model, self._model.plan, self._lists
+        model, features, lists = self._model, self._model.features, self._lists
         lane, lane_int = model.kernels.pairs.Lane, model.kernels.pairs.LaneInt
         packs = model.kernels.loop.Packs()
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
         packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
-        packs.trial = packed(lists.trial, lane) if len(plan.scheme.STAGES) > 1 else packs.memory
-        if plan.table:
+        packs.trial = packed(lists.trial, lane) if len(features.backend.scheme.STAGES) > 1 else packs.memory
+        if features.contact.table:
             packs.kind = packed(lists.kind, lane_int)
         return packs

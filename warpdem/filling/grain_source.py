@@ -6,13 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, barriers, places_at_start
-from warpdem.filling.packing import HEIGHT_FRACTION, Filling, Packing, filling, pack, worst_overlaps
+from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
+from warpdem.filling.packing import pack
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import Packing
+from warpdem.filling.placed_walls import PlacedWall, place_walls, wall_poses_at_start
 from warpdem.filling.spaces import Space, space_of
 from warpdem.filling.state_file import read_state
-from warpdem.mesh.geometry import TriangleMesh, signed_distance
-from warpdem.scene.motion import Chain, frame_chain, wall_chain
-from warpdem.scene.sizes import size_law
+from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
+from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
+from warpdem.scene.size_distribution import size_law
 from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
 
 
@@ -121,7 +124,7 @@ def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
 def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.ndarray | None]], dict[str, tuple]]:
     """Fields of all groups by name, without type, fillings among the grains of all others; and what else fillings tell."""
     keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
-    walls = barriers(scene, meshes, places_at_start(scene)) if any(g.fill is not None for g in scene.grains) else []
+    walls = place_walls(scene, meshes, wall_poses_at_start(scene)) if any(g.fill is not None for g in scene.grains) else []
     spaces = {k: _space(scene, meshes, walls, g, f"{keys[k]}.fill") for k, g in enumerate(scene.grains) if g.fill is not None}
     fillings = {k: _filling(scene, spaces[k], scene.grains[k], f"{keys[k]}.fill") for k in spaces}
     groups = {k: _given(scene, g, keys[k]) for k, g in enumerate(scene.grains) if g.fill is None}
@@ -136,7 +139,7 @@ def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.n
     return [groups[k] for k in range(len(scene.grains))], told
 
 
-def _space(scene, meshes: dict[str, TriangleMesh], walls: list[Barrier], group, key: str) -> Space:
+def _space(scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], group, key: str) -> Space:
     """Where a filling goes."""
     asked = group.fill
     if asked.wall is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core import apart, memory
+from warpdem.core import memory, reader_process
 from warpdem.errors import SceneError
 from warpdem.filling import vtp_reader
 from warpdem.scene.units import Quantity
@@ -182,7 +182,7 @@ def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
     size = path.stat().st_size
     memory.require(size, key, f"a file of {size} bytes", "take fewer grains")
     limit = VTP_TIME_LIMIT + size / VTP_BYTES_PER_SECOND
-    said, arrays = apart.ask(vtp_reader.__file__, [str(path), *VTP_ARRAYS.values()], limit, key, "VTK")
+    said, arrays = reader_process.run_reader(vtp_reader.__file__, [str(path), *VTP_ARRAYS.values()], limit, key, "VTK")
     if "radius" not in arrays:
         raise SceneError(f"{key}: has no point array radius; it has {_listed(said['there'])}")
     return {"position": arrays["points"], **{field: arrays[name] for field, name in VTP_ARRAYS.items() if name in arrays}}

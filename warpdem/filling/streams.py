@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, Place, barriers, lowest_gap, with_sides
+from warpdem.filling.fill_region import closed_region, sample_points
 from warpdem.filling.grain_source import Grains0
-from warpdem.filling.region import region, sample_points
+from warpdem.filling.placed_walls import PlacedWall, WallPose, assign_sides, place_walls, smallest_gap
 from warpdem.filling.spaces import bodies
-from warpdem.scene.sizes import size_law
+from warpdem.scene.size_distribution import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
 SAMPLES = 4000  # places of a box at which is asked whether walls leave it free
@@ -73,7 +73,7 @@ class FeedWalls:
     """
 
     def __init__(
-        self, number: int, scene, meshes: dict, places: Callable[[float], list[Place]], moves: Sequence[bool]
+        self, number: int, scene, meshes: dict, places: Callable[[float], list[WallPose]], moves: Sequence[bool]
     ) -> None:
         stream = scene.streams[number]
         self._scene, self._meshes, self._places = scene, meshes, places
@@ -82,13 +82,13 @@ class FeedWalls:
         smallest, largest = (0.5 * diameter for diameter in law.extremes)
         self._reach = largest
         self.notes: list[str] = []
-        walls = barriers(scene, meshes, places(stream.start))  # which side is whose is told when the first grains come
+        walls = place_walls(scene, meshes, places(stream.start))  # which side is whose is told when the first grains come
         moving = {wall.name for wall, goes in zip(scene.walls, moves, strict=True) if goes}
         # in axes that turn, gravity has no direction to tell a cup by
         up = -np.asarray(scene.gravity, float) if scene.frame is None else np.zeros(3)
         key = f"streams[{number}].box"
-        points = sample_points(region(None, self._box, key), SAMPLES)
-        sided, self._vessels = with_sides(walls, points, is_body=bodies(scene, up))
+        points = sample_points(closed_region(None, self._box, key), SAMPLES)
+        sided, self._vessels = assign_sides(walls, points, is_body=bodies(scene, up))
         self._still = [w for w in sided if w.name not in moving and w.is_near(self._box, largest)]
         self._moving = [k for k, wall in enumerate(sided) if wall.name in moving]
         self._sides = [wall.side for wall in sided]
@@ -105,7 +105,7 @@ class FeedWalls:
         shares, blame = [], {}
         for time in instants:
             walls = self.at(time)
-            shares.append(float((lowest_gap(walls, centres, radius) >= 0.0).mean()) if walls else 1.0)
+            shares.append(float((smallest_gap(walls, centres, radius) >= 0.0).mean()) if walls else 1.0)
             for wall in walls:
                 taken = float((wall.gap(centres, radius) < 0.0).mean())
                 blame[wall.name] = max(taken, blame.get(wall.name, 0.0))
@@ -123,11 +123,11 @@ class FeedWalls:
             held = ", ".join(map(repr, dict.fromkeys(self._vessels)))
             self.notes.append(f"{key}: is within the closed mesh {held}: its grains come in and stay inside")
 
-    def at(self, time: float) -> list[Barrier]:
+    def at(self, time: float) -> list[PlacedWall]:
         """The walls that may touch a grain in the box at ``time`` [s]."""
         if not self._moving:
             return self._still
-        walls = barriers(self._scene, self._meshes, self._places(time))
+        walls = place_walls(self._scene, self._meshes, self._places(time))
         now = [replace(walls[k], side=self._sides[k]) for k in self._moving]
         return [*self._still, *(wall for wall in now if wall.is_near(self._box, self._reach))]
 

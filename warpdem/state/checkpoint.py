@@ -14,8 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
-from warpdem.core.paths import Access, access_of_file
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.state import contact_history
@@ -75,9 +75,9 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     """
     _, _, velocity, spin = sim.readings()
     pose = sim.schedule.pose(sim.time)
-    if sim.plan.scheme.RELATIVE:
+    if sim.plan.backend.scheme.RELATIVE:
         velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
-    if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
+    if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
     readings = {"velocity": velocity, "spin": spin, "extreme": sim.engine.extreme}
     return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}
