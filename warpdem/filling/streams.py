@@ -7,9 +7,9 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.fill_region import closed_region, sample_points
+from warpdem.filling.fill_space import body_test
 from warpdem.filling.grain_source import Grains0
 from warpdem.filling.placed_walls import PlacedWall, WallPose, assign_sides, place_walls, smallest_gap
-from warpdem.filling.spaces import bodies
 from warpdem.scene.size_distribution import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
@@ -88,7 +88,7 @@ class FeedWalls:
         up = -np.asarray(scene.gravity, float) if scene.frame is None else np.zeros(3)
         key = f"streams[{number}].box"
         points = sample_points(closed_region(None, self._box, key), SAMPLES)
-        sided, self._vessels = assign_sides(walls, points, is_body=bodies(scene, up))
+        sided, self._vessels = assign_sides(walls, points, is_body=body_test(scene, up))
         self._still = [w for w in sided if w.name not in moving and w.is_near(self._box, largest)]
         self._moving = [k for k, wall in enumerate(sided) if wall.name in moving]
         self._sides = [wall.side for wall in sided]
