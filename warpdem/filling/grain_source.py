@@ -8,11 +8,11 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
 from warpdem.filling.fill_space import FillSpace, choose_fill_space
+from warpdem.filling.grain_file import read_grain_file
 from warpdem.filling.packing import pack
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.packing_run import Packing
 from warpdem.filling.placed_walls import PlacedWall, place_walls, wall_poses_at_start
-from warpdem.filling.state_file import read_state
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 from warpdem.scene.size_distribution import size_law
@@ -168,7 +168,7 @@ def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
             "spin": np.array(group.explicit_spins, float),
             "id": None if group.ids is None else np.array(group.ids, np.int64),
         }
-    return read_state(scene.resolve(group.file), f"{key}.file")
+    return read_grain_file(scene.resolve(group.file), f"{key}.file")
 
 
 def _relative_to_frame(grains: dict[str, np.ndarray], frame: Chain) -> dict[str, np.ndarray]:
