@@ -87,11 +87,10 @@ class Simulation:
             model, grains = prepare(given, where, where.is_cuda if resident is None else resident, past)
             self.model = model
             self.scene, self.device, self.meshes, self.domain = model.scene, model.device, model.meshes, model.domain
-            self.expected, self.schedule, self.plan, self.limits = model.expected, model.schedule, model.plan, model.limits
+            self.expected, self.schedule, self.plan, self.limits = model.expected, model.schedule, model.features, model.limits
             self.kernels, self.coefficients, self.walls = model.kernels, model.coefficients, model.walls
             self.dt, self.notes = model.dt, list(model.notes)
-            plan = model.plan
-            self.state = State(grains, model.density, plan.spins, plan.orientation, model.device, plan.sums)
+            self.state = State.of(model, grains)
             self._clock = Clock(model.dt)
             count = threads or (available_threads() if model.scene.streams else threads_for(len(grains)))
             self.threads = Threads(count if model.device.is_cpu else 1, as_pays=threads is None)
@@ -103,7 +102,7 @@ class Simulation:
         streams = range(len(model.scene.streams))
         self.feeders = [Feeder(number, model.scene, model.dt, self._feed_walls(number)) for number in streams]
         self.notes += [note for feeder in self.feeders for note in feeder.walls.notes]
-        self.budget = Budget(self) if self.plan.sums else None
+        self.budget = Budget(self) if self.plan.measures.sums else None
         self._next_id = int(grains.id.max(initial=-1)) + 1
         self.guards = Guards(self)
         self._grown = past is not None
@@ -147,7 +146,7 @@ class Simulation:
     def load_kernels(self) -> None:
         """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
         built = self.kernels
-        if self.plan.resident:  # the graph's are compiled where it is captured
+        if self.plan.backend.resident:  # the graph's are compiled where it is captured
             return
         lists = [thing for group in (built.lists, built.walls) if group is not None for thing in vars(group).values()]
         for thing in (built.loop.run, built.loop.read, built.loop.read_budget, *lists):
@@ -278,7 +277,7 @@ class Simulation:
             ids = np.arange(self._next_id, self._next_id + n)
             kinds = (np.full(n, number, np.int32) for number in (feeder.type, feeder.group))
             came = Grains0(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
-            if not self.plan.scheme.RELATIVE:
+            if not self.plan.backend.scheme.RELATIVE:
                 came = absolute(self.schedule, came, self.time)
                 if self.step_number > 0:  # the record holds the velocity of mid-step, and the next kick is a whole one
                     kick = 0.5 * self.dt * self.schedule.rows(self.step_number, 0)[0, 2:5]
@@ -298,13 +297,13 @@ class Simulation:
         for name in ("feature", "hit_state", "hit_mask"):
             setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
         rows.hit = wp.zeros(slots, dtype=Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.rolling)), device=device)
-        generations = 2 if len(self.plan.scheme.STAGES) == 1 else 3
+        rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.contact.rolling)), device=device)
+        generations = 2 if len(self.plan.backend.scheme.STAGES) == 1 else 3
         rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
-        if self.plan.energy:
+        if self.plan.measures.energy:
             rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
-            rows.power = wp.zeros((grains, self.plan.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.memory), device=device)
+            rows.power = wp.zeros((grains, self.plan.measures.scene_walls), dtype=wp.float64, device=device)
+        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.contact.memory), device=device)
         return rows
 
     # -- guards ---------------------------------------------------------------------------------

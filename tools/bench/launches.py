@@ -42,13 +42,13 @@ def copy_bandwidth(device, repeats: int = 5) -> float:
 def least_bytes(sim: warpdem.Simulation) -> dict[str, float]:
     """Bytes that each launch must move at least: every number once, as if what neighbours share stayed in the cache."""
     plan, n, contacts = sim.plan, len(sim.state), sim.lists.contact_count
-    number = 4 if plan.precision == "mixed" else 8
-    record = 8 * (16 if plan.spins else 10)
-    shares = 2 * share_width(plan.spins) * number * contacts
-    per_contact = 16 + number * 2 * plan.memory + 4 * plan.table
+    number = 4 if plan.backend.precision == "mixed" else 8
+    record = 8 * (16 if plan.contact.spins else 10)
+    shares = 2 * share_width(plan.contact.spins) * number * contacts
+    per_contact = 16 + number * 2 * plan.contact.memory + 4 * plan.contact.table
     return {
         "pair_forces": n * (record + 16) + contacts * per_contact + shares,
-        "move": shares + n * (2 * record + 16 + 24 * (1 + plan.moving) + 4),
+        "move": shares + n * (2 * record + 16 + 24 * (1 + plan.walls.moving) + 4),
     }
 
 
@@ -82,7 +82,7 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
     clock[[LANES, SHARES, ROWS]] = sim.lists.totals[0], sim.lists.totals[1], sim.lists.row_count
     resident.clock.assign(clock)
     calls = {"pair_forces": launches.pair_forces, "wall_forces": launches.wall_forces, "move": launches.move}
-    if not sim.plan.walls:
+    if not sim.plan.walls.present:
         del calls["wall_forces"]
     seconds = {name: seconds_of(lambda call=call: call(0), repeats, device) for name, call in calls.items()}
     copy, total = copy_bandwidth(device), sum(seconds.values())

@@ -37,8 +37,8 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
         "pairs": (loop.pair_forces, [1, packs.owner.shape[0], base, 0, grains, packs, control, sim.coefficients, sim.dt]),
         "walls": (
             loop.wall_forces,
-            [1, lists.row_count, base, 0, grains, rows, sim.walls.surface, control, sim.coefficients, sim.plan.materials,
-             sim.step_number & 1, sim.dt],
+            [1, lists.row_count, base, 0, grains, rows, sim.walls.surface, control, sim.coefficients,
+             sim.plan.contact.materials, sim.step_number & 1, sim.dt],
         ),
         "motion": (loop.move, [1, last, base - 1, 0, grains, rows, control, sim.dt, lists.reach]),
     }  # fmt: skip

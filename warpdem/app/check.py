@@ -14,7 +14,7 @@ from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, told_if_long
 from warpdem.filling.streams import mean_to_come
 from warpdem.model import needs
-from warpdem.model.plan import LEFT_OUT
+from warpdem.model.features import LEFT_OUT
 from warpdem.scene.motion_chain import largest_rates
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from

@@ -8,7 +8,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from warpdem.measure.dimensionless import Turning
-from warpdem.model.plan import coefficient_table
+from warpdem.model.features import coefficient_table
 from warpdem.model.time_step import contact_time, damped_contact_factor
 
 FEW = 100

@@ -51,7 +51,7 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        return self.sim.plan.in_frame and not self.sim.plan.wall_images
+        return self.sim.plan.frame.tracked and not self.sim.plan.walls.images
 
     def stray(self) -> np.ndarray:
         """How far each grain that the lists know has gone, sums of what ``kernels.flight.stray`` finds, shape (n,)."""
@@ -134,10 +134,10 @@ class Flights:
         row, now = self._instant()
         longest, swiftest = self._walls_ahead()
         walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             walls = [sim.walls.surface, *sim.walls.mesh_arrays[:2]]
-        rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
-        beside = lists.near_feature if sim.plan.walls else wp.zeros(0, dtype=wp.int32)
+        rows = lists.rows if sim.plan.walls.present else sim.kernels.Rows()
+        beside = lists.near_feature if sim.plan.walls.present else wp.zeros(0, dtype=wp.int32)
         state, split, kernels = sim.state.record, sim.threads.split, sim.kernels.paths
         for _ in range(ROUNDS):
             split(kernels.enclose, blocks, [state, lists.near_reference, self.path, low, high], sim.device)
@@ -187,16 +187,16 @@ class Flights:
         """Steps for which the walls' places are known, and how fast each motion is until then."""
         sim, stages = self.sim, self.sim.stepper.stages
         speeds, longest = np.zeros((max(len(sim.schedule.motions), 1), 2)), LONGEST
-        if sim.plan.moving:
+        if sim.plan.walls.moving:
             row, _ = self._instant()
-            there = sim.stepper.placements_ahead()[row::stages, : sim.plan.moving]
+            there = sim.stepper.placements_ahead()[row::stages, : sim.plan.walls.moving]
             longest = len(there) - 1
             turn, shift = there[..., :9].reshape(*there.shape[:2], 3, 3), there[..., 9:12]
             step = turn[1:] @ np.swapaxes(turn[:-1], -1, -2)
             spin = np.sqrt(((step - np.eye(3)) ** 2).sum(axis=(-1, -2)))
             way = shift[1:] - (step @ shift[:-1, ..., None])[..., 0]
-            speeds[: sim.plan.moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / sim.dt
-            speeds[: sim.plan.moving, 1] = spin.max(axis=0, initial=0.0) / sim.dt
+            speeds[: sim.plan.walls.moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / sim.dt
+            speeds[: sim.plan.walls.moving, 1] = spin.max(axis=0, initial=0.0) / sim.dt
         return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=sim.device)
 
     def unplace(self) -> None:

@@ -148,7 +148,7 @@ class Launches:
         contacts = self.contacts = self.kernels.Contacts()
         for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):
             setattr(contacts, name, getattr(lists, name))
-        contacts.trial = lists.trial if len(sim.plan.scheme.STAGES) > 1 else lists.memory
+        contacts.trial = lists.trial if len(sim.plan.backend.scheme.STAGES) > 1 else lists.memory
         contacts.next = lists.spare.memory
         self.select = {**lists.select_inputs, "flight": lists.flights.path}
         self.fill = {**lists.fill_inputs, "memory": contacts.memory}
@@ -182,9 +182,9 @@ class Launches:
 
     def wall_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts with walls ``ahead`` steps from now."""
-        if self.sim.plan.walls:
+        if self.sim.plan.walls.present:
             inputs = ahead, stage, self.grains, self.rows, self.surface, self.resident.control, self.sim.coefficients
-            more = self.sim.plan.materials, self.resident.clock, self.sim.dt
+            more = self.sim.plan.contact.materials, self.resident.clock, self.sim.dt
             self.launch(self.kernels.wall_forces, self.n, *inputs, *more)
 
     def move(self, ahead: int, stage: int = 0) -> None:
@@ -204,7 +204,7 @@ class Launches:
     def _body(self) -> None:
         sim, control, clock = self.sim, self.resident.control, self.resident.clock
         for ahead in range(BODY):
-            for stage in range(len(sim.plan.scheme.STAGES)):
+            for stage in range(len(sim.plan.backend.scheme.STAGES)):
                 if stage:
                     self.forces(ahead, stage)
                 self.move(ahead, stage)
@@ -229,7 +229,7 @@ class Launches:
         sim, lists, clock, placements = self.sim, self.sim.lists, self.resident.clock, self.resident.placements
         self.launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select.values())
         walls = wall_grain = self.scratch.nothing
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             self.launch(sim.kernels.walls.close_features, self.n, *lists.close_inputs(placements))
             walls, wall_grain = self.rows.candidates, self.rows.grain
         counts = [self.select[name] for name in ("touching", "close", "width")]
@@ -240,7 +240,7 @@ class Launches:
 
     def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
         """Number what ``counts`` say that each grain has: how many in all, and where each begins (``kernels.numbering``)."""
-        sums, sizes = self.scratch.sums, (CLASS_BLOCK, self.sim.plan.lanes)
+        sums, sizes = self.scratch.sums, (CLASS_BLOCK, self.sim.plan.backend.lanes)
         self.launch(numbering.sum_blocks, sums.shape[0], *sizes, *counts, sums)
         self.launch(numbering.start_blocks, 1, sums, total)
         self.launch(numbering.start_grains, sums.shape[0], *sizes, *counts, sums, *starts)
@@ -250,7 +250,7 @@ class Launches:
         sim, n, size = self.sim, self.n, self.contacts.owner.size
         self.launch(self.kernels.clear, size, min(1, n - 1), self.grains.row.shape[0] - 1, self.contacts)
         self.launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill.values())
-        if sim.plan.memory:
+        if sim.plan.contact.memory:
             self.launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
         marked = self.grains.record, self.resident.placements, self.grains.flight, self.grains.reference
         self.launch(self.kernels.mark, n, *marked)

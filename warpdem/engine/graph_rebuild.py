@@ -34,10 +34,10 @@ class Renewal:
         self.launch(near.insert_grains, self.n, grids, record)
         self._near_rows(scratch.nothing)
         self._number(self.next_count, scratch.entries, self.next_start)
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             self._near_features(0)
             self._number(self.features, scratch.slots, self.first)
-        room = self.near_feature.shape[0] if sim.plan.walls else 0
+        room = self.near_feature.shape[0] if sim.plan.walls.present else 0
         self.launch(self.kernels.judge_room, 1, scratch.entries, self.slot.shape[0], scratch.slots, room, clock)
         wp.capture_if(clock[NEAR : NEAR + 1], self._put_in_place)
 
@@ -68,7 +68,7 @@ class Renewal:
         inputs = 0, id, *fresh, self.scratch.nothing, id, *old, self.next_contact
         self.launch(sim.kernels.lists.carry_contacts, self.n, *inputs)
         self.launch(self.kernels.put_in_place, self.n, *fresh, self.next_contact, *old, self.lists.flights.path)
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             self._near_features(1)
             self.launch(self.kernels.move_places, self.n, self.first, resident.clock, self.rows)
             self.launch(self.kernels.settle_places, self.n, self.first, resident.clock, self.rows)

@@ -95,13 +95,13 @@ class Lists:
 
     def __init__(self, sim) -> None:
         self.sim = sim
-        self.real = sim.plan.real
+        self.real = sim.plan.backend.real
         radius = sim.expected.radius
         mean = float(radius.mean()) if len(radius) else 1.0
         skin = sim.scene.engine.skin
         self._skin_bounds = (0.4 * mean, 2.0 * mean) if skin == "auto" else (skin, skin)
-        longest = min((length for length in sim.plan.period if length), default=np.inf)
-        room = 0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - sim.plan.gap  # beyond, a grain meets two images
+        longest = min((length for length in sim.plan.domain.period if length), default=np.inf)
+        room = 0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - sim.plan.contact.gap  # beyond, a grain meets two images
         self._skin_bounds = tuple(min(bound, 0.95 * room) for bound in self._skin_bounds)
         self.skin = self._skin_bounds[0]
         self.margin = 0.2 * self.skin
@@ -120,18 +120,18 @@ class Lists:
         self.force_parity = 1
         self.near_feature = None
         self.reference = None
-        self.rows = sim.new_rows(n, 0) if sim.plan.walls else None
-        self.rooms = Rooms(sim.device, exact=sim.plan.resident)
+        self.rows = sim.new_rows(n, 0) if sim.plan.walls.present else None
+        self.rooms = Rooms(sim.device, exact=sim.plan.backend.resident)
         self.flights = Flights(self)
         self._newcomers = Newcomers(self)
-        self.memory = self.rooms.zeros((0, max(sim.plan.memory, 1), sim.plan.lanes), self.real)
+        self.memory = self.rooms.zeros((0, max(sim.plan.contact.memory, 1), sim.plan.backend.lanes), self.real)
 
     # -- what the loop reads ------------------------------------------------------------------
 
     @property
     def reach(self) -> float:
         """How far a grain may move before the contact list is out of date [m]."""
-        alone = len(self.sim.state) < 2 and not self.sim.plan.walls
+        alone = len(self.sim.state) < 2 and not self.sim.plan.walls.present
         return 1.0e300 if alone else 0.5 * self.margin
 
     def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
@@ -141,7 +141,7 @@ class Lists:
         """
         sim = self.sim
         due, self.due = self.due, 0
-        force_rebuild |= grown and (sim.plan.resident or not self.rebuilds)
+        force_rebuild |= grown and (sim.plan.backend.resident or not self.rebuilds)
         changed = grown or force_rebuild or self.near is None
         if not changed and not due:
             return
@@ -149,11 +149,11 @@ class Lists:
         position = record[:, grain.POSITION]
         if (changed or due & BEYOND) and not np.isfinite(position).all():
             sim.guards.stop_not_finite()
-        gone = sim.leaving() if sim.plan.outlets or any(sim.plan.period) else np.zeros(0, dtype=int)
+        gone = sim.leaving() if sim.plan.domain.outlets or any(sim.plan.domain.period) else np.zeros(0, dtype=int)
         if len(gone):
             self._leave(gone)
             # the books of energy are kept by contact: what a partner's spring has lost would be told twice
-            force_rebuild |= sim.plan.energy or len(sim.state) < KEPT_SHARE * sim.state.slots
+            force_rebuild |= sim.plan.measures.energy or len(sim.state) < KEPT_SHARE * sim.state.slots
         if not (changed or force_rebuild or due & BEYOND):
             return
         placement = sim.stepper.placements()
@@ -239,7 +239,7 @@ class Lists:
         sim.state.leave(gone)
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that has just come in is in no list
-        if sim.plan.walls and len(gone):
+        if sim.plan.walls.present and len(gone):
             for array in (self.rows.candidates, self.rows.place_count):
                 with changed(array) as values:
                     values[..., gone] = 0
@@ -257,7 +257,7 @@ class Lists:
     def bodies(self, position: np.ndarray, placement: np.ndarray) -> list[np.ndarray]:
         """Positions in the body axes of each wall motion that moves relative to the frame."""
         return [
-            (position - p[9:12]) @ p[:9].reshape(3, 3) for p in placement[: self.sim.plan.moving]
+            (position - p[9:12]) @ p[:9].reshape(3, 3) for p in placement[: self.sim.plan.walls.moving]
         ]
 
     # -- near list ------------------------------------------------------------------------------
@@ -281,13 +281,13 @@ class Lists:
             self.totals = [0, 0, 0]
             self.near = None
             return
-        beyond = sim.plan.gap + self.skin
+        beyond = sim.plan.contact.gap + self.skin
         classes = size_classes(radius)
         order = morton_order(position, finest_cell(radius, classes, beyond), sim.device)
         position, radius, classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
         old_place = self.rooms.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
-        self.near_reference = self.rooms.room("near_reference", (n, 1 + sim.plan.moving), wp.vec3d)
+        self.near_reference = self.rooms.room("near_reference", (n, 1 + sim.plan.walls.moving), wp.vec3d)
         self.near_reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
         self.grids = grids_for(position, radius, classes, beyond, sim.device)
         wp.launch(lists.insert_grains, n, [self.grids, state.record], device=sim.device)
@@ -299,7 +299,7 @@ class Lists:
             inputs = [state.id, start, count, slot, old_place, old_id, *self.near, contact]
             sim.threads.split(lists.carry_contacts, n, inputs, sim.device)
         self.near = (start, count, slot, contact)
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             self._rebuild_walls(placement, old_place)
         self.rebuilds += 1
         if len(fast):
@@ -309,7 +309,7 @@ class Lists:
         """Start and count of the row of each grain, and the rows."""
         sim, n, count = self.sim, len(classes), self.rooms.zeros(len(classes), wp.int32)
         near, shared = sim.kernels.lists.near_rows, [grids, sim.state.record, sim.state.id, self.skin]
-        if sim.plan.resident:  # counted first: a second search is cheaper there than room that is not used
+        if sim.plan.backend.resident:  # counted first: a second search is cheaper there than room that is not used
             nothing = self.rooms.zeros(0, wp.int32)
             sim.threads.split(near, n, [*shared, nothing, count, nothing], sim.device)
             sim.guards.lists_fit(int(count.numpy().sum(dtype=np.int64)), count)
@@ -354,7 +354,7 @@ class Lists:
         state, n = sim.state, sim.state.slots
         start, count, slot, contact = self.near
         rooms, room = self.rooms, self.rooms.room
-        listed = rooms.zeros(slot.shape, wp.int32) if plan.resident else room("listed", slot.shape, wp.int32)
+        listed = rooms.zeros(slot.shape, wp.int32) if plan.backend.resident else room("listed", slot.shape, wp.int32)
         touching, close, width = (room(name, (n,), wp.int32) for name in ("touching", "close", "width"))
         split = sim.threads.split
         self.select_inputs = {
@@ -362,23 +362,25 @@ class Lists:
             "flight": self.flights.path, "listed": listed, "touching": touching, "close": close, "width": width,
         }  # fmt: skip
         split(lists.select_contacts, n, [*self.select_inputs.values()], sim.device)
-        touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.lanes)
+        touching_host, close_host, packs = class_starts(touching.numpy(), close.numpy(), plan.backend.lanes)
         row_start_host = starts(width.numpy())
         self.contact_count = int(row_start_host[-1]) // 2
         touching_start, close_start = rooms.keep("touching_start", touching_host), rooms.keep("close_start", close_host)
         row_start = rooms.keep("row_start", row_start_host)
         shares = int(row_start_host[-1])
-        self.totals = [packs * plan.lanes, shares, 0]
+        self.totals = [packs * plan.backend.lanes, shares, 0]
         packs, shares = rooms.capacity("packs", packs), rooms.capacity("shares", shares)
-        lane_shape = packs, plan.lanes
-        memory_shape, row_shape = (packs, max(plan.memory, 1), plan.lanes), (shares + 1, share_width(plan.spins))
+        lanes = plan.backend.lanes
+        lane_shape = packs, lanes
+        memory_shape = packs, max(plan.contact.memory, 1), lanes
+        row_shape = shares + 1, share_width(plan.contact.spins)
         row = self._rows_of_shares(row_shape, memory_shape, slot.shape[0])
-        self.entry = room("entry", (shares + 1 if plan.energy else 0, ENTRY), self.real)
+        self.entry = room("entry", (shares + 1 if plan.measures.energy else 0, ENTRY), self.real)
         owner, partner = room("owner", lane_shape, wp.int32), room("partner", lane_shape, wp.int32)
         slot_i, slot_j = room("slot_i", lane_shape, wp.int32), room("slot_j", lane_shape, wp.int32)
-        kind = room("kind", (packs if plan.table else 0, plan.lanes), wp.int32)
-        self.trial = room("trial", memory_shape if len(plan.scheme.STAGES) > 1 else (0, 1, plan.lanes), self.real)
-        constants = room("constants", (0 if plan.resident else packs, lists.constants_width, plan.lanes), self.real)
+        kind = room("kind", (packs if plan.contact.table else 0, plan.backend.lanes), wp.int32)
+        self.trial = room("trial", memory_shape if len(plan.backend.scheme.STAGES) > 1 else (0, 1, lanes), self.real)
+        constants = room("constants", (0 if plan.backend.resident else packs, lists.constants_width, lanes), self.real)
         # what fills the last pack of a class: two grains with no stiffness, whose shares go to a row that nobody reads
         owner.zero_()
         partner.fill_(min(1, n - 1))
@@ -386,16 +388,16 @@ class Lists:
         kind.zero_()
         slot_i.fill_(shares)
         slot_j.fill_(shares)
-        memory = self.spare.memory if plan.resident else room(f"memory{self.version & 1}", memory_shape, self.real)
+        memory = self.spare.memory if plan.backend.resident else room(f"memory{self.version & 1}", memory_shape, self.real)
         self.fill_inputs = {
-            "record": state.record, "inverse": state.inverse, "kinds": state.kind, "materials": plan.materials,
+            "record": state.record, "inverse": state.inverse, "kinds": state.kind, "materials": plan.contact.materials,
             "coefficients": sim.coefficients, "id": state.id, "start": start, "count": count, "slot": slot,
             "listed": listed, "touching_start": touching_start, "close_start": close_start, "row_start": row_start,
             "memory": self.memory, "contact": contact, "owner": owner, "partner": partner, "kind": kind,
             "constants": constants, "slot_i": slot_i, "slot_j": slot_j, "next": memory,
         }  # fmt: skip
         split(lists.fill_contacts, n, [*self.fill_inputs.values()], sim.device)
-        if plan.resident:
+        if plan.backend.resident:
             self.memory = room("memory", memory_shape, self.real)
             wp.copy(self.memory, memory)
             self.select_inputs["listed"] = self.fill_inputs["listed"] = self.spare.listed
@@ -404,10 +406,10 @@ class Lists:
         self.owner, self.partner, self.kind, self.constants = owner, partner, kind, constants
         self.row_start, self.row, self.slot_i, self.slot_j = row_start, row, slot_i, slot_j
         position = state.record.numpy()[:, grain.POSITION]
-        self.reference = room("reference", (n, 1 + plan.moving), wp.vec3d)
+        self.reference = room("reference", (n, 1 + plan.walls.moving), wp.vec3d)
         self.reference.assign(np.stack([position, *self.bodies(position, placement)], axis=1))
         self.flights.unplace()
-        if plan.walls:
+        if plan.walls.present:
             self._refresh_walls(placement)
         self.refreshes += 1
         self.version += 1
@@ -417,7 +419,7 @@ class Lists:
 
         A device that makes lists itself has its scratch there, ``spare``: no force is known while lists are made.
         """
-        if not self.sim.plan.resident:
+        if not self.sim.plan.backend.resident:
             return self.rooms.room("row", shape, self.real)
         width, device = wp.types.type_size_in_bytes(self.real), self.sim.device
         carried = -(-max(width * int(np.prod(memory)), 4 * near) // 8) * 8
@@ -432,9 +434,9 @@ class Lists:
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (packs, numbers, lanes): a GPU does not keep it."""
         sim, lists, plan = self.sim, self.sim.kernels.lists, self.sim.plan
-        if not plan.resident:
+        if not plan.backend.resident:
             return self.constants
-        out = self.rooms.zeros((self.owner.shape[0], lists.constants_width, plan.lanes), self.real)
+        out = self.rooms.zeros((self.owner.shape[0], lists.constants_width, plan.backend.lanes), self.real)
         inputs = [sim.state.record, sim.state.inverse, sim.coefficients, self.owner, self.partner, self.kind, out]
         wp.launch(lists.contact_constants, self.owner.size, inputs, device=sim.device)
         return out
@@ -445,7 +447,7 @@ class Lists:
         sim.threads.split(sim.kernels.walls.close_features, sim.state.slots, self.close_inputs(placements)[1:], sim.device)
         near = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
         self.row_count = self.totals[2] = len(near)
-        if sim.plan.resident:  # room for the rows that the device finds
+        if sim.plan.backend.resident:  # room for the rows that the device finds
             near = np.pad(near, (0, sim.state.slots - len(near)))
         rows.grain = self.rooms.keep("wall_grain", near)
 

@@ -80,14 +80,14 @@ class Newcomers:
             entry[row] = entry[row][np.argsort(ids[entry[row]], kind="stable")]
         lists.near = (start, count, slot, contact)
         self._mark(record, new, placement)
-        if sim.plan.walls:
+        if sim.plan.walls.present:
             self._beside_walls(new, placement)
         lists.known = n
         return True
 
     def _neighbours(self, record: np.ndarray, known: int) -> np.ndarray:
         """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named both ways."""
-        sim, beyond = self.sim, self.sim.plan.gap + self.lists.skin
+        sim, beyond = self.sim, self.sim.plan.contact.gap + self.lists.skin
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
         low, high = position[new].min(axis=0), position[new].max(axis=0)
@@ -131,7 +131,7 @@ class Newcomers:
         begin = used + starts(count.numpy()[new])
         for name, axis in WALL_ROWS.items():
             setattr(rows, name, grown(getattr(rows, name), n + 1, axis))
-        if sim.plan.energy:
+        if sim.plan.measures.energy:
             rows.entry, rows.power = grown(rows.entry, n), grown(rows.power, n)
         for name, axis in WALL_SLOTS.items():
             setattr(rows, name, grown(getattr(rows, name), int(begin[-1]), axis))

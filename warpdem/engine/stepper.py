@@ -17,7 +17,7 @@ from warpdem.kernels.step.loop import SPAN
 from warpdem.kernels.step.motion import Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
-from warpdem.model.plan import field_numbers
+from warpdem.model.features import field_numbers
 
 SCHEDULE_STEPS = (256, 4096)  # whose schedule is made at once on a CPU, where batches end with it
 GRAPH_STEPS = 2048  # the same for the graph
@@ -34,9 +34,9 @@ class Stepper:
 
     def __init__(self, sim) -> None:
         self.sim = sim
-        self.stages = len(sim.plan.scheme.STAGES)
+        self.stages = len(sim.plan.backend.scheme.STAGES)
         device = sim.device
-        slots = 1 if sim.plan.resident else sim.threads.count
+        slots = 1 if sim.plan.backend.resident else sim.threads.count
         control = self.control = sim.kernels.loop.Control()
         control.share = wp.zeros((slots, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(slots * SPAN, dtype=wp.int32, device=device)
@@ -54,7 +54,7 @@ class Stepper:
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
         self._arguments = None
         self._arguments_of = -1  # version of the lists that they belong to
-        self.resident = Resident(sim, control) if sim.plan.resident else None
+        self.resident = Resident(sim, control) if sim.plan.backend.resident else None
         self.pace = Pace()
 
     @property
@@ -131,25 +131,25 @@ class Stepper:
 
         grains, packs = loop.Grains(), loop.Packs()
         grains.record, grains.inverse, grains.kind = sim.state.record, sim.state.inverse, sim.state.kind
-        if sim.plan.orientation:
+        if sim.plan.measures.orientation:
             grains.orientation = sim.state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
         grains.flight = lists.flights.path
-        grains.store = wp.zeros((sim.state.slots, sim.plan.scheme.STORE), dtype=wp.vec3d, device=sim.device)
+        grains.store = wp.zeros((sim.state.slots, sim.plan.backend.scheme.STORE), dtype=wp.vec3d, device=sim.device)
         grains.row = packed(lists.row, sim.kernels.pairs.Share)
         grains.entry = packed(lists.entry, sim.kernels.pairs.Entry)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
-            if name in sim.plan.sums:
+            if name in sim.plan.measures.sums:
                 setattr(grains, name, packed(getattr(sim.state, name), dtype))
-        for name in sim.plan.sums.keys() & {"wall_work", "flow"}:
+        for name in sim.plan.measures.sums.keys() & {"wall_work", "flow"}:
             setattr(grains, name, getattr(sim.state, name))
         packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
         packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
         packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
         packs.trial = packed(lists.trial, lane) if self.stages > 1 else packs.memory
-        if sim.plan.table:
+        if sim.plan.contact.table:
             packs.kind = packed(lists.kind, lane_int)
-        rows = lists.rows if sim.plan.walls else sim.kernels.Rows()
+        rows = lists.rows if sim.plan.walls.present else sim.kernels.Rows()
         self._arguments, self._arguments_of = (grains, packs, rows), lists.version
         return self._arguments
 
@@ -157,10 +157,10 @@ class Stepper:
         """What the plan's budgets have added up per grain up to the present instant, in memory order."""
         sim, n = self.sim, self.sim.state.slots
         plan = sim.plan
-        out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.sums.items()}
+        out = {name: wp.zeros((n, width), dtype=wp.float64, device=sim.device) for name, width in plan.measures.sums.items()}
         if "flow" in out:
             out["flow"] = sim.state.flow
-        if n and (plan.energy or plan.momentum):
+        if n and (plan.measures.energy or plan.measures.momentum):
             base, _ = self.row()
             grains, _, rows = self.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=sim.device)
@@ -196,7 +196,7 @@ class Stepper:
         control.share.assign(share)
         control.meeting.zero_()
         control.moved.zero_()
-        shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.materials, sim.dt, sim.lists.reach]
+        shared = [grains, packs, rows, surface, control, sim.coefficients, sim.plan.contact.materials, sim.dt, sim.lists.reach]
 
         def job(thread: int):
             inputs = [thread, n, base, count, int(forces_first), int(hold), parity, *shared]

@@ -75,9 +75,9 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     """
     _, _, velocity, spin = sim.readings()
     pose = sim.schedule.pose(sim.time)
-    if sim.plan.scheme.RELATIVE:
+    if sim.plan.backend.scheme.RELATIVE:
         velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
-    if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
+    if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
     readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
     return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}

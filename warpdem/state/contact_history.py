@@ -26,14 +26,14 @@ def _listed(lists) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _pair_contacts(lists) -> dict[str, np.ndarray]:
     """Memory and shares of the listed grain-grain contacts."""
     pair, i, j = _listed(lists)
-    width, shares = max(lists.sim.plan.memory, 1), share_width(lists.sim.plan.spins)
+    width, shares = max(lists.sim.plan.contact.memory, 1), share_width(lists.sim.plan.contact.spins)
     memory, row = np.zeros((0, width)), np.zeros((0, shares))
     if len(pair):
         memory = lists.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[lists.real_lanes()]
-        memory = memory if lists.sim.plan.memory else np.zeros((len(pair), 1))
+        memory = memory if lists.sim.plan.contact.memory else np.zeros((len(pair), 1))
         row = lists.row.numpy()
     out = {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
-    if lists.sim.plan.energy:
+    if lists.sim.plan.measures.energy:
         entry = lists.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
         out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
     return out
@@ -50,7 +50,7 @@ def wall_contacts(lists) -> dict[str, np.ndarray]:
     out["place_grain"] = sim.state.id.numpy()[holder]
     load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
     out["wall_load"] = load[sim.state.rank]
-    if sim.plan.energy:
+    if sim.plan.measures.energy:
         out |= {f"wall_{name}": getattr(rows, name).numpy()[sim.state.rank] for name in ("entry", "power")}
     return out
 
@@ -63,16 +63,16 @@ def remember(lists, data: dict) -> None:
             ``place_*`` of a checkpoint.
     """
     plan, n = lists.sim.plan, len(lists.sim.state)
-    pair, memory = data["pair"], data["pair_memory"][:, : max(plan.memory, 1)]
+    pair, memory = data["pair"], data["pair_memory"][:, : max(plan.contact.memory, 1)]
     owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
     order = np.lexsort((partner, owner))
     count = np.bincount(owner, minlength=n)
     rows = (starts(count), count, partner[order], order)
     lists.near = tuple(lists.rooms.upload(a.astype(np.int32), wp.int32) for a in rows)
-    padded = np.concatenate([memory, np.zeros((-len(memory) % plan.lanes, memory.shape[1]))])
-    packs = padded.reshape(-1, plan.lanes, memory.shape[1]).transpose(0, 2, 1)
+    padded = np.concatenate([memory, np.zeros((-len(memory) % plan.backend.lanes, memory.shape[1]))])
+    packs = padded.reshape(-1, plan.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
     lists.memory = lists.rooms.upload(packs, lists.real)
-    if plan.walls and "place_grain" in data:
+    if plan.walls.present and "place_grain" in data:
         _put_places(lists, data, n)
     lists.known = n
 
@@ -111,7 +111,7 @@ def _put_forces(lists, data: dict) -> None:
     if known:
         here, there = np.array(known).T
         row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
-        if lists.sim.plan.energy and "pair_entry_i" in data:
+        if lists.sim.plan.measures.energy and "pair_entry_i" in data:
             entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
     lists.row.assign(row)
     lists.entry.assign(entry)
@@ -120,7 +120,7 @@ def _put_forces(lists, data: dict) -> None:
     load = np.zeros((len(state), 6))
     load[state.rank] = data["wall_load"]
     lists.rows.load.assign(load)
-    for name in ("entry", "power") if lists.sim.plan.energy and "wall_entry" in data else ():
+    for name in ("entry", "power") if lists.sim.plan.measures.energy and "wall_entry" in data else ():
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
         getattr(lists.rows, name).assign(values)

@@ -18,7 +18,7 @@ from warpdem.filling.grain_source import Grains0, in_body_axes
 from warpdem.kernels import grain
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
-from warpdem.scene.motion import Standing
+from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
@@ -204,10 +204,10 @@ def _continued(motions: tuple | None, resolved: list[dict] | None, given: list[d
     here, there = tuple(motions or ()), tuple(given or ())
     elapsed = [entry.get("elapsed", 0.0) for entry in resolved]
     timed = (
-        motion if isinstance(motion, Standing) else motion.model_copy(update={"elapsed": before + time})
+        motion if isinstance(motion, FixedPlacement) else motion.model_copy(update={"elapsed": before + time})
         for motion, before in zip(here, elapsed, strict=False)
     )
-    return (*timed, *(Standing(**entry) for entry in resolved[len(there) :]))
+    return (*timed, *(FixedPlacement(**entry) for entry in resolved[len(there) :]))
 
 
 def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
@@ -215,7 +215,7 @@ def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
     if np.array_equal(place, np.eye(4)):
         return motions
     quaternion = quaternion_of(place[:3, :3]).astype(float)
-    return (*(motions or ()), Standing(quaternion=quaternion.tolist(), shift=place[:3, 3].tolist()))
+    return (*(motions or ()), FixedPlacement(quaternion=quaternion.tolist(), shift=place[:3, 3].tolist()))
 
 
 def _matrix(rows: list[list[float]]) -> np.ndarray:
