@@ -357,7 +357,7 @@ def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch
     run(scene(output=OFTEN), tmp_path, until=2e-3)
     again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.scene_hash
+    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
 
 
 OTHER_RESULTS = {

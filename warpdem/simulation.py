@@ -17,7 +17,8 @@ from warpdem.core.timers import Timers
 from warpdem.engine.engine import Engine
 from warpdem.errors import SceneError, WarpdemError
 from warpdem.filling.grain_source import Grains0
-from warpdem.filling.streams import Feeder, FeedWalls
+from warpdem.filling.inlet import Inlet
+from warpdem.filling.inlet_walls import InletWalls
 from warpdem.guards.watch import Guards
 from warpdem.kernels import grain
 from warpdem.measure import measures, observation, observers, wall_loads
@@ -95,8 +96,8 @@ class Simulation:
         self._cut_short = False  # an interrupt came between the first step of a batch and its count
         self.steps_done = 0
         streams = range(len(model.scene.streams))
-        self.feeders = [Feeder(number, model.scene, model.dt, self._feed_walls(number)) for number in streams]
-        self.notes += [note for feeder in self.feeders for note in feeder.walls.notes]
+        self.inlets = [Inlet(number, model.scene, model.dt, self._inlet_walls(number)) for number in streams]
+        self.notes += [note for inlet in self.inlets for note in inlet.walls.notes]
         self.budget = Budget(self) if self.plan.measures.sums else None
         if self.budget is not None:
             self.engine.leavers.before_leaving = self.budget.left
@@ -122,8 +123,8 @@ class Simulation:
             contact_history.remember(self.lists, past.data)
         if self.state.orientation is not None and "orientation" in past.data:
             self.state.orientation.assign(past.data["orientation"])
-        for number, state in past.feeders.items():
-            self.feeders[number].restore({**state, "count": 0, "mass": 0.0})
+        for number, state in past.inlets.items():
+            self.inlets[number].restore({**state, "count": 0, "mass": 0.0})
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
         """Add the time spent inside to ``seconds[stage]``."""
@@ -192,7 +193,7 @@ class Simulation:
         if len(self.state) and not self._clock.forces_evaluated:
             self.lists.update(self._grown)
             self._grown = False
-        events = [event for feeder in self.feeders if (event := feeder.next_event(self.step_number)) is not None]
+        events = [event for inlet in self.inlets if (event := inlet.next_event(self.step_number)) is not None]
         due = min(events, default=self.step_number + count + 1) - self.step_number
         batch = min(count, due)
         if len(self.state) == 0:
@@ -216,29 +217,29 @@ class Simulation:
         """Number and mass [kg] of the grains that each border or outlet took, by its name."""
         return self.engine.leavers.left
 
-    def _feed_walls(self, number: int) -> FeedWalls:
+    def _inlet_walls(self, number: int) -> InletWalls:
         """The walls beside the box of a stream."""
 
         def places(time: float) -> list:
             return [(body[:9].reshape(3, 3), body[9:12]) for body in self.schedule.bodies(time)]
 
         moves = self.schedule.wall_motion < self.schedule.moving
-        return FeedWalls(number, self.scene, self.meshes, places, moves)
+        return InletWalls(number, self.scene, self.meshes, places, moves)
 
     def _let_in(self) -> None:
         """Add what the streams bring at the present step, before its forces are called."""
-        for feeder in self.feeders:
-            if not feeder.is_event(self.step_number):
+        for inlet in self.inlets:
+            if not inlet.is_event(self.step_number):
                 continue
             record = self.state.record.numpy()[self.state.here]
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
-            position, radius = feeder.bring(self.step_number, *there, self.domain.nearest)
+            position, radius = inlet.bring(self.step_number, *there, self.domain.nearest)
             n = len(radius)
             if n == 0:
                 continue
-            velocity = np.tile(np.array(feeder.stream.velocity, dtype=float), (n, 1))
+            velocity = np.tile(np.array(inlet.stream.velocity, dtype=float), (n, 1))
             ids = np.arange(self._next_id, self._next_id + n)
-            kinds = (np.full(n, number, np.int32) for number in (feeder.type, feeder.group))
+            kinds = (np.full(n, number, np.int32) for number in (inlet.type, inlet.group))
             came = Grains0(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
             if not self.plan.backend.scheme.RELATIVE:
                 came = absolute(self.schedule, came, self.time)

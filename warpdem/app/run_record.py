@@ -42,7 +42,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
                      "step_over_stability_limit": sim.guards.stability.seen.largest},
         "noticed": sim.noticed,
         "left": {name: {"grains": count, "mass": mass} for name, (count, mass) in sim.left.items()},
-        "came": [{"grains": f.count, "mass": f.mass, "due": f.due(sim.step_number)[0]} for f in sim.feeders],
+        "came": [{"grains": f.count, "mass": f.mass, "due": f.due(sim.step_number)[0]} for f in sim.inlets],
         "turning": asdict(turning) if turning is not None else None,
         "packings": [asdict(packing) for packing in sim.expected.packings],
         "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},

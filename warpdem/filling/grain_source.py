@@ -7,12 +7,12 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
+from warpdem.filling.fill_space import FillSpace, choose_fill_space
+from warpdem.filling.grain_file import read_grain_file
 from warpdem.filling.packing import pack
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.packing_run import Packing
 from warpdem.filling.placed_walls import PlacedWall, place_walls, wall_poses_at_start
-from warpdem.filling.spaces import Space, space_of
-from warpdem.filling.state_file import read_state
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 from warpdem.scene.size_distribution import size_law
@@ -139,7 +139,7 @@ def _placed(scene, meshes: dict[str, TriangleMesh]) -> tuple[list[dict[str, np.n
     return [groups[k] for k in range(len(scene.grains))], told
 
 
-def _space(scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], group, key: str) -> Space:
+def _space(scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], group, key: str) -> FillSpace:
     """Where a filling goes."""
     asked = group.fill
     if asked.wall is not None:
@@ -147,10 +147,10 @@ def _space(scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], grou
         if not np.array_equal(in_body_axes(scene, number, corner := meshes[asked.wall].bounds), corner):
             raise SceneError(f"{key}.wall: {asked.wall!r} has been moving before time 0; only a wall in place can be filled")
     axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
-    return space_of(scene, meshes, walls, asked, -(np.asarray(scene.gravity, float) @ axes), key)
+    return choose_fill_space(scene, meshes, walls, asked, -(np.asarray(scene.gravity, float) @ axes), key)
 
 
-def _filling(scene, space: Space, group, key: str) -> Filling:
+def _filling(scene, space: FillSpace, group, key: str) -> Filling:
     """Sizes that a filling asks for, in its space."""
     asked = group.fill
     volume = None if asked.mass is None else asked.mass / scene.materials[group.material].density
@@ -168,7 +168,7 @@ def _given(scene, group, key: str) -> dict[str, np.ndarray | None]:
             "spin": np.array(group.explicit_spins, float),
             "id": None if group.ids is None else np.array(group.ids, np.int64),
         }
-    return read_state(scene.resolve(group.file), f"{key}.file")
+    return read_grain_file(scene.resolve(group.file), f"{key}.file")
 
 
 def _relative_to_frame(grains: dict[str, np.ndarray], frame: Chain) -> dict[str, np.ndarray]:

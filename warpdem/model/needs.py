@@ -10,7 +10,7 @@ import numpy as np
 from warpdem.core import memory
 from warpdem.errors import SceneError
 from warpdem.filling.grain_source import Grains0
-from warpdem.filling.streams import to_come
+from warpdem.filling.stream_grains import expected_count
 from warpdem.model.time_step import Limits
 
 FRAME_BYTES = 220
@@ -59,7 +59,7 @@ def grid_bytes(scene) -> int:
 
 def grains_to_come(scene) -> list[int]:
     """How many grains each stream of a scene brings at most up to ``time.end``, none of them taken out again."""
-    return [to_come(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
+    return [expected_count(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
 
 
 def memory_bytes(scene, bytes_per_grain: int, grains: int) -> int:

@@ -22,7 +22,7 @@ class Past:
     """Names of walls that were there with the same geometry."""
     next_id: int
     """Least id that no grain had so far."""
-    feeders: dict[int, dict]
+    inlets: dict[int, dict]
     """State of the random numbers of streams that go on."""
     notes: tuple[str, ...]
     """What was left behind."""

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains
-from warpdem.filling.streams import representatives
+from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import domain, needs, time_step
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
@@ -43,7 +43,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
     start = replace(start, position=borders.wrapped(start.position))
-    expected = joined(start, representatives(scene))
+    expected = joined(start, extreme_grains(scene))
     needs.check_masses(scene, expected)
     size_warnings(scene, meshes, 2.0 * expected.radius)
     scheme = model("integrator", scene.engine.integrator)

@@ -61,7 +61,7 @@ def _about(sim) -> dict:
         "step": sim.step_number,
         "dt": sim.dt,
         "left": sim.left,
-        "feeders": [feeder.state() for feeder in sim.feeders],
+        "feeders": [inlet.state() for inlet in sim.inlets],
         "next_id": sim._next_id,
         "budget": sim.budget.state() if sim.budget is not None else None,
         "guards": sim.guards.state(),
@@ -230,8 +230,8 @@ def restore(sim, data: dict) -> None:
     sim.engine.restore(data["extreme"])
     sim.engine.leavers.left = data["left"]
     sim._next_id, sim._grown = data["next_id"], False
-    for feeder, state in zip(sim.feeders, data["feeders"], strict=True):
-        feeder.restore(state)
+    for inlet, state in zip(sim.inlets, data["feeders"], strict=True):
+        inlet.restore(state)
     if sim.budget is not None:
         sim.budget.restore(data["budget"])
     contact_history.restore(sim.lists, data)

@@ -65,9 +65,9 @@ def read(scene: Scene) -> Past:
         memory["orientation"] = data["orientation"]
     going = "streams" in scene.start.continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
-    feeders = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
+    inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
-    return Past(scene, grains, memory, known, data["next_id"], feeders, (*said, *notes))
+    return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
 
 
 def _end(data: dict) -> float:

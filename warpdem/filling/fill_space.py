@@ -17,7 +17,7 @@ SIDES = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class FillSpace:
     """Where a filling goes."""
 
     region: FillRegion
@@ -30,7 +30,9 @@ class Space:
     """What is to be known of the choice, for people."""
 
 
-def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked, up: np.ndarray, key: str) -> Space:
+def choose_fill_space(
+    scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked, up: np.ndarray, key: str
+) -> FillSpace:
     """The space that a filling asks for.
 
     A closed mesh is filled inside; but of a body with a cavity, as a tank drawn with the thickness of its wall, the cavity is
@@ -52,9 +54,9 @@ def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall]
         space = closed_region(None, (asked.box.min, asked.box.max), key, asked.height, up)
         near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
         points = sample_points(space, SIDES)
-        sided, vessels = assign_sides(near, points, is_body=bodies(scene, up))
+        sided, vessels = assign_sides(near, points, is_body=body_test(scene, up))
         notes = straddle_notes(sided, points, f"{key.split(': ')[-1]}.box")
-        return Space(with_free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
+        return FillSpace(with_free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
     mesh = meshes[asked.wall]
     box = None if asked.region is None else (asked.region.min, asked.region.max)
     others, vessels = assign_sides([w for w in walls if w.name != asked.wall], mesh.vertices, mesh)
@@ -64,11 +66,11 @@ def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall]
         space = closed_region(inner, box, key, asked.height, up)
         around = others if inner is mesh else [*own, *others]
         held = (asked.wall,) if inner is mesh else ()
-        return Space(with_free_volume(space, around, key), around, (*held, *vessels), note)
+        return FillSpace(with_free_volume(space, around, key), around, (*held, *vessels), note)
     radius = 0.5 * size_law(asked.diameter).extremes[0]
     point = None if asked.point is None else np.asarray(asked.point, float)
     space = open_region(mesh, [*own, *others], box, radius, key, asked.height, up, point)
-    return Space(space, [*own, *others], tuple(vessels), note)
+    return FillSpace(space, [*own, *others], tuple(vessels), note)
 
 
 def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[TriangleMesh | None, tuple[str, ...]]:
@@ -98,7 +100,7 @@ def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[
     return mesh, ()
 
 
-def bodies(scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
+def body_test(scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
     """What tells whether a closed mesh wall is a body that holds more than it has inside: a tank or cup of solid walls.
 
     Args:
