@@ -8,6 +8,7 @@ from warpdem.kernels.wall import distance
 
 import cubin
 from switches import switched
+from warpdem.model.compiled import compile_kernels
 from warpdem.model.features import (
     WARP_LANES,
     BackendFeatures,
