@@ -6,11 +6,12 @@ import trimesh
 
 from warpdem import Scene, SceneError
 from warpdem.filling.fill_request import HEIGHT_FRACTION
-from warpdem.filling.grain_source import check_start, load_grains
+from warpdem.filling.initial_grains import load_grains
 from warpdem.filling.open_space import find_open_space
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.packing_run import OVERLAP
 from warpdem.filling.placed_walls import PlacedWall, assign_sides, place_walls, wall_poses_at_start
+from warpdem.filling.start_check import check_start
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.model.walls import load_meshes
 

@@ -16,7 +16,7 @@ from warpdem.core.threads import Threads, available_threads, threads_for
 from warpdem.core.timers import Timers
 from warpdem.engine.engine import Engine
 from warpdem.errors import SceneError, WarpdemError
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.inlet import Inlet
 from warpdem.filling.inlet_walls import InletWalls
 from warpdem.guards.watch import Guards
@@ -240,7 +240,7 @@ class Simulation:
             velocity = np.tile(np.array(inlet.stream.velocity, dtype=float), (n, 1))
             ids = np.arange(self._next_id, self._next_id + n)
             kinds = (np.full(n, number, np.int32) for number in (inlet.type, inlet.group))
-            came = Grains0(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
+            came = InitialGrains(ids, *kinds, radius, position, velocity, np.zeros((n, 3)))
             if not self.plan.backend.scheme.RELATIVE:
                 came = absolute(self.schedule, came, self.time)
                 if self.step_number > 0:  # the record holds the velocity of mid-step, and the next kick is a whole one

@@ -188,3 +188,12 @@ def _lies_in(inner: PlacedWall, outer: PlacedWall) -> bool:
 def smallest_gap(walls: Sequence[PlacedWall], position: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
     """Smallest gap between grains, (n, 3) [m] and (n,) [m], and any of the walls [m], shape (n,)."""
     return np.min([np.full(len(position), np.inf), *(wall.gap(position, radius) for wall in walls)], axis=0)
+
+
+def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
+    wall, begin = scene.walls[number], np.zeros(1)
+    frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
+    if wall.fixed_to == "laboratory":
+        position = position @ frame.axes[0].T.astype(float) + frame.origin[0].astype(float)
+    return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)

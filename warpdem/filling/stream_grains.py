@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.scene.size_distribution import size_law
 
 
-def extreme_grains(scene) -> Grains0:
+def extreme_grains(scene) -> InitialGrains:
     """The smallest and the largest grain that each stream may bring, for what is decided before the run."""
     names = list(scene.materials)
     rows = [(names.index(s.material), d, s) for s in scene.streams for d in size_law(s.diameter).extremes]
     n = len(rows)
-    return Grains0(
+    return InitialGrains(
         id=np.full(n, -1, dtype=np.int64),
         type=np.array([kind for kind, _, _ in rows], dtype=np.int32),
         group=np.zeros(n, dtype=np.int32),

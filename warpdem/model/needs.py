@@ -9,7 +9,7 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.stream_grains import expected_count
 from warpdem.model.time_step import Limits
 
@@ -92,7 +92,7 @@ def check_memory(scene, bytes_per_grain: int, grains: int, free: int) -> None:
         )
 
 
-def check_places(scene, grains: Grains0) -> None:
+def check_places(scene, grains: InitialGrains) -> None:
     """Refuse grains so small, or so far away, that a float64 cannot tell how deep they touch.
 
     Raises:
@@ -112,7 +112,7 @@ def check_places(scene, grains: Grains0) -> None:
         )
 
 
-def check_masses(scene, grains: Grains0) -> None:
+def check_masses(scene, grains: InitialGrains) -> None:
     """Refuse grains whose mass or moment of inertia cannot be computed with or written.
 
     Raises:
@@ -157,7 +157,7 @@ def check_step(scene, found: Limits, step: float) -> None:
         )
 
 
-def entry_of(scene, grains: Grains0, i: int) -> str:
+def entry_of(scene, grains: InitialGrains, i: int) -> str:
     """The entry of the scene that brings grain ``i``, with its id if it has one."""
     if grains.id[i] < 0:
         return "streams"

@@ -9,9 +9,10 @@ from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import HEIGHT_FRACTION
 from warpdem.filling.grain_file import read_grain_file
-from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains
+from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.packing_run import OVERLAP
+from warpdem.filling.start_check import check_start
 from warpdem.mesh.triangle_mesh import build_mesh
 from warpdem.scene.rotation import Rotation
 from warpdem.scene.size_distribution import DiameterDistribution
@@ -67,7 +68,7 @@ def container(low, high):
 
 def test_explicit_arrays_become_float64_grains():
     _, grains = start([[0, 0, 0], [2, 0, 0]], [0.5, 1.0], explicit_spins=[[0, 0, 1], [0, 0, 2]])
-    assert isinstance(grains, Grains0)
+    assert isinstance(grains, InitialGrains)
     assert len(grains) == 2
     assert (grains.id.dtype, grains.type.dtype) == (np.int64, np.int32)
     assert all(getattr(grains, name).dtype == np.float64 for name in ("radius", "position", "velocity", "spin"))
@@ -166,7 +167,7 @@ def test_groups_that_share_a_space_do_not_overlap():
     np.testing.assert_array_equal(grains.radius[first + 2 :], 0.3)
     assert (grains.packings[0].grains, len(grains.packings)) == (len(grains) - 2, 1)
     assert grains.packings[0].keys == ("scene.toml: grains[0].fill", "scene.toml: grains[2].fill")
-    assert len(joined(grains, grains).packings) == 2
+    assert len(concatenated(grains, grains).packings) == 2
     check_start(grains, {}, scene)
 
 
