@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from warpdem.scene import models
-from warpdem.scene.base import Problem, alike
+from warpdem.scene.base import Problem, file_system_name
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
@@ -33,9 +33,9 @@ def material_problems(uses: Iterable[tuple[tuple[str | int, ...], str]], materia
         materials: Names of the scene's materials.
     """
     known = list(materials)
-    for place, name in uses:
+    for key_path, name in uses:
         if name not in known:
-            yield place, name, f"no such material; the scene has {quoted(known)}"
+            yield key_path, name, f"no such material; the scene has {quoted(known)}"
 
 
 def source_problems(grains: Sequence[Grains], streams: Sequence[Stream], start: Start | None) -> Iterator[Problem]:
@@ -53,8 +53,8 @@ def name_problems(lists: Mapping[str, Sequence[Named]]) -> Iterator[Problem]:
         for i, name in enumerate(names):
             if name in names[:i]:
                 yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
-            elif key in ("walls", "phases") and alike(name) in map(alike, names[:i]):
-                other = list(map(alike, names)).index(alike(name))
+            elif key in ("walls", "phases") and file_system_name(name) in map(file_system_name, names[:i]):
+                other = list(map(file_system_name, names)).index(file_system_name(name))
                 reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case, for files have them'
                 yield (key, i, "name"), name, reason
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from warpdem.scene.base import Name, SceneModel, none_twice
+from warpdem.scene.base import Name, SceneModel, require_unique
 from warpdem.scene.model_names import model_name
 
 
@@ -37,4 +37,4 @@ class Observer(SceneModel):
         ["mean"], description='Columns over all grains: "sum", "mean", "min", "max"; default mean.'
     )
 
-    _no_column_twice = field_validator("reduce")(none_twice)
+    _no_column_twice = field_validator("reduce")(require_unique)

@@ -8,9 +8,10 @@ from pydantic import ValidationError
 
 from warpdem.core.access import Access, access_of_file
 from warpdem.core.file_names import expanded
+from warpdem.core.key_path import KeyPath
 from warpdem.errors import SceneError
 from warpdem.scene.file_checks import all_refused, missing_files, similar_files
-from warpdem.scene.messages import PYTHON_ONLY, Place, line, report, scene_error, shorten, unknown_key
+from warpdem.scene.messages import PYTHON_ONLY, line, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.overrides import apply_override
 from warpdem.scene.phases import NOT_IN_A_PHASE
@@ -62,7 +63,7 @@ def scene_from_dict(
     base: str | Path = ".",
     source: str = "<scene>",
     access: Access | None = None,
-    origins: Mapping[Place, str] = {},
+    origins: Mapping[KeyPath, str] = {},
 ) -> Scene:
     """Return the scene of nested tables as TOML gives them.
 

@@ -8,10 +8,11 @@ from typing import Any
 
 from warpdem.core import memory
 from warpdem.core.access import Access
-from warpdem.scene.messages import Place, line
+from warpdem.core.key_path import KeyPath
+from warpdem.scene.messages import line
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, located
-from warpdem.scene.phases import place_in_phase
+from warpdem.scene.phases import key_path_in_phase
 from warpdem.scene.read_toml import kind_of
 
 
@@ -30,28 +31,28 @@ def similar_files(file: Path) -> str:
 
 def missing_files(scene: Scene) -> Iterator[str]:
     """Problems with the files that the scene and its phases name."""
-    for place, name in _named_files(scene):
+    for key_path, name in _named_files(scene):
         if refusal := scene.access.refusal(name, scene.base):
-            yield line(place, name, refusal)
+            yield line(key_path, name, refusal)
             continue
         file = scene.resolve(name)
         if not file.exists():
-            yield line(place, name, f"no such file: {file}{similar_files(file)}")
+            yield line(key_path, name, f"no such file: {file}{similar_files(file)}")
         elif kind := kind_of(file):
-            yield line(place, name, f"{file} is {kind}, not a file")
+            yield line(key_path, name, f"{file} is {kind}, not a file")
         elif reason := memory.refusal(size := file.stat().st_size, f"a file of {size} bytes", "take a smaller one"):
-            yield line(place, name, reason)
+            yield line(key_path, name, reason)
 
 
-def _named_files(scene: Scene) -> Iterator[tuple[Place, str]]:
-    """Place and name of each file; of a phase those that are new in it."""
+def _named_files(scene: Scene) -> Iterator[tuple[KeyPath, str]]:
+    """Key path and name of each file; of a phase only the files that are new in it."""
     yield from scene.files()
     known = {name for _, name in scene.files()}
     for k, phase in enumerate(scene.phases):
         one = scene.phase(k)
-        for place, name in one.files():
-            if place[0] not in ("grains", "start") and name not in known:
-                yield ("phases", k, *place_in_phase(place, one.model_dump(mode="json"), phase)), name
+        for key_path, name in one.files():
+            if key_path[0] not in ("grains", "start") and name not in known:
+                yield ("phases", k, *key_path_in_phase(key_path, one.model_dump(mode="json"), phase)), name
                 known.add(name)
 
 

@@ -4,6 +4,7 @@ Positions, velocities and spins are in frame axes (the axes of ``Scene.frame``),
 frame. Frame axes and laboratory axes coincide at time 0. A scene without a frame is inertial.
 """
 
+import functools
 import itertools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,7 +17,7 @@ from pydantic.json_schema import SkipJsonSchema
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, wrong
+from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.checks import (
     grain_problems,
@@ -32,8 +33,8 @@ from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import model_name, plugin_refusal, user_model
-from warpdem.scene.motion import Motions, Sampled, Standing
-from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, place_in_phase
+from warpdem.scene.motion import FixedPlacement, Motions, Sampled
+from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
@@ -74,7 +75,7 @@ class Contact(SceneModel):
     def _torsion_has_a_law(self) -> "Contact":
         if self.torsion and self.rolling == "none":
             reason = 'needs a rolling law: set contact.rolling = "constant" or "spring"'
-            raise wrong([(("torsion",), True, reason)])
+            raise validation_error([(("torsion",), True, reason)])
         return self
 
 
@@ -156,23 +157,23 @@ class Scene(SceneModel):
         return self.base / Path(path).expanduser()
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
-        """Place and name of each file of data that the scene names; code is not among them."""
+        """Key path and name of each data file that the scene names; files of code are not among them."""
         yield from ((("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(self.walls) if wall.mesh is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
         if self.start is not None:
             yield ("start", "checkpoint"), self.start.checkpoint
         moving = [(("frame",), self.frame), *((("walls", i, "motion"), wall.motion) for i, wall in enumerate(self.walls))]
-        for place, motions in moving:
+        for key_path, motions in moving:
             for k, motion in enumerate(motions or ()):
                 if isinstance(motion, Sampled):
-                    yield (*place, *[k] * (len(motions) > 1), "usd"), motion.usd
+                    yield (*key_path, *[k] * (len(motions) > 1), "usd"), motion.usd
 
     def later(self, time: float) -> "Scene":
         """The scene as it goes on from ``time`` [s] on: its motions have been going on, its streams are as much nearer."""
 
         def ahead(motions: tuple | None) -> tuple | None:
             return motions and tuple(
-                m if isinstance(m, Standing) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
+                m if isinstance(m, FixedPlacement) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
             )
 
         walls = [wall.model_copy(update={"motion": ahead(wall.motion)}) for wall in self.walls]
@@ -238,10 +239,10 @@ class Scene(SceneModel):
                 problems.append(((i, "model"), part.model, str(error)))
                 continue
             values, found = models.field_values(module, part.parameters)
-            problems += [((i, "parameters", *place), value, text) for place, value, text in found]
+            problems += [((i, "parameters", *key_path), value, text) for key_path, value, text in found]
             checked.append(part.model_copy(update={"parameters": values}))
         if problems:
-            raise wrong(problems)
+            raise validation_error(problems)
         return checked
 
     @field_validator("contact")
@@ -252,7 +253,7 @@ class Scene(SceneModel):
             ((role,), name, refusal) for role, name in laws.items() if (refusal := plugin_refusal(name, info.data))
         ]
         if refused:
-            raise wrong(refused)
+            raise validation_error(refused)
         return contact
 
     @model_validator(mode="after")
@@ -270,7 +271,7 @@ class Scene(SceneModel):
             *measure_problems(self.measures, self.engine.integrator),
         ]
         if problems:
-            raise wrong(problems)
+            raise validation_error(problems)
         return self
 
     def _material_uses(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -289,17 +290,18 @@ class Scene(SceneModel):
             if unknown:
                 reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
                 reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
-                raise wrong([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
+                raise validation_error([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
             there = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
             for name in phase.without:
                 if name not in there:
                     reason = f"no such wall or outlet; there are {quoted(there)}"
-                    raise wrong([(("phases", k, "without"), name, reason)])
+                    raise validation_error([(("phases", k, "without"), name, reason)])
             data = changed(data, phase)
             try:
                 self._phase(k, data)
             except ValidationError as error:
-                raise relocated(error, lambda place: ("phases", k, *place_in_phase(place, data, phase))) from None  # noqa: B023
+                in_phase = functools.partial(key_path_in_phase, data=data, phase=phase)
+                raise relocated(error, lambda key_path: ("phases", k, *in_phase(key_path))) from None  # noqa: B023
         return self
 
     def _tables(self) -> dict[str, Any]:

@@ -5,8 +5,9 @@ import re
 import typing
 from typing import Any
 
+from warpdem.core.key_path import key_text
 from warpdem.errors import SceneError
-from warpdem.scene.messages import place_text, shorten
+from warpdem.scene.messages import shorten
 from warpdem.scene.read_toml import MOST_LEVELS, NotToml, parsed
 
 
@@ -25,13 +26,13 @@ def apply_override(data: dict[str, Any], override: str, source: str) -> None:
         raise wrong(f"nested too deeply: at most {MOST_LEVELS} tables and lists may lie within each other")
     here: Any = data
     for depth, part in enumerate(parts):
-        place = place_text(tuple(parts[:depth])) or "the scene"
+        key_path = key_text(tuple(parts[:depth])) or "the scene"
         if isinstance(here, list):
             if not part.isdecimal() or len(part) > 18 or int(part) >= len(here):
-                raise wrong(f"{place} is a list of {len(here)}; an index from 0 to {len(here) - 1} must follow")
+                raise wrong(f"{key_path} is a list of {len(here)}; an index from 0 to {len(here) - 1} must follow")
             part = int(part)
         elif not isinstance(here, dict):
-            raise wrong(f"{place} = {shorten(here)} has no keys")
+            raise wrong(f"{key_path} = {shorten(here)} has no keys")
         if depth == len(parts) - 1:
             here[part] = _parse_value(text.strip(), wrong)
         else:

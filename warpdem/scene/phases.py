@@ -43,15 +43,15 @@ def changed(data: Mapping[str, Any], phase: Phase) -> dict[str, Any]:
     return out
 
 
-def place_in_phase(place: Sequence[str | int], data: Mapping[str, Any], phase: Phase) -> tuple[str | int, ...]:
-    """Place in ``phase`` of what stands at ``place`` in the tables that it leaves; entries it does not name keep theirs."""
-    key, number = place[0], place[1] if len(place) > 1 else None
+def key_path_in_phase(key_path: Sequence[str | int], data: Mapping[str, Any], phase: Phase) -> tuple[str | int, ...]:
+    """Key path within ``phase`` of a key path in the changed tables; entries that the phase does not name keep theirs."""
+    key, number = key_path[0], key_path[1] if len(key_path) > 1 else None
     given = phase.changes.get(key)
     if key not in _NAMED or not isinstance(number, int) or not isinstance(given, list):
-        return tuple(place)
+        return tuple(key_path)
     keys = [_known_as(key, entry) for entry in given]
     mine = _known_as(key, data[key][number])
-    return (key, keys.index(mine), *place[2:]) if mine in keys else tuple(place)
+    return (key, keys.index(mine), *key_path[2:]) if mine in keys else tuple(key_path)
 
 
 def _merged(key: str, old: Any, new: Any) -> Any:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, field_validator, model_validator
 
-from warpdem.scene.base import Duration, SceneModel, none_twice, wrong
+from warpdem.scene.base import Duration, SceneModel, require_unique, validation_error
 from warpdem.scene.units import Quantity
 
 
@@ -25,7 +25,7 @@ class Time(SceneModel):
     @model_validator(mode="after")
     def _step_fits(self) -> "Time":
         if self.step != "auto" and self.step > self.end:
-            raise wrong([(("step",), self.step, f"must not be longer than time.end = {self.end:g} s")])
+            raise validation_error([(("step",), self.step, f"must not be longer than time.end = {self.end:g} s")])
         return self
 
 
@@ -66,12 +66,13 @@ class Output(SceneModel):
         60.0, description="Wall time after which a checkpoint is written [s], > 0, default 60."
     )
 
-    _no_format_twice = field_validator("formats")(none_twice)
+    _no_format_twice = field_validator("formats")(require_unique)
 
     @model_validator(mode="after")
     def _contacts_have_a_format(self) -> "Output":
         if self.contacts and not {"vtk", "vtkhdf"} & set(self.formats):
-            raise wrong([(("contacts",), True, 'only the formats "vtk" and "vtkhdf" hold contacts: add one to output.formats')])
+            reason = 'only the formats "vtk" and "vtkhdf" hold contacts: add one to output.formats'
+            raise validation_error([(("contacts",), True, reason)])
         return self
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Length, SceneModel, exactly_one, wrong
+from warpdem.scene.base import Length, SceneModel, exactly_one, validation_error
 from warpdem.scene.units import Quantity, Vector
 
 FINE_RATIO = 0.003
@@ -34,7 +34,7 @@ class Spread(SceneModel):
     @model_validator(mode="after")
     def _rises(self) -> "Spread":
         if self.min > self.max:
-            raise wrong([(("max",), self.max, f"must not be below min = {self.min:g} m")])
+            raise validation_error([(("max",), self.max, f"must not be below min = {self.min:g} m")])
         return self
 
 
@@ -62,16 +62,16 @@ class DiameterDistribution(SceneModel):
     def _makes_sense(self) -> "DiameterDistribution":
         exactly_one(self, "uniform", "normal", "lognormal", "table", "cumulative")
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
-            raise wrong([(("uniform",), self.uniform, "the first diameter must not be above the second")])
+            raise validation_error([(("uniform",), self.uniform, "the first diameter must not be above the second")])
         if self.table is not None:
             if sum(share for _, share in self.table) <= 0.0:
-                raise wrong([(("table",), self.table, "the shares must not all be 0")])
+                raise validation_error([(("table",), self.table, "the shares must not all be 0")])
         if self.cumulative is not None:
             diameter, share = np.array(self.cumulative).T
             if (np.diff(diameter) <= 0.0).any() or (np.diff(share) < 0.0).any():
-                raise wrong([(("cumulative",), self.cumulative, "diameters must rise and shares must not fall")])
+                raise validation_error([(("cumulative",), self.cumulative, "diameters must rise and shares must not fall")])
             if share[0] != 0.0 or share[-1] <= 0.0:
-                raise wrong([(("cumulative",), self.cumulative, "the share must start at 0 and end above 0")])
+                raise validation_error([(("cumulative",), self.cumulative, "the share must start at 0 and end above 0")])
         for key in ("normal", "lognormal"):
             spread = getattr(self, key)
             if spread is None or spread.min == spread.max:
@@ -79,7 +79,7 @@ class DiameterDistribution(SceneModel):
             inside = np.diff(_cumulative(self)[1][[0, -1]])[0]
             if not inside > LEAST_SHARE:
                 reason = f"only {inside:.3g} of the distribution lies between min and max; at least {LEAST_SHARE:g} must"
-                raise wrong([((key,), None, reason)])
+                raise validation_error([((key,), None, reason)])
         return self
 
 

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.core.key_path import KeyPath
 from warpdem.errors import SceneError
 from warpdem.usd import stage as usd_stage
 from warpdem.usd import unsupported
 from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_lengths, similarity
 from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
-Place = tuple[str | int, ...]
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
 """Keys that say where a wall is; a prim without them is its own geometry."""
 MADE_OF = ("walls", "grains", "streams")
@@ -34,7 +34,7 @@ MADE_OF = ("walls", "grains", "streams")
 
 def read(
     file: Path, at: float | None, folders: Sequence[Path] | None
-) -> tuple[dict[str, Any], dict[Place, str], float, list[str]]:
+) -> tuple[dict[str, Any], dict[KeyPath, str], float, list[str]]:
     """Tables of the scene of a stage, as TOML gives them.
 
     A frame of a result is a scene that begins at its own time 0, with what is left of ``time.end``, and without friction
@@ -46,13 +46,13 @@ def read(
         folders: Folders that all files it refers to must lie in; None is no bound.
 
     Returns:
-        The tables; the attribute or prim that each of their places comes from; how long the motions and streams of the
+        The tables; the attribute or prim that each of their key_paths comes from; how long the motions and streams of the
         scene have been going on [s]; and notes on what of the stage is not taken.
 
     Raises:
         SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
     """
-    said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
+    said, arrays = usd_stage.read(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
     if said["unsaid"]:
         raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
     notes = unsupported.notes(file, said["physics"])
@@ -102,8 +102,8 @@ class _Stage:
         # what a file has in single precision is read as a decimal, so 0.01 metres per unit must be one too
         self.unit, self.kilograms = Decimal(repr(said["metres"])), Decimal(repr(said["kilograms"]))
         self.data: dict[str, Any] = {}
-        self.origins: dict[Place, str] = {}
-        self.at: dict[str, tuple[Place, dict]] = {}  # place and table of each prim that has one
+        self.origins: dict[KeyPath, str] = {}
+        self.at: dict[str, tuple[KeyPath, dict]] = {}  # place and table of each prim that has one
         self.names = {p["path"]: p["dem"].get("name", p["path"].rsplit("/", 1)[1]) for p in self.prims}
         scenes = [prim for prim in self.prims if prim["kind"] == "Scene"]
         if len(scenes) != 1:
@@ -128,10 +128,10 @@ class _Stage:
 
     # -- the generic part -----------------------------------------------------------------------
 
-    def fill(self, prim: dict, place: Place, table: dict) -> dict:
+    def fill(self, prim: dict, key_path: KeyPath, table: dict) -> dict:
         """Put the ``dem:`` keys of a prim into a table and remember where it came from; returns the table."""
-        self.at[prim["path"]] = place, table
-        self.origins[place] = prim["path"]
+        self.at[prim["path"]] = key_path, table
+        self.origins[key_path] = prim["path"]
         for key, value in prim["dem"].items():
             if key == "list":
                 continue
@@ -142,7 +142,7 @@ class _Stage:
                 if not isinstance(here, dict):
                     raise SceneError(f"{self.file}: {prim['path']}.dem:{key}: dem:{':'.join(parents)} is a value, not a table")
             here[last] = self.value(value, f"{prim['path']}.dem:{key}")
-            self.origins[(*place, *parents, last)] = f"{prim['path']}.dem:{key}"
+            self.origins[(*key_path, *parents, last)] = f"{prim['path']}.dem:{key}"
         return table
 
     def value(self, value: Any, where: str) -> Any:
@@ -165,14 +165,14 @@ class _Stage:
     def entry(self, prim: dict, listed: str = "") -> dict:
         """Append a table to a list: of the entry that a prim stands in, or of the scene."""
         *parents, key = (listed or prim["dem"]["list"]).split(":")
-        place, here = self.at.get(prim["above"], ((), self.data))
+        key_path, here = self.at.get(prim["above"], ((), self.data))
         for parent in parents:
             here = here.setdefault(parent, {})
         entries = here.setdefault(key, [])
         entries.append({})
-        return self.fill(prim, (*place, *parents, key, len(entries) - 1), entries[-1])
+        return self.fill(prim, (*key_path, *parents, key, len(entries) - 1), entries[-1])
 
-    def twin(self, table: dict, place: Place, key: str, value: Any, origin: str) -> None:
+    def twin(self, table: dict, key_path: KeyPath, key: str, value: Any, origin: str) -> None:
         """Take the value of a standard attribute, unless its ``dem:`` twin is there and agrees.
 
         Raises:
@@ -180,7 +180,7 @@ class _Stage:
         """
         if key not in table:
             table[key] = value
-            self.origins[(*place, key)] = origin
+            self.origins[(*key_path, key)] = origin
             return
         numbers = np.atleast_1d(value).astype(float)
         given = table[key]
@@ -188,7 +188,7 @@ class _Stage:
         same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=slack)
         if not same:
             raise SceneError(
-                f"{self.file}: {origin} says {value}, but {self.origins[(*place, key)]} says {given} for {key}: make them "
+                f"{self.file}: {origin} says {value}, but {self.origins[(*key_path, key)]} says {given} for {key}: make them "
                 "agree, or take one of them out"
             )
 
@@ -222,8 +222,8 @@ class _Stage:
         materials = self.data.setdefault("materials", {})
         if name in materials:
             raise SceneError(f"{self.file}: {prim['path']}: {self.origins[('materials', name)]} is a material {name!r} too")
-        place, table = ("materials", name), materials.setdefault(name, {})
-        self.fill(prim, place, table)
+        key_path, table = ("materials", name), materials.setdefault(name, {})
+        self.fill(prim, key_path, table)
         table.pop("name", None)
         for key, attribute, powers in (
             ("density", "physics:density", (-3, 1)),
@@ -232,7 +232,7 @@ class _Stage:
         ):
             # USD: a density of 0 says nothing
             if standard.get(attribute):
-                self.twin(table, place, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
+                self.twin(table, key_path, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
 
     def own_pairs(self) -> None:
         """Coefficients of each material with itself, as its physics material has them."""
