@@ -5,9 +5,9 @@ import re
 from pathlib import Path
 
 import pytest
-from dev import docs
 
 import warpdem
+from dev import docs
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (".", "kernels", "scenes", "tests", "tools", "tools/dev/results", "tools/stress/results", "warpdem")
