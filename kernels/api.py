@@ -400,12 +400,12 @@ class Pairs(_Listed):
     def _make(self) -> None:
         g, lists, n = self.grains, self.kernels.lists, len(self.grains)
         grid = self._grid()
-        self.launch(lists.insert_grains, n, [grid, g.record])
+        self.launch(lists.insert_grains, n, [0, grid, g.record])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._room, device=g.device)
             slot = self.ints(n * self._room)
-            self.launch(lists.near_rows, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
+            self.launch(lists.find_neighbors, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
             longest = int(count.numpy().max())
             if longest <= self._room:
                 break
