@@ -2,10 +2,12 @@
 
 Needs the extra "docs" (`pip install -e ".[docs]"`). The pages keep their places in the repository, so their links hold on the
 site as they do in a checkout; what they link to besides pages is copied beside them. The reference has one entry per public
-name: those of ``warpdem``, what ``Simulation`` hands out, ``run_scene``, ``warpdem.kernels.api`` and the modules of the models.
+name: those of ``warpdem``, the tables of a scene, what ``Simulation`` hands out, ``run_scene``, ``warpdem.kernels.api`` and
+the modules of the models.
 A broken link or anchor, a name that is not there or a public name without an entry ends with exit code 1.
 
-Zensical, the successor of Material for MkDocs by its authors, builds the pages, mkdocstrings the reference.
+Zensical, the successor of Material for MkDocs by its authors, builds the pages; mkdocstrings with griffe-pydantic builds the
+reference.
 """
 
 import argparse
@@ -18,6 +20,9 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import get_args
+
+from pydantic import BaseModel
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "site"
@@ -53,12 +58,30 @@ def public_names() -> dict[str, list[str]]:
     files = [path for role in ROLES for path in sorted((ROOT / "kernels" / role).glob("[!_]*.py"))]
     return {
         "Scene and Simulation": [*map(full_name, (c for c in classes if c not in errors))],
+        "Tables of a scene": [*map(full_name, scene_tables(found["Scene"]))],
         "What a simulation hands out": [f"warpdem.{name}" for name in READINGS],
         "Functions": [*map(full_name, (*functions, run))],
         "Errors": [*map(full_name, errors)],
         "Kernel API": [*map(full_name, own)],
         "Models": [f"warpdem.kernels.{path.parent.name}.{path.stem}" for path in files],
     }
+
+
+def scene_tables(model: type[BaseModel]) -> list[type[BaseModel]]:
+    """Models that the fields of a model hold, and those of theirs, each once, in the order of the fields."""
+    found: dict[type[BaseModel], None] = {}
+
+    def visit(annotation) -> None:
+        if inspect.isclass(annotation) and issubclass(annotation, BaseModel) and annotation not in found:
+            found[annotation] = None
+            for field in annotation.model_fields.values():
+                visit(field.annotation)
+        for inner in get_args(annotation):
+            visit(inner)
+
+    for field in model.model_fields.values():
+        visit(field.annotation)
+    return list(found)
 
 
 def full_name(thing) -> str:
@@ -125,7 +148,8 @@ def config(nav: list[dict[str, str]]) -> dict:
         "show_root_full_path": False,
         "show_source": False,
         "members_order": "source",
-        "show_if_no_docstring": True,
+        "merge_init_into_class": True,
+        "extensions": ["griffe_pydantic", str(Path(__file__).with_name("docs_fields.py"))],  # keys of a scene, described
     }
     python = {"paths": ["src"], "options": options}
     return {
