@@ -107,7 +107,7 @@ def _built(features: Features) -> Built:
         Rows,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
-        travel.travelled,
+        travel,
         scheme.build(**spins, turning_frame=frame.turns, moving_frame=frame.moves),
         images,
         orientation.build(turning_axes=turning) if measures.orientation else None,
