@@ -24,13 +24,13 @@ class Picture:
         return Path(path)
 
 
-def picture(source: Simulation | Path | str, *, time: float | None = None, **look) -> Picture:
+def picture(source: Simulation | Path | str, *, time: float | None = None, **style) -> Picture:
     """Picture of a simulation as it stands, or of results in a folder.
 
     Args:
         source: The simulation, or the folder of the results.
         time: Time of the picture [s]; the last one for None. Only of results.
-        **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
+        **style: Choices of ``warpdem.drawing.style.PictureStyle``: view, colour, camera, cut and so on.
 
     Raises:
         WarpdemError: As ``warpdem.render``.
@@ -40,4 +40,4 @@ def picture(source: Simulation | Path | str, *, time: float | None = None, **loo
         if isinstance(source, Simulation):
             folder = Path(made)
             VtkWriter(folder, source.wall_meshes()).write(source.snapshot())
-        return Picture(render(folder, Path(made) / "picture.png", time=time, **look).read_bytes())
+        return Picture(render(folder, Path(made) / "picture.png", time=time, **style).read_bytes())
