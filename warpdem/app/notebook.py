@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from warpdem.drawing.rendering import render
 from warpdem.output.write_vtk import VtkWriter
@@ -24,7 +25,7 @@ class Picture:
         return Path(path)
 
 
-def picture(source: Simulation | Path | str, *, time: float | None = None, **style) -> Picture:
+def picture(source: Simulation | Path | str, *, time: float | None = None, **style: Any) -> Picture:
     """Picture of a simulation as it stands, or of results in a folder.
 
     Args:
@@ -36,8 +37,9 @@ def picture(source: Simulation | Path | str, *, time: float | None = None, **sty
         WarpdemError: As ``warpdem.render``.
     """
     with TemporaryDirectory() as made:
-        folder = source
         if isinstance(source, Simulation):
             folder = Path(made)
             VtkWriter(folder, source.wall_meshes()).write(source.snapshot())
+        else:
+            folder = Path(source)
         return Picture(render(folder, Path(made) / "picture.png", time=time, **style).read_bytes())
