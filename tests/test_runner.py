@@ -20,7 +20,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.outputs import cadence
+from warpdem.app.outputs import output_schedule
 from warpdem.app.run import run_scene
 from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
@@ -132,7 +132,7 @@ def test_every_frame_has_a_row_of_its_time(tmp_path, rows):
     assert len(frames) == 18
     assert set(frames) <= set(whole[:, 0])
     sim = Simulation(scene(output=output), device="cpu", threads=1)
-    assert len(whole) == cadence(sim, 6e-3).rows(600)
+    assert len(whole) == output_schedule(sim, 6e-3).rows(600)
     run(scene(output=output), tmp_path / "cut", until=1.01e-3)
     run(scene(output=output), tmp_path / "cut", resume=True)
     cut = history(tmp_path / "cut")[1]
