@@ -10,7 +10,7 @@ from rich.table import Table
 
 from warpdem.app import advice, summary
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
-from warpdem.core.progress import duration_text, told_if_long
+from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.streams import mean_to_come
 from warpdem.model import needs
 from warpdem.model.plan import LEFT_OUT
@@ -66,7 +66,7 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
 def _probed(sim, steps: int, console: Console | None) -> dict:
     """Estimates from a short run and one frame of its results; the grains that streams bring are added by what one costs."""
     begin = time.perf_counter()
-    with told_if_long(COMPILING, console or Console(), quiet=console is None):
+    with report_if_long(COMPILING, console or Console(), quiet=console is None):
         sim.load_kernels()
         sim.step(1)  # which compiles what a GPU runs
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now

@@ -23,7 +23,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.core import memory
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.core.threads import Threads, available_threads
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import TOUCH, Barrier
@@ -277,7 +277,7 @@ def _first_places(asked: Filling) -> np.ndarray:
     left = np.arange(len(radius))
     in_vain = tried = 0
     while len(left):
-        tell(f"placing {len(radius)} grains: {len(left)} left")
+        report_state(f"placing {len(radius)} grains: {len(left)} left")
         position[left] = space.random_points(asked.places, radius[left])
         tried += len(left)
         if space.mesh is None and space.pool is None and not asked.walls:
@@ -461,7 +461,7 @@ class Pack:
             for wall in walls:
                 wall.note(self._last[part])
         self._steps += 1
-        tell(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
+        report_state(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.errors import SceneError
 from warpdem.filling.barriers import Barrier
 from warpdem.mesh.grouping import components
@@ -184,7 +184,7 @@ class _Grid:
             part = found[first : first + CHUNK]
             for wall in walls:
                 np.minimum(part, wall.distance(self.place(index))[0], out=part)
-            tell(f"looking for the space between walls: {first / total:.0%}")
+            report_state(f"looking for the space between walls: {first / total:.0%}")
         return found.reshape(self.shape)
 
     def place(self, index: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
-from warpdem.core.vtk_header import overclaim
+from warpdem.core.vtk_header import excessive_count
 from warpdem.errors import WarpdemError
 
 
@@ -89,7 +89,7 @@ def load_polydata(path: Path):
 
     if not Path(path).is_file():
         raise WarpdemError(f"{path}: no such file")
-    if reason := overclaim(path):
+    if reason := excessive_count(path):
         raise WarpdemError(f"{path}: {reason}")
     problems: list[str] = []
     reader = vtkXMLPolyDataReader()
