@@ -114,7 +114,7 @@ def barriers(scene, meshes: dict[str, TriangleMesh], places: Sequence[Place]) ->
 
 def is_closed(mesh: TriangleMesh) -> bool:
     """Whether a mesh has an inside, whatever its wall says of it."""
-    return mesh.is_closed and mesh.twisted_edges == 0
+    return mesh.is_closed and mesh.mismatched_edges == 0
 
 
 def _images(scene) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from warpdem.scene.write_usd import export, state_units
+from warpdem.scene.write_usd import export, set_units
 
 PARTS = "result_usd"
 """Folder of the files beside the root layer."""
@@ -71,7 +71,7 @@ class ValueClips:
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(suffix)
-        state_units(layer)
+        set_units(layer)
         layer.timeCodesPerSecond = self._rate
         for path, kind in self._types.items():
             prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
