@@ -56,7 +56,7 @@ def imports(path: Path) -> list[tuple[str, bool]]:
     lazy = {
         inner
         for node in ast.walk(tree)
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)) or _is_for_type_checkers(node)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
         for inner in ast.walk(node)
     }
     for_types = {
@@ -79,10 +79,6 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         found += [(name, node not in lazy) for name in names]
     return found
-
-
-def _is_for_type_checkers(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def own_files(name: str) -> set[str]:
