@@ -75,7 +75,7 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: relative import"
-            # "from warpdem.engine import plan" names a file, "from warpdem.model.plan import Plan" one of its things
+            # "from warpdem.engine import plan" names a file, "from warpdem.model.features import Features" one of its things
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         found += [(name, node not in lazy) for name in names]
     return found

@@ -8,10 +8,10 @@ from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 
 from warpdem import Scene, SceneError
-from warpdem.filling.grain_source import load_grains
+from warpdem.filling.initial_grains import load_grains
 from warpdem.model import time_step
+from warpdem.model.features import coefficient_table
 from warpdem.model.impact import impact
-from warpdem.model.plan import coefficient_table
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3

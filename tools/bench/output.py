@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from warpdem import Scene
-from warpdem.app.run import writer_of
+from warpdem.app.outputs import writer_of
 from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import ContactNetwork, Snapshot
 

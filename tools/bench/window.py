@@ -82,7 +82,7 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
     with_wall = int((contacts.j < 0).sum())
     grains = len(start.state["r"])
     held = (wp.get_mempool_used_mem_current(device) - taken) // grains if device.is_cuda else sim.plan.bytes_per_grain
-    on_device = launches.measured(sim, settings.steps) if sim.plan.resident else {}
+    on_device = launches.measured(sim, settings.steps) if sim.plan.backend.resident else {}
     sim.threads.close()
     return Window(
         seconds=seconds,

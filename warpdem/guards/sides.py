@@ -18,7 +18,7 @@ class SideGuard:
 
     def __init__(self, sim) -> None:
         self.sim = sim
-        round_ = any(sim.plan.period)  # a grain that comes round may come in at the other end of a mesh
+        round_ = any(sim.plan.domain.period)  # a grain that comes round may come in at the other end of a mesh
         self._meshes = [
             number for number, wall in enumerate(sim.scene.walls) if wall.mesh is not None and not wall.open and not round_
         ]

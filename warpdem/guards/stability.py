@@ -63,13 +63,13 @@ def springs(sim, contacts) -> Springs:
     i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
     radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
     overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
-    energy, h = model("normal", plan.normal).energy, DIFFERENCE * overlap
+    energy, h = model("normal", plan.contact.normal).energy, DIFFERENCE * overlap
     slope = (energy(overlap + h, contacts.stiffness) - 2.0 * energy(overlap, contacts.stiffness)
              + energy(overlap - h, contacts.stiffness)) / (h * h)  # fmt: skip
-    k = secant(plan.normal, overlap, contacts.stiffness)
+    k = secant(plan.contact.normal, overlap, contacts.stiffness)
     table = coefficients_of(sim, contacts)
     dashpot = table[:, 1] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
-    friction = (table[:, 4] > 0.0) * 1.0 if plan.tangential else np.zeros(len(k))
+    friction = (table[:, 4] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
     out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, 2] * k]),
                   np.stack([dashpot, friction * table[:, 3] * dashpot]), arm)  # fmt: skip
@@ -212,7 +212,7 @@ class StabilityGuard:
     def _share(self) -> tuple[float, float, int]:
         """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
         sim = self.sim
-        if sim.plan.integrator != "exact_drift":
+        if sim.plan.backend.integrator != "exact_drift":
             return 0.0, np.inf, 0
         found, p = springs(sim, sim.contacts()), sim.particles
         if not len(found.i) or filter_rates(found, p.mass).max() * sim.dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:

@@ -6,8 +6,8 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.model.features import field_numbers
 from warpdem.model.impact import secant, stiffness
-from warpdem.model.plan import field_numbers
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
 
@@ -95,7 +95,7 @@ class Particles:
 
     def _absolute_velocity(self) -> np.ndarray:
         velocity = self._readings()[2]
-        if not self._sim.plan.scheme.RELATIVE:
+        if not self._sim.plan.backend.scheme.RELATIVE:
             return velocity
         omega, origin = self._frame_before()
         return velocity + origin + np.cross(omega, self.position)
@@ -104,7 +104,7 @@ class Particles:
         if not self._state.spins:
             return np.zeros((len(self._state), 3))
         spin = self._readings()[3]
-        return spin + self._frame_before()[0] if self._sim.plan.scheme.RELATIVE else spin
+        return spin + self._frame_before()[0] if self._sim.plan.backend.scheme.RELATIVE else spin
 
     def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
         """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
@@ -186,12 +186,12 @@ def read_contacts(sim, since: int = 0) -> Contacts:
         way = sim.domain.nearest(position[a] - position[b])
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
-        on = overlap > -plan.gap
+        on = overlap > -plan.contact.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
         memory = flat(lists.memory)[on]
-        spring = memory[:, :3] if plan.memory else np.zeros((len(a), 3))
-        angle = memory[:, 3:6] if plan.memory == 6 else np.zeros((len(a), 3))
+        spring = memory[:, :3] if plan.contact.memory else np.zeros((len(a), 3))
+        angle = memory[:, 3:6] if plan.contact.memory == 6 else np.zeros((len(a), 3))
         parts.append(
             (
                 ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3], spring,
@@ -199,7 +199,7 @@ def read_contacts(sim, since: int = 0) -> Contacts:
                 flat(lists.contact_constants())[on][:, 0], angle, radius[a] * radius[b] / (radius[a] + radius[b]),
             )
         )  # fmt: skip
-    if len(state) and plan.walls and lists.row_count:
+    if len(state) and plan.walls.present and lists.row_count:
         parity = (sim.step_number - since) & 1
         slot, g = lists.place_slots(parity, lists.wall_grains)
         place = lists.places(parity, slot)
@@ -207,9 +207,9 @@ def read_contacts(sim, since: int = 0) -> Contacts:
         spring = place.get("spring", np.zeros((len(g), 3)))
         table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
         material = sim.walls.surface.material.numpy()[wall]
-        which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
+        which = kind * plan.contact.materials + material if plan.contact.table else np.zeros(len(g), dtype=int)
         # the law is linear in its constant: a place that carries part of a force has that part of it
-        base = stiffness(plan.normal, table[which, 0], radius[g]) * place["weight"]
+        base = stiffness(plan.contact.normal, table[which, 0], radius[g]) * place["weight"]
         parts.append(
             (
                 ids[g], -1 - wall, overlap, normal, place["force"], spring,
@@ -254,13 +254,13 @@ def elastic_energies(sim, contacts: Contacts) -> dict[str, np.ndarray]:
     A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
     """
     plan, none = sim.plan, np.zeros(len(contacts.i))
-    normal = model("normal", plan.normal).energy(contacts.overlap, contacts.stiffness)
+    normal = model("normal", plan.contact.normal).energy(contacts.overlap, contacts.stiffness)
     out = {"normal": normal, "tangential": none, "rolling": none}
-    if plan.memory:
-        k_n = secant(plan.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts.stiffness)
+    if plan.contact.memory:
+        k_n = secant(plan.contact.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts.stiffness)
         table = coefficients_of(sim, contacts)
         out["tangential"] = 0.5 * table[:, 2] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
-        bent = getattr(model("rolling", plan.rolling), "energy", None) if plan.memory == 6 else None
+        bent = getattr(model("rolling", plan.contact.rolling), "energy", None) if plan.contact.memory == 6 else None
         if bent is not None:
             out["rolling"] = bent(contacts.angle, k_n * (table[:, 5] * contacts.radius) ** 2)
     return out
@@ -280,7 +280,7 @@ def field_energies(sim, position: np.ndarray, position_lab: np.ndarray, mass: np
 def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
     """Coefficients of each contact, columns as in ``kernels.law.COEFFICIENTS``, shape (c, 7)."""
     table = sim.coefficients.numpy()
-    if not sim.plan.table:
+    if not sim.plan.contact.table:
         return np.repeat(table[:1], len(contacts.i), axis=0)
     state = sim.state
     ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
@@ -291,4 +291,4 @@ def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
         kind[np.clip(np.searchsorted(ids, contacts.j), 0, len(ids) - 1)],
         np.append(material, 0)[np.clip(-1 - contacts.j, 0, len(material))],
     )
-    return table[first * sim.plan.materials + other]
+    return table[first * sim.plan.contact.materials + other]

@@ -1,4 +1,4 @@
-"""From a plan to its kernels: imports only the chosen models and builds each once."""
+"""From the features of a scene to its kernels: imports only the chosen models and builds each once."""
 
 import functools
 
@@ -6,36 +6,37 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import flight, neighbors, rebuild
+from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, feature
 from warpdem.kernels.wall import images as wall_images
-from warpdem.model.plan import Plan
+from warpdem.model.features import Features
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
 
 
-def compile_plan(plan: Plan, device=None) -> Built:
-    """Kernels and array structs of a plan.
+def compile_kernels(features: Features, device=None) -> Built:
+    """Kernels and array structs of the chosen features.
 
     Nothing is compiled until it is launched, except on ``device`` what holds the user's own models: their mistakes come
     before the run.
 
     Returns:
-        Namespace with ``loop`` (the step), ``resident`` and ``renewal`` (the GPU's, or None), ``lists`` (neighbours),
-        ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
+        Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
+        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
     """
-    names = [plan.normal, plan.tangential or "", plan.rolling or "", *(name for name, _ in plan.fields)]
+    laws = features.contact
+    names = [laws.normal, laws.tangential or "", laws.rolling or "", *(name for name, _ in features.fields)]
     with using(names):
-        built = _built(plan)
+        built = _built(features)
         if device is not None and any(is_file(name) for name in names):
-            stepping = vars(built.resident).values() if plan.resident else (built.loop.run,)
+            stepping = vars(built.graph).values() if features.backend.resident else (built.loop.run,)
             for thing in (*stepping, built.loop.read_budget):
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
@@ -55,91 +56,101 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
 
 
 @functools.cache
-def _built(plan: Plan) -> Built:
-    """Kernels and array structs of a plan, each built once."""
+def _built(features: Features) -> Built:
+    """Kernels and array structs of the chosen features, each built once."""
+    laws, frame, walls = features.contact, features.frame, features.walls
+    domain, backend, measures = features.domain, features.backend, features.measures
     models = (
-        model("normal", plan.normal),
-        model("tangential", plan.tangential) if plan.tangential else None,
-        model("rolling", plan.rolling) if plan.rolling else None,
+        model("normal", laws.normal),
+        model("tangential", laws.tangential) if laws.tangential else None,
+        model("rolling", laws.rolling) if laws.rolling else None,
     )
-    constants, wall_law = law.build(wp.float64, *models, plan.torsion, wall=True)
-    _, pair_law = law.build(plan.real, *models, plan.torsion)
-    pair_parts = dissipation.build(plan.real, *models, plan.torsion)[0] if plan.energy else None
-    wall_parts = dissipation.build(wp.float64, *models, plan.torsion) if plan.energy else None
-    spins = {"spins": plan.spins}
+    constants, wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
+    _, pair_law = law.build(backend.real, *models, laws.torsion)
+    pair_parts = dissipation.build(backend.real, *models, laws.torsion)[0] if measures.energy else None
+    wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
+    spins = {"spins": laws.spins}
     shared = {
-        **spins, "rolling": plan.rolling is not None, "history": plan.memory, "table": plan.table, "gap": plan.gap,
+        **spins, "rolling": laws.rolling is not None, "history": laws.memory, "table": laws.table, "gap": laws.gap,
     }  # fmt: skip
-    scheme = plan.scheme
+    scheme = backend.scheme
     # a scheme with frame-relative velocities sees contacts as if the frame were at rest
-    turning = plan.turning_frame and not scheme.RELATIVE
-    shifting = plan.moving_frame and not scheme.RELATIVE
-    images = border.build(plan.period, plan.lower)
-    pair_pack = pairs.build(plan.real, pair_law, pair_parts, images, plan.lanes, **shared, turning_frame=turning)
-    shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
-    meshes = plan.meshes > 0
+    turning = frame.rotates and not scheme.RELATIVE
+    shifting = frame.moves and not scheme.RELATIVE
+    images = border.build(domain.period, domain.lower)
+    pair_pack = pairs.build(backend.real, pair_law, pair_parts, images, backend.lanes, **shared, turning_frame=turning)
+    shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
+    meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
-    around = wall_images.build(closest_on_feature, images, repeated=plan.wall_images)
+    around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     Rows, touch = contact.build(
         wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning,
-        moving_frame=shifting, lag=plan.lag, meshes=meshes, moving=plan.moving,
+        moving_frame=shifting, lag=laws.inertia_factor, meshes=meshes, moving=walls.moving,
     )  # fmt: skip
-    fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
+    fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
     sums = None
-    if plan.energy or plan.momentum:
+    if measures.energy or measures.momentum:
         sums = budget.build(
-            plan.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in plan.fields), **spins,
-            walls=plan.walls, energy=plan.energy, momentum=plan.momentum, turning_frame=plan.turning_frame,
-            moving_frame=plan.moving_frame, periodic=any(plan.period),
+            backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
+            walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
+            moving_frame=frame.moves, periodic=any(domain.period),
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(
-        images, **spins, moving=plan.moving, in_frame=plan.in_frame, outlets=plan.outlets, ahead=1.5 if stages > 1 else 0.0,
+        images, **spins, moving=walls.moving, in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0,
         stages=stages,
     )  # fmt: skip
     step = loop.build(
         pair_pack,
         touch,
         Rows,
-        motion.build_load(plan.real, **spins, walls=plan.walls),
+        motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
         travel.travelled,
-        scheme.build(**spins, turning_frame=plan.turning_frame, moving_frame=plan.moving_frame),
+        scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves),
         images,
-        orientation.build(turning_axes=turning) if plan.orientation else None,
+        orientation.build(turning_axes=turning) if measures.orientation else None,
         sums,
-        flow.build(moving_frame=plan.moving_frame) if plan.flows else None,
+        flow.build(moving_frame=frame.moves) if measures.flows else None,
         **spins,
         stages=stages,
-        walls=plan.walls,
-        leave=plan.outlets > 0,
+        walls=walls.present,
+        leave=domain.outlets > 0,
     )
-    lists = neighbors.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
-    walls = None
-    if plan.walls:
-        walls = candidates.build(
+    lists = neighbors.build(
+        backend.real, constants, images, backend.lanes, **shared, lag=laws.inertia_factor, stored=not backend.resident
+    )
+    wall_lists = None
+    if walls.present:
+        wall_lists = candidates.build(
             around,
             images,
             Rows,
-            spins=plan.spins,
+            spins=laws.spins,
             meshes=meshes,
             shapes=any(shapes),
-            gap=plan.gap,
-            leave=plan.outlets > 0,
+            gap=laws.gap,
+            leave=domain.outlets > 0,
         )
     paths = flight.build(
-        travel, images, closest_on_feature, Rows, **spins, moving=plan.moving, meshes=meshes, shapes=any(shapes), gap=plan.gap,
-        stages=stages, shortest=min((length for length in plan.period if length), default=0.0),
+        travel, images, closest_on_feature, Rows, **spins, moving=walls.moving, meshes=meshes, shapes=any(shapes), gap=laws.gap,
+        stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
+    moved = displacement.build(
+        travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
+    )
     graph = again = None
-    if plan.resident:
+    if backend.resident:
         evaluate = thread_contact.build(
-            plan.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning, lag=plan.lag
-        )
-        graph = captured.build(
-            step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
-            lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,
+            backend.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning,
+            lag=laws.inertia_factor,
         )  # fmt: skip
+        graph = captured.build(
+            step, pair_pack, evaluate, Rows, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+        )
         again = rebuild.build(Rows)
-    return Built(loop=step, resident=graph, renewal=again, lists=lists, walls=walls, Rows=Rows, pairs=pair_pack, paths=paths)
+    return Built(
+        loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, Rows=Rows, pairs=pair_pack, paths=paths,
+        displacement=moved,
+    )  # fmt: skip

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.packing import worst_overlaps
+from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.scene.motion import FixedPlacement, Translation
 from warpdem.scene.motion_chain import Chain
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import Built
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.digests import Given
 from warpdem.model.domain import Domain
-from warpdem.model.plan import Plan
+from warpdem.model.features import Features
 from warpdem.model.schedule import Schedule
 from warpdem.model.time_step import Limits
 from warpdem.model.walls import Walls
@@ -31,18 +31,18 @@ class Model:
     """Mesh walls by name."""
     domain: Domain
     """Borders and outlets."""
-    expected: Grains0
+    expected: InitialGrains
     """Grains at the start, and of each stream those that represent it: what limits and cutoffs are made for."""
     schedule: Schedule
     """Frame, gravity and wall motions against time."""
-    plan: Plan
+    features: Features
     """What is compiled and allocated, and what is left out."""
     limits: Limits
     """What bounds the time step."""
     dt: float
     """Time step [s]."""
     kernels: Built
-    """Kernels and array structs of the plan."""
+    """Kernels and array structs of the features."""
     density: np.ndarray
     """Density of each material [kg/m3], shape (materials,)."""
     coefficients: wp.array

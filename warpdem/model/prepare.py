@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains
-from warpdem.filling.streams import representatives
+from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
+from warpdem.filling.start_check import check_start
+from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import domain, needs, time_step
-from warpdem.model.compiled import compile_observers, compile_plan
+from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
+from warpdem.model.features import SIMD_LANES, WARP_LANES, Features, choose_features, coefficient_table
 from warpdem.model.model import Model
 from warpdem.model.past import Past
-from warpdem.model.plan import SIMD_LANES, WARP_LANES, Plan, coefficient_table, make_plan
 from warpdem.model.schedule import Schedule
 from warpdem.model.wall_images import wall_images
 from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
@@ -20,7 +21,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 
 
-def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, Grains0]:
+def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
     """The model of a scene, and the grains that it starts with, which move as the integrator holds them.
 
     Args:
@@ -43,31 +44,31 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
     start = replace(start, position=borders.wrapped(start.position))
-    expected = joined(start, representatives(scene))
+    expected = concatenated(start, extreme_grains(scene))
     needs.check_masses(scene, expected)
     size_warnings(scene, meshes, 2.0 * expected.radius)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
-    plan = make_plan(
+    features = choose_features(
         scene,
         expected.type,
-        bool(np.any(start.spin)),
-        schedule.moving,
-        len(schedule.motions) - schedule.moving,
-        WARP_LANES if resident else SIMD_LANES,
-        resident,
+        has_spin=bool(np.any(start.spin)),
+        moving=schedule.moving,
+        resting=len(schedule.motions) - schedule.moving,
+        images=images is not None,
+        lanes=WARP_LANES if resident else SIMD_LANES,
+        resident=resident,
     )
-    plan = replace(plan, wall_images=images is not None)
-    domain.check(scene, start, schedule.frame, plan.gap)
-    needs.check_memory(scene, plan.bytes_per_grain, len(start), free)
+    domain.check(scene, start, schedule.frame, features.contact.gap)
+    needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
-    kernels = compile_plan(plan, device)
+    kernels = compile_kernels(features, device)
     compile_observers(scene, device)
-    table = np.nan_to_num(_coefficients(scene, plan, expected))
+    table = np.nan_to_num(_coefficients(scene, features, expected))
     made = Model(
         given=given,
         scene=scene,
@@ -76,28 +77,28 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         domain=borders,
         expected=expected,
         schedule=schedule,
-        plan=plan,
+        features=features,
         limits=limits,
         dt=dt,
         kernels=kernels,
         density=np.array([material.density for material in scene.materials.values()]),
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
-        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if plan.walls else None,
+        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
-def absolute(schedule: Schedule, grains: Grains0, time: float = 0.0) -> Grains0:
+def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:
     """Grains with absolute spins [rad/s] and velocities [m/s] in place of those relative to the frame at ``time`` [s]."""
     pose = schedule.pose(time)
     return replace(grains, spin=grains.spin + pose.spin, velocity=grains.velocity + pose.velocity_at(grains.position))
 
 
-def _coefficients(scene: Scene, plan: Plan, grains: Grains0) -> np.ndarray:
+def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np.ndarray:
     """Coefficients of every pair of materials, or the one row that all contacts share, shape (rows, columns)."""
     table = coefficient_table(scene)
-    if plan.table:
+    if features.contact.table:
         return table
     names = list(scene.materials)
     first = int(grains.type[0]) if len(grains.type) else 0

@@ -36,8 +36,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.model.features import coefficient_table
 from warpdem.model.impact import impact, pressed
-from warpdem.model.plan import coefficient_table
 from warpdem.model.travel import longest_step
 from warpdem.scene.models import model, numbers
 from warpdem.scene.motion_chain import frame_chain, wall_chain

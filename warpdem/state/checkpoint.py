@@ -61,7 +61,7 @@ def _about(sim) -> dict:
         "step": sim.step_number,
         "dt": sim.dt,
         "left": sim.left,
-        "feeders": [feeder.state() for feeder in sim.feeders],
+        "feeders": [inlet.state() for inlet in sim.inlets],
         "next_id": sim._next_id,
         "budget": sim.budget.state() if sim.budget is not None else None,
         "guards": sim.guards.state(),
@@ -75,11 +75,11 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     """
     _, _, velocity, spin = sim.readings()
     pose = sim.schedule.pose(sim.time)
-    if sim.plan.scheme.RELATIVE:
+    if sim.plan.backend.scheme.RELATIVE:
         velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
-    if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
+    if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
-    readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
+    readings = {"velocity": velocity, "spin": spin, "extreme": sim.engine.extreme}
     return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}
 
 
@@ -227,10 +227,11 @@ def restore(sim, data: dict) -> None:
     _check(sim, data)
     sim.state.restore(data)
     sim._clock.step_number = data["step"]
-    sim.stepper.restore(data["extreme"])
-    sim.left, sim._next_id, sim._grown = data["left"], data["next_id"], False
-    for feeder, state in zip(sim.feeders, data["feeders"], strict=True):
-        feeder.restore(state)
+    sim.engine.restore(data["extreme"])
+    sim.engine.leavers.left = data["left"]
+    sim._next_id, sim._grown = data["next_id"], False
+    for inlet, state in zip(sim.inlets, data["feeders"], strict=True):
+        inlet.restore(state)
     if sim.budget is not None:
         sim.budget.restore(data["budget"])
     contact_history.restore(sim.lists, data)

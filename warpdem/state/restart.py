@@ -14,7 +14,8 @@ import numpy as np
 
 from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0, in_body_axes
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
@@ -65,9 +66,9 @@ def read(scene: Scene) -> Past:
         memory["orientation"] = data["orientation"]
     going = "streams" in scene.start.continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
-    feeders = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
+    inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
-    return Past(scene, grains, memory, known, data["next_id"], feeders, (*said, *notes))
+    return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
 
 
 def _end(data: dict) -> float:
@@ -226,12 +227,12 @@ def _matrix(rows: list[list[float]]) -> np.ndarray:
 # --- grains ------------------------------------------------------------------------------------------------------------
 
 
-def _grains(scene: Scene, data: dict, material: list[int]) -> Grains0:
+def _grains(scene: Scene, data: dict, material: list[int]) -> InitialGrains:
     """The grains, their motion relative to the frame as it moves at time 0 of ``scene``."""
     pose: Pose = frame_chain(scene).pose(np.zeros(1))
     spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
     position = data["record"][:, grain.POSITION]
-    return Grains0(
+    return InitialGrains(
         id=data["id"],
         type=np.array(material, dtype=np.int32)[data["kind"]],
         group=np.array([scene.groups.index(name) for name in data["groups"]], dtype=np.int32)[data["group"]],

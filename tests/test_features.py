@@ -1,4 +1,4 @@
-"""The plan: what a scene lacks is neither compiled nor allocated, and leaving it out changes nothing."""
+"""Features: what a scene lacks is neither compiled nor allocated, and leaving it out changes nothing."""
 
 import json
 import re
@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from warpdem.kernels import grain
 
+from switches import switched
 from warpdem import Scene, SceneError, Simulation
-from warpdem.model import plan
+from warpdem.model import features
 from warpdem.scene import models
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -57,14 +58,10 @@ def run(of: Scene) -> Simulation:
 
 
 def with_everything(of: Scene, monkeypatch, **switches) -> Simulation:
-    """The same scene on kernels that leave nothing out of ``switches``."""
-    made = plan.make_plan
-
-    def full(*arguments):
-        found = made(*arguments)
-        return plan.Plan(**{**vars(found), **switches})
-
-    monkeypatch.setattr("warpdem.model.prepare.make_plan", full)
+    """The same scene on kernels with these ``switches`` of its features."""
+    chosen = features.choose_features
+    full = lambda *args, **keys: switched(chosen(*args, **keys), **switches)  # noqa: E731
+    monkeypatch.setattr("warpdem.model.prepare.choose_features", full)
     sim = run(of)
     monkeypatch.undo()
     return sim
@@ -84,18 +81,18 @@ def full():
 
 def test_the_full_law_turns_and_slows_grains(full):
     assert np.abs(full.particles.spin).max() > 10.0
-    assert full.plan.memory == 3
+    assert full.plan.contact.memory == 3
 
 
 def test_no_friction_equals_friction_zero(monkeypatch):
     """Left out because its coefficient is zero, because the law is "none", or computed with zero: one motion."""
     left_out = run(scene(tangential="none", rolling="none", mu=0, mu_r=0, spins=False))
     zero = run(scene(mu=0, mu_r=0, spins=False))
-    assert (left_out.plan.tangential, zero.plan.tangential) == (None, None)
+    assert (left_out.plan.contact.tangential, zero.plan.contact.tangential) == (None, None)
     computed = with_everything(
-        scene(mu=0, mu_r=0, spins=False), monkeypatch, tangential="mindlin", rolling="constant", spins=True
+        scene(mu=0, mu_r=0, spins=False), monkeypatch, contact={"tangential": "mindlin", "rolling": "constant", "spins": True}
     )
-    assert computed.plan.tangential == "mindlin"
+    assert computed.plan.contact.tangential == "mindlin"
     assert_same_motion(left_out, zero)
     # another kernel: the compiler may group a sum otherwise, which shows in the last bit
     assert_same_motion(left_out, computed, spin=False, tolerance=1e-13)
@@ -105,31 +102,31 @@ def test_no_friction_equals_friction_zero(monkeypatch):
 
 def test_no_rolling_equals_rolling_zero(monkeypatch):
     left_out = run(scene(rolling="none", mu_r=0))
-    assert left_out.plan.rolling is None
-    computed = with_everything(scene(mu_r=0), monkeypatch, rolling="constant")
-    assert computed.plan.rolling == "constant"
+    assert left_out.plan.contact.rolling is None
+    computed = with_everything(scene(mu_r=0), monkeypatch, contact={"rolling": "constant"})
+    assert computed.plan.contact.rolling == "constant"
     assert_same_motion(left_out, computed)
 
 
 def test_frame_at_rest_equals_no_frame(full, monkeypatch):
     resting = run(scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}))
-    assert not resting.plan.turning_frame
+    assert not resting.plan.frame.turns
     assert_same_motion(full, resting)
     assert full.state_hash() == resting.state_hash()
     computed = with_everything(
-        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, turning_frame=True
+        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, frame={"turns": True}
     )
-    assert computed.plan.turning_frame
+    assert computed.plan.frame.turns
     assert full.state_hash() == computed.state_hash()
 
 
 def test_table_of_equal_materials_equals_one_material(full, monkeypatch):
     """Two materials of one kind share one set; a table of equal rows gives the same bits."""
     two = run(scene(materials=("glass", "other")))
-    assert not two.plan.table
+    assert not two.plan.contact.table
     assert full.state_hash() == two.state_hash()
-    computed = with_everything(scene(materials=("glass", "other")), monkeypatch, table=True)
-    assert computed.plan.table
+    computed = with_everything(scene(materials=("glass", "other")), monkeypatch, contact={"table": True})
+    assert computed.plan.contact.table
     assert full.state_hash() == computed.state_hash()
 
 
@@ -140,20 +137,20 @@ def test_different_materials_need_a_table():
         {"materials": ["b", "b"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1},
     ]
     made = Simulation(scene(materials=("a", "b"), pairs=pairs), device="cpu", threads=1)
-    assert made.plan.table
+    assert made.plan.contact.table
     assert made.coefficients.shape == (4,)
 
 
 def test_one_lane_equals_four(full, monkeypatch):
     """A GPU thread takes one contact, a CPU core four side by side: the law's bits do not see it."""
-    computed = with_everything(scene(), monkeypatch, lanes=1)
-    assert computed.plan.lanes == 1
+    computed = with_everything(scene(), monkeypatch, backend={"lanes": 1})
+    assert computed.plan.backend.lanes == 1
     assert full.state_hash() == computed.state_hash()
 
 
 def test_left_out_features_allocate_nothing(full):
     bare = run(scene(tangential="none", rolling="none", mu=0, mu_r=0, spins=False))
-    assert bare.plan.memory == 0
+    assert bare.plan.contact.memory == 0
     assert bare.state.record.numpy().shape[1] == grain.WIDTH[False] == 10
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
