@@ -69,7 +69,7 @@ def test_copies_of_the_laws_give_the_bits_of_the_laws(own):
     mine = simulation(own, contact={role: f"{role}.py" for role in COPIES})
     theirs = simulation(own)
     assert mine.plan.normal == str(own / "normal.py")
-    assert (mine.plan.memory, mine.plan.lag) == (theirs.plan.memory, theirs.plan.lag) == (6, 3.5)
+    assert (mine.plan.memory, mine.plan.inertia_factor) == (theirs.plan.memory, theirs.plan.inertia_factor) == (6, 3.5)
     kinds = set()
     for _ in range(40):
         for sim in (mine, theirs):

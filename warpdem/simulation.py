@@ -118,6 +118,7 @@ class Simulation:
                 len(self.schedule.motions) - self.schedule.moving,
                 WARP_LANES if resident else SIMD_LANES,
                 resident,
+                float(self.expected.radius.max(initial=0.0)),
             )
             self.plan = replace(self.plan, wall_images=images is not None)
             check_domain(scene, start, self.schedule.frame, self.plan.gap)
@@ -363,7 +364,7 @@ class Simulation:
         if self.plan.energy:
             rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
             rows.power = wp.zeros((grains, self.plan.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.memory), device=device)
+        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.history), device=device)
         return rows
 
     # -- guards ---------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warpdem.kernels import Built
-from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
+from warpdem.kernels.contact import columns, dissipation, law, pairs, thread_contact
 from warpdem.kernels.lists import flight, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.step import border, loop, motion, orientation
@@ -48,27 +48,28 @@ def _built(plan: Plan) -> Built:
         model("tangential", plan.tangential) if plan.tangential else None,
         model("rolling", plan.rolling) if plan.rolling else None,
     )
-    constants, wall_law = law.build(wp.float64, *models, plan.torsion, wall=True)
-    _, pair_law = law.build(plan.real, *models, plan.torsion)
+    wall_law = law.build(wp.float64, *models, plan.torsion, wall=True)
+    pair_law = law.build(plan.real, *models, plan.torsion)
     pair_parts = dissipation.build(plan.real, *models, plan.torsion)[0] if plan.energy else None
     wall_parts = dissipation.build(wp.float64, *models, plan.torsion) if plan.energy else None
     spins = {"spins": plan.spins}
-    shared = {
-        **spins, "rolling": plan.rolling is not None, "history": plan.memory, "table": plan.table, "gap": plan.gap,
-    }  # fmt: skip
+    rolling = plan.rolling is not None
+    stored = columns.stored_constants(models[0], rolling)
+    shared = {**spins, "table": plan.table, "gap": plan.gap}
+    met = {"rolling": rolling, "inertia_factor": plan.inertia_factor}
     scheme = plan.scheme
     # a scheme with frame-relative velocities sees contacts as if the frame were at rest
     turning = plan.turning_frame and not scheme.RELATIVE
     shifting = plan.moving_frame and not scheme.RELATIVE
     images = border.build(plan.period, plan.lower)
-    pair_pack = pairs.build(plan.real, pair_law, pair_parts, images, plan.lanes, **shared, turning_frame=turning)
+    pair_pack = pairs.build(plan.real, pair_law, pair_parts, images, plan.lanes, **shared, stored=stored, turning_frame=turning)
     shapes = [count > 0 for count in (plan.planes, plan.revolutions, plan.spheres)]
     meshes = plan.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=plan.wall_images)
     Rows, touch = contact.build(
-        wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning,
-        moving_frame=shifting, lag=plan.lag, meshes=meshes, moving=plan.moving,
+        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
+        moving_frame=shifting, meshes=meshes, moving=plan.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in plan.fields)
     stages = len(scheme.STAGES)
@@ -101,7 +102,10 @@ def _built(plan: Plan) -> Built:
         walls=plan.walls,
         leave=plan.outlets > 0,
     )
-    lists = neighbors.build(plan.real, constants, images, plan.lanes, **shared, lag=plan.lag, stored=not plan.resident)
+    lists = neighbors.build(
+        plan.real, wall_law, images, plan.lanes, **shared, stored=stored, history=plan.memory,
+        inertia_factor=plan.inertia_factor, keep_constants=not plan.resident,
+    )  # fmt: skip
     walls = None
     if plan.walls:
         walls = candidates.build(
@@ -121,8 +125,9 @@ def _built(plan: Plan) -> Built:
     graph = again = None
     if plan.resident:
         evaluate = thread_contact.build(
-            plan.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning, lag=plan.lag
-        )
+            plan.real, pair_law, wall_law.constants, pair_pack, images, pair_parts is not None, **shared, **met,
+            turning_frame=turning,
+        )  # fmt: skip
         graph = captured.build(
             step, pair_pack, evaluate, Rows, travel, images, plan.real, **spins, history=plan.memory, stages=stages,
             lanes=plan.lanes, moving=plan.moving, table=plan.table, leave=plan.outlets > 0,

@@ -483,7 +483,7 @@ class Lists:
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""
         rows = self.rows
-        return wall_record.unpacked(rows.place.numpy()[parity, slot], rows.result.numpy()[slot])
+        return wall_record.unpacked(self.sim.plan.history, rows.place.numpy()[parity, slot], rows.result.numpy()[slot])
 
     @property
     def wall_grains(self) -> np.ndarray:

@@ -96,7 +96,8 @@ def driven(sim) -> bool:
     fields = any(
         not hasattr(model("field", name), "energy") or (axes == "frame" and plan.moving_frame) for name, axes in plan.fields
     )
-    law = plan.normal not in ("hertz", "hooke") or plan.tangential not in (None, "mindlin")
+    laws = [("normal", plan.normal), *([("tangential", plan.tangential)] if plan.tangential else [])]
+    law = not all(getattr(model(role, name), "PASSIVE", False) for role, name in laws)
     # a grain that comes round falls for ever
     pulled = any(scene.gravity) if plan.moving_frame else np.dot(np.abs(scene.gravity), plan.period) > 0.0
     return walls or fields or law or bool(any(plan.period) and pulled)

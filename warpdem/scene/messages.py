@@ -159,11 +159,12 @@ def visible(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def unknown_key(place: Place, root: type[BaseModel]) -> str:
-    """Nearest known key beside an unknown one, and where in the scene the key does exist."""
+def unknown_key(place: Place, root: type[BaseModel], also: Sequence[str] = ()) -> str:
+    """Nearest known key beside an unknown one (``also`` are known there), and where in the scene the key does exist."""
     *parent, key = place
     models = _models_at(parent, root)
     siblings = [name for model in models for name in model.model_fields if model is not root or name not in PYTHON_ONLY]
+    siblings += also
     elsewhere = [place for place in _all_keys(root) if place.rsplit(".", 1)[-1] == key and key not in PYTHON_ONLY]
     if key in siblings:  # of two kinds of table that may stand here
         return f"belongs to another kind of table than the other keys of {place_text(tuple(parent))}"
