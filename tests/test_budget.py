@@ -358,7 +358,7 @@ def test_a_resumed_run_has_the_books_of_the_uninterrupted_one(tmp_path):
 def test_what_is_not_asked_for_is_left_out():
     sim = Simulation(impact(1e-5, measures={}), device="cpu", threads=1)
     assert sim.budget is None
-    assert sim.plan.sums == {}
+    assert sim.plan.measures.sums == {}
     assert {"energy budget", "momentum budget", "flow through planes"} <= sim.plan.left_out.keys()
     assert not any("budget at every step" in line for line in sim.plan.explain())
     assert any("budget at every step: energy and momentum" in line for line in Simulation(impact(1e-5)).plan.explain())

@@ -113,7 +113,7 @@ def test_checkpoint_of_a_resumed_run_is_the_same_checkpoint(run, saved, tmp_path
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_resumed_run_equals_the_uninterrupted_one(box, tmp_path, threads, run):
-    rolling = run.plan.rolling
+    rolling = run.plan.contact.rolling
     whole = Simulation(scene(box, rolling=rolling), device="cpu", threads=1)
     whole.step(300)
     for cut in (1, 149, 150):
@@ -218,7 +218,7 @@ def test_no_damage_goes_unseen(run, saved):
 
 
 def test_checkpoint_of_another_scene_is_refused(box, run, saved):
-    sim = Simulation(scene(box, friction=0.4, rolling=run.plan.rolling), device="cpu", threads=1)
+    sim = Simulation(scene(box, friction=0.4, rolling=run.plan.contact.rolling), device="cpu", threads=1)
     sim.step(7)
     before = sim.state_hash()
     with pytest.raises(SceneError, match="saved.h5: belongs to another scene than <scene>: other values of pairs"):
@@ -231,7 +231,7 @@ def test_edited_mesh_is_another_scene(box, run, saved, tmp_path):
     """The scene's words are the same, the file that it names is not."""
     mesh = tmp_path / "box.stl"
     mesh.write_bytes(box.read_bytes())
-    first = Simulation(scene(mesh, rolling=run.plan.rolling), device="cpu", threads=1)
+    first = Simulation(scene(mesh, rolling=run.plan.contact.rolling), device="cpu", threads=1)
     first.save_checkpoint(saved)
     data = bytearray(box.read_bytes())
     data[:5] = b"other"  # the title of the file: another mesh would be refused for more than one reason

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import BaseModel
-from usd_stages import validation_errors
 
+from usd_stages import validation_errors
 from warpdem import Scene, SceneError, load_scene
 from warpdem.app.cli import app
 from warpdem.scene.base import FileName

@@ -1,16 +1,23 @@
 """Every kernel that a GPU run launches compiles for CUDA, also on a machine without a GPU, into registers alone."""
 
-from dataclasses import replace
-
-import cubin
 import pytest
 import warp as wp
 from warpdem.kernels import packing
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.wall import distance
 
-from warpdem.engine.compiled import compile_plan
-from warpdem.model.plan import WARP_LANES, Plan
+import cubin
+from switches import switched
+from warpdem.model.compiled import compile_kernels
+from warpdem.model.features import (
+    WARP_LANES,
+    BackendFeatures,
+    ContactFeatures,
+    DomainFeatures,
+    Features,
+    FrameFeatures,
+    WallFeatures,
+)
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""
@@ -21,41 +28,33 @@ MOST_REGISTERS = {"pair_forces": 128, "wall_forces": 255, "move": 96}
 MOST_LOCAL = 400
 """Local memory per thread in plans other than the main job [B]: 40 for a sine, 328 for wall contacts with energies."""
 
-MAIN_JOB = Plan(
-    normal="hertz",
-    tangential="mindlin",
-    rolling="constant",
-    torsion=False,
-    spins=True,
-    integrator="exact_drift",
-    turning_frame=True,
-    moving_frame=True,
-    meshes=1,
-    planes=0,
-    moving=0,
-    in_frame=True,
-    materials=1,
-    table=False,
-    gap=0.0,
-    lanes=WARP_LANES,
-    resident=True,
+MAIN_JOB = Features(
+    contact=ContactFeatures(
+        normal="hertz", tangential="mindlin", rolling="constant", torsion=False, spins=True, materials=1, table=False, gap=0.0
+    ),
+    frame=FrameFeatures(turns=True, moves=True, tracked=True),
+    walls=WallFeatures(meshes=1, planes=0, moving=0),
+    domain=DomainFeatures(),
+    backend=BackendFeatures(integrator="exact_drift", lanes=WARP_LANES, resident=True),
 )
 PLANS = {
     "main job": MAIN_JOB,
-    "everything": replace(
-        MAIN_JOB, tangential="mindlin_displacement", rolling="spring", torsion=True, planes=2, moving=2, materials=3,
-        table=True, gap=1e-4, precision="mixed", fields=(("harmonic", "laboratory"), ("drag", "frame"), ("lorentz", "frame")),
-        orientation=True,
+    "everything": switched(
+        MAIN_JOB, contact={"tangential": "mindlin_displacement", "rolling": "spring", "torsion": True, "materials": 3,
+                           "table": True, "gap": 1e-4},
+        walls={"planes": 2, "moving": 2}, backend={"precision": "mixed"}, measures={"orientation": True},
+        fields=(("harmonic", "laboratory"), ("drag", "frame"), ("lorentz", "frame")),
     ),
-    "measured": replace(
-        MAIN_JOB, rolling="spring", period=(0.0, 0.1, 0.0), fields=(("harmonic", "frame"), ("drag", "laboratory")), energy=True,
-        momentum=True, flows=1, scene_walls=1,
+    "measured": switched(
+        MAIN_JOB, contact={"rolling": "spring"}, domain={"period": (0.0, 0.1, 0.0)},
+        fields=(("harmonic", "frame"), ("drag", "laboratory")),
+        measures={"energy": True, "momentum": True, "flows": 1, "scene_walls": 1},
     ),
-    "stages": replace(MAIN_JOB, integrator="rk4"),
-    "relative": replace(MAIN_JOB, integrator="scovel"),
-    "bare": replace(
-        MAIN_JOB, normal="hooke", tangential=None, rolling=None, spins=False, turning_frame=False,
-        moving_frame=False, meshes=0,
+    "stages": switched(MAIN_JOB, backend={"integrator": "rk4"}),
+    "relative": switched(MAIN_JOB, backend={"integrator": "scovel"}),
+    "bare": switched(
+        MAIN_JOB, contact={"normal": "hooke", "tangential": None, "rolling": None, "spins": False},
+        frame={"turns": False, "moves": False}, walls={"meshes": 0},
     ),
 }  # fmt: skip
 
@@ -93,11 +92,11 @@ def kernels_of(*groups) -> dict[str, wp.Kernel]:
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "main job" else pytest.mark.slow) for name in PLANS])
 def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
     """The plans other than the main job's take minutes."""
-    built = compile_plan(PLANS[name])
-    kernels = kernels_of(built.resident, built.renewal, built.lists, built.walls)
+    built = compile_kernels(PLANS[name])
+    kernels = kernels_of(built.graph, built.rebuild, built.lists, built.displacement, built.walls)
     kernels |= {reader: kernel for reader in READERS if (kernel := getattr(built.loop, reader)) is not None}
-    some = "pair_forces", "wall_forces", "move", "tick", "look", "clear", "read", "near_rows", "fill_contacts", "put_in_place"
-    assert set(some) <= set(kernels)
+    some = "pair_forces", "wall_forces", "move", "advance_clock", "check_lists", "clear_contacts", "read"
+    assert {*some, "find_neighbors", "fill_contacts", "replace_outer"} <= set(kernels)
     for kernel_name, kernel in kernels.items():
         resources = compiled(kernel, folder)
         assert resources.frame <= (0 if name == "main job" else MOST_LOCAL), f"{kernel_name}: {resources}"

@@ -17,7 +17,7 @@ LAYERS = (
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math", "dataclasses", "typing", "collections"}
-RESULTS = {"errors", "core.atomic_file", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
+RESULTS = {"errors", "core.atomic_file", "core.pose", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
 """What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
@@ -48,7 +48,10 @@ KERNEL_FILES = sorted((ROOT / "kernels").rglob("*.py"))
 
 
 def imports(path: Path) -> list[tuple[str, bool]]:
-    """Modules that a file names in its import statements, and whether that happens when the file itself is imported."""
+    """Modules that a file names in its import statements, and whether that happens when the file itself is imported.
+
+    Imports under ``if TYPE_CHECKING`` name types for annotations and do not happen: they do not count.
+    """
     tree = ast.parse(path.read_text(encoding="utf-8"))
     lazy = {
         inner
@@ -56,14 +59,23 @@ def imports(path: Path) -> list[tuple[str, bool]]:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
         for inner in ast.walk(node)
     }
+    for_types = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
     found = []
     for node in ast.walk(tree):
+        if node in for_types:
+            continue
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: relative import"
-            # "from warpdem.engine import plan" names a file, "from warpdem.model.plan import Plan" one of its things
+            # "from warpdem.engine import plan" names a file, "from warpdem.model.features import Features" one of its things
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         found += [(name, node not in lazy) for name in names]
     return found

@@ -8,8 +8,9 @@ import pytest
 import warp as wp
 
 from warpdem import Scene, Simulation
-from warpdem.app.run import history_row
 from warpdem.measure import observation
+from warpdem.measure.column import Readings
+from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import CONTACT_ARRAYS, Instant, Room
 
 STEPS = 800
@@ -77,6 +78,11 @@ def sim(scene):
     return made
 
 
+def row_of(sim) -> list[float]:
+    """The row of history.csv at the present time of ``sim``."""
+    return history_row(history_columns(sim.scene), Readings(sim))
+
+
 def spoil(sim) -> None:
     """Go on and overwrite what never changes, so that whoever looks at the run's own arrays sees others."""
     sim.step(STEPS)
@@ -86,13 +92,13 @@ def spoil(sim) -> None:
 
 
 def test_an_instant_is_read_after_the_run_has_gone_on(sim):
-    there, row = sim.snapshot(), history_row(sim, [])
+    there, row = sim.snapshot(), row_of(sim)
     assert len(there.contacts.i) > 5 and (there.contacts.wall >= 0).any() and np.abs(row).sum() > 0.0
     instant = Instant(sim, Room(sim.device))
     spoil(sim)
     still = instant.simulation()
     equal(still.snapshot(), there)
-    assert history_row(still, []) == row
+    assert row_of(still) == row
     assert (still.step_number, still.time) == (STEPS, STEPS * sim.dt)
 
 
@@ -122,7 +128,7 @@ def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
     equal(still.particles.force, sim.particles.force)
     with pytest.raises(AttributeError):
         still.contacts()
-    assert observation.row(sim) == []
+    assert observation.observed(sim) == {}
 
 
 def test_there_is_an_instant_before_the_first_grain(scene):
@@ -132,7 +138,7 @@ def test_there_is_an_instant_before_the_first_grain(scene):
     still = Instant(sim, Room(sim.device)).simulation()
     equal(still.snapshot(), sim.snapshot())
     assert len(sim.state) == 0
-    np.testing.assert_array_equal(history_row(still, []), history_row(sim, []))
+    np.testing.assert_array_equal(row_of(still), row_of(sim))
     sim.step(STEPS)
     assert len(sim.state) > 0
 

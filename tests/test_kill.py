@@ -239,7 +239,7 @@ def stage_values(folder: Path) -> dict:
 @functools.cache
 def temporal_values(folder: Path) -> dict:
     """All that a VTKHDF result gives, by frame and name."""
-    from warpdem.output.write_vtkhdf import read_vtkhdf
+    from warpdem.output.read_vtkhdf import read_vtkhdf
 
     results = read_vtkhdf(folder)
     values = {"times": results.times}

@@ -74,7 +74,7 @@ def test_grains_attract_across_the_gap_and_not_beyond(make, skin):
     gaps = np.array([0.25, 0.5, 0.99, 1.01]) * GAP
     positions = [[x, y, 0.0] for y, gap in zip(np.arange(4) * 0.01, gaps, strict=True) for x in (0.0, 2e-3 + gap)]
     sim = make(positions, skin=skin)
-    assert sim.plan.gap == GAP
+    assert sim.plan.contact.gap == GAP
     force = sim.loads()[0]
     expected = PULL * np.maximum(1.0 - gaps / GAP, 0.0)
     np.testing.assert_allclose(force[::2, 0], expected, rtol=0, atol=1e-15)
@@ -112,4 +112,4 @@ def test_a_contact_without_overlap_has_the_stiffness_of_the_first_touch(normal, 
 
 
 def test_laws_of_contact_alone_have_no_gap(make_simulation):
-    assert make_simulation([[0, 0, 0]], step=1e-5).plan.gap == 0.0
+    assert make_simulation([[0, 0, 0]], step=1e-5).plan.contact.gap == 0.0

@@ -9,9 +9,10 @@ import pytest
 
 from warpdem import Scene, SceneError, Simulation
 from warpdem.app.run import run_scene
-from warpdem.measure.bulk import bulk
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
+from warpdem.measure.column import Readings
 from warpdem.measure.contact_network import read_network
+from warpdem.measure.measures import region_columns
 from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.scene.file import scene_from_dict
 from warpdem.scene.measures import Region
@@ -40,7 +41,8 @@ def scene(positions, velocities=None, measures=None, **more):
 
 def properties(sim, box):
     """Bulk properties in a box."""
-    return bulk(Region(name="r", box=box), sim.particles, read_network(sim), sim.domain.period)
+    readings = Readings(sim)
+    return [column.read(readings) for column in region_columns(Region(name="r", box=box))]
 
 
 # --- flow ------------------------------------------------------------------------------------------------------------

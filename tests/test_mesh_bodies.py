@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem.mesh.geometry import build_mesh, require_closed, signed_distance
+from warpdem.mesh.triangle_mesh import build_mesh, require_closed, signed_distance
 
 
 def box(size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)):

@@ -10,7 +10,7 @@ import trimesh
 
 from warpdem.errors import SceneError
 from warpdem.mesh.file import read_triangles
-from warpdem.mesh.geometry import load_mesh
+from warpdem.mesh.triangle_mesh import load_mesh
 
 
 def box(size=(1.0, 2.0, 3.0)):

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from warpdem.errors import SceneError
-from warpdem.mesh.geometry import TriangleMesh, load_mesh
+from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh
 
 BALL = trimesh.creation.icosphere(subdivisions=1)
 FILES = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem.mesh import pieces as mesh_pieces
-from warpdem.mesh.geometry import build_mesh
+from warpdem.mesh.grouping import components
+from warpdem.mesh.triangle_mesh import build_mesh
 
 
 def box(size=(1.0, 2.0, 3.0)):
@@ -94,6 +94,6 @@ def test_components_are_found_along_a_long_shuffled_chain():
     order = np.random.default_rng(0).permutation(2000)
     chain = np.stack([order[:-1], order[1:]], axis=1)
     cut = np.delete(chain, 700, axis=0)
-    label = mesh_pieces.components(2001, cut)
+    label = components(2001, cut)
     assert len(np.unique(label)) == 3
     assert len(np.unique(label[order[:701]])) == len(np.unique(label[order[701:]])) == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warpdem.mesh.geometry import build_mesh, load_mesh
+from warpdem.mesh.triangle_mesh import build_mesh, load_mesh
 
 BALL = np.array(trimesh.creation.icosphere(subdivisions=3, radius=0.02).triangles, np.float32).astype(float)
 

@@ -114,7 +114,7 @@ def test_bits_do_not_depend_on_threads_memory_order_or_resume_and_asking_changes
 
 def test_nothing_is_allocated_or_compiled_when_nobody_asks():
     sim = Simulation(heap(orientation=False), device="cpu", threads=1)
-    assert (sim.plan.orientation, sim.state.orientation, sim.snapshot().orientation) == (False, None, None)
+    assert (sim.plan.measures.orientation, sim.state.orientation, sim.snapshot().orientation) == (False, None, None)
     assert "left out  orientation of the grains: output.orientation is false" in sim.plan.explain()
     with pytest.raises(SceneError, match=r"output\.orientation = false"):
         _ = sim.particles.orientation

@@ -68,7 +68,7 @@ def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
         "shutil.copytree(root / 'warpdem', work / 'warpdem', ignore=shutil.ignore_patterns('__pycache__', 'kernels'))\n"
         "shutil.copytree(root / 'kernels', work / 'kernels', ignore=shutil.ignore_patterns('__pycache__'))\n"
         "shutil.copytree(root / 'scenes', work / 'scenes', ignore=shutil.ignore_patterns('__pycache__'))\n"
-        "for name in ('pyproject.toml', 'README.md'): shutil.copy(root / name, work / name)\n"
+        "for name in ('pyproject.toml', 'README.md', 'LICENSE'): shutil.copy(root / name, work / name)\n"
         "os.chdir(work)\n"
         "backend.build_wheel(str(work.parent))\n"
     )
@@ -77,12 +77,32 @@ def test_wheel_holds_kernels_and_nothing_bare(tmp_path):
     [wheel] = tmp_path.glob("warpdem-*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     held = {name for name in names if name.endswith(".py")}
-    wanted = {f"warpdem/{p.name}" for p in (ROOT / "warpdem").glob("*.py")}
+    own = {p.relative_to(ROOT).as_posix() for p in (ROOT / "warpdem").rglob("*.py")}
+    wanted = {name for name in own if not name.startswith("warpdem/kernels/")}  # an editor's link to ../kernels
     wanted |= {f"warpdem/{p.relative_to(ROOT).as_posix()}" for p in (ROOT / "kernels").rglob("*.py")}
     assert held == wanted | {"warpdem/scenes/__init__.py"}
     gallery = [*(ROOT / "scenes").glob("*.toml"), *(ROOT / "scenes" / "meshes").glob("*.stl")]
     assert {f"warpdem/{path.relative_to(ROOT).as_posix()}" for path in gallery} <= set(names)
     assert not [name for name in names if "/paper/" in name or name.endswith(".png")]
+
+
+def test_metadata_names_licence_authors_and_page(project):
+    """What an index shows; the licence file is the text of the expression."""
+    about = project["project"]
+    assert (about["license"], about["license-files"], about["readme"]) == ("Apache-2.0", ["LICENSE"], "README.md")
+    assert "Apache License" in (ROOT / "LICENSE").read_text() and about["authors"] == [{"name": "warpdem developers"}]
+    assert not [c for c in about["classifiers"] if c.startswith("License ::")], "an index refuses both"
+    assert f"version: {about['version']}" in (ROOT / "CITATION.cff").read_text()
+    assert f"Version {about['version']}" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_top_level_holds_seven_names_and_what_hosts_and_indexes_expect():
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a checkout")
+    own = {"README.md", "pyproject.toml", "kernels", "scenes", "tests", "tools", "warpdem"}
+    expected = {"LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", ".github", ".ci", ".gitignore"}
+    assert {name.split("/")[0] for name in listed.stdout.splitlines()} == own | expected
 
 
 def test_command_is_installed(project):

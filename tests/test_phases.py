@@ -14,7 +14,7 @@ from rich.console import Console
 
 from warpdem import SceneError, Simulation, StabilityError
 from warpdem.app.phases import run as run_all
-from warpdem.core.claim import FolderTaken, claimed
+from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.drawing.rendering import render
 from warpdem.scene.file import load_scene, scene_from_dict
 from warpdem.state import checkpoint
@@ -157,7 +157,7 @@ def test_resume_of_other_phases_is_refused_before_what_is_not_begun(tmp_path):
 
 
 def test_phases_claim_their_folder_and_leave_none_when_refused(tmp_path):
-    with claimed(tmp_path / "out"), pytest.raises(FolderTaken, match="another run is writing there"):
+    with locked(tmp_path / "out"), pytest.raises(FolderLocked, match="another run is writing there"):
         run_all(scene(), tmp_path / "out", device="cpu", threads=1, overwrite=True)
     for folder in (tmp_path / "out", tmp_path / "out" / "2-turn"):
         assert not folder.exists()

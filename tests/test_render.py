@@ -8,7 +8,8 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from warpdem.core.snapshot import FramePose, Placement, Snapshot, TranslationPart, WallLoad, WallMesh
+from warpdem.core.pose import FramePose, Placement, TranslationPart
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.drawing.legend import bar_width, font_size, heading
 from warpdem.drawing.rendering import render
 from warpdem.drawing.visible import visible
@@ -43,7 +44,7 @@ def snapshot(position, radius, *, time=0.0, angle=0.0):
     return Snapshot(
         step=0,
         time=time,
-        frame=FramePose.turned(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
+        frame=FramePose.rotated(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
         id=np.arange(count),
         type=np.arange(count, dtype=np.int32) % 2,
         group=np.arange(count, dtype=np.int32) % 2,

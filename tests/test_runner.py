@@ -20,13 +20,16 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.run import cadence, check_request, default_folder, history_columns, named_folder, run_scene
+from warpdem.app.outputs import cadence
+from warpdem.app.run import run_scene
+from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.claim import FolderTaken, claimed
 from warpdem.core.progress import told_if_long
+from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
-from warpdem.output.write_vtk import read_results
+from warpdem.output.history import history_columns
+from warpdem.output.read_vtk import read_results
 from warpdem.state import checkpoint
 
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -166,7 +169,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim.run(until=6e-3)
     from warpdem.kernels.normal import hertz
 
-    from warpdem.model.plan import coefficient_table
+    from warpdem.model.features import coefficient_table
     from warpdem.model.time_step import contact_time
 
     met = sim.extremes
@@ -359,7 +362,7 @@ def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch
     run(scene(output=OFTEN), tmp_path, until=2e-3)
     again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.scene_hash
+    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
 
 
 OTHER_RESULTS = {
@@ -448,7 +451,7 @@ def test_a_folder_is_claimed_before_anything_is_computed(tmp_path, monkeypatch, 
         assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
         monkeypatch.undo()
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(FolderTaken, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
+        with pytest.raises(FolderLocked, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
             run(scene(), Path("out/bed"), **keys)
         refused.append(True)
 
@@ -481,7 +484,7 @@ def test_a_folder_that_is_removed_stops_the_run_and_is_left_to_others(tmp_path, 
                 (tmp_path / "done").touch()
                 shutil.rmtree(folder)
                 if anew:
-                    other.enter_context(claimed(folder))
+                    other.enter_context(locked(folder))
 
         monkeypatch.setattr(Simulation, "step", removed)
         said = "now belongs to another run" if anew else "was removed during the run"
@@ -534,4 +537,4 @@ def test_the_page_on_scenes_lists_the_columns_of_the_history():
     asked = {"flow": [{"name": "NAME", **plane}], "mixing": [{"name": "NAME", "by": "x", "cell": 1.0}]}
     floor = {"name": "NAME", "material": "glass", "plane": plane}
     for column in history_columns(scene(walls=[floor], measures=asked)):
-        assert f"`{re.sub(' [yz] ', ' x ', column)}`" in section, column
+        assert f"`{re.sub(' [yz] ', ' x ', column.header)}`" in section, column

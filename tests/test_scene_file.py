@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from warpdem.core.paths import access_of_file
+from warpdem.core.access import access_of_file
 from warpdem.errors import SceneError
 from warpdem.scene.file import load_scene, scene_from_dict, scene_schema
 

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from warpdem.kernels.normal import hertz
 
 from warpdem import Scene, SceneError
-from warpdem.filling.grain_source import load_grains
+from warpdem.filling.initial_grains import load_grains
 from warpdem.model import time_step
+from warpdem.model.features import coefficient_table
 from warpdem.model.impact import impact
-from warpdem.model.plan import coefficient_table
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3

@@ -31,7 +31,7 @@ def scene(speed, place=(0.0, 0.0, 0.0), **changes):
 
 @pytest.fixture(scope="module")
 def middle():
-    from warpdem.mesh.geometry import load_mesh
+    from warpdem.mesh.triangle_mesh import load_mesh
 
     return load_mesh(BOX).vertices.mean(axis=0)
 

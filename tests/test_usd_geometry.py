@@ -10,13 +10,13 @@ import pytest
 import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from rich.console import Console
-from usd_stages import define_loose_mesh
 
+from usd_stages import define_loose_mesh
 from warpdem import Scene, SceneError, Simulation
 from warpdem.app.check import describe
 from warpdem.app.run import run_scene
 from warpdem.mesh import usd_geometry
-from warpdem.mesh.geometry import build_mesh, load_mesh
+from warpdem.mesh.triangle_mesh import build_mesh, load_mesh
 from warpdem.mesh.usd_geometry import shape_triangles
 from warpdem.usd import motion as usd_motion
 

@@ -5,8 +5,8 @@ import shutil
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
-from usd_stages import author, collide, define_grains, define_mesh, new_stage, read, refusal
 
+from usd_stages import author, collide, define_grains, define_mesh, new_stage, read, refusal
 from warpdem import SceneError, load_scene
 from warpdem.mesh.usd_geometry import read_triangles
 from warpdem.usd import motion as usd_motion

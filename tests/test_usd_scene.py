@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
-from usd_stages import MESH, author, collide, define_grains, define_mesh, new_stage, read, refusal
 
+from usd_stages import MESH, author, collide, define_grains, define_mesh, new_stage, read, refusal
 from warpdem import Scene, SceneError, Simulation, load_scene
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"

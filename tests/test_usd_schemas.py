@@ -4,12 +4,12 @@ import json
 
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from usd_stages import MESH, author, collide, define_grains, define_mesh, new_stage, read, refusal
 
+from usd_stages import MESH, author, collide, define_grains, define_mesh, new_stage, read, refusal
 from warpdem import load_scene
 from warpdem.app.cli import app
-from warpdem.usd.not_taken import notes
 from warpdem.usd.schemas import RULES, Prim, rule_of
+from warpdem.usd.unsupported import notes
 
 TYPES = Sdf.ValueTypeNames
 SURFACE = "physxSurfaceVelocity:surfaceVelocity"

@@ -10,7 +10,6 @@ import trimesh
 from pxr import Gf, Usd, UsdGeom, Vt
 
 from warpdem.errors import SceneError
-from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
 
 BALL = trimesh.creation.icosphere(subdivisions=2)
@@ -34,13 +33,13 @@ def stage_bytes(tmp_path_factory):
 
 def refusal(path, what="geometry", prim="") -> str:
     with pytest.raises(SceneError) as caught:
-        usd_stage.ask(path, what, prim, "walls[0].mesh")
+        usd_stage.read(path, what, prim, "walls[0].mesh")
     return str(caught.value)
 
 
 def test_answer_holds_units_and_arrays(tmp_path, stage_bytes):
     (tmp_path / "a.usdc").write_bytes(stage_bytes)
-    said, arrays = usd_stage.ask(tmp_path / "a.usdc", "motion", "/Arm/Ball", "frame")
+    said, arrays = usd_stage.read(tmp_path / "a.usdc", "motion", "/Arm/Ball", "frame")
     assert (said["metres"], said["up"], said["rate"]) == (0.01, "Y", 24.0)
     assert arrays["codes"].tolist() == [0, 1, 2, 3, 4]
     assert arrays["matrices"][:, 0, 3].tolist() == [0, 1, 2, 3, 4]
@@ -70,7 +69,7 @@ def test_counts_of_a_crate_file_are_not_believed(tmp_path, stage_bytes):
         wrong[at : at + 8] = (2**40).to_bytes(8, "little")
         (tmp_path / "a.usdc").write_bytes(wrong)
         try:
-            said, _ = usd_stage.ask(tmp_path / "a.usdc", "geometry", "/Arm", "mesh")
+            said, _ = usd_stage.read(tmp_path / "a.usdc", "geometry", "/Arm", "mesh")
         except SceneError:
             continue
         assert said["surfaces"]
@@ -83,7 +82,7 @@ def reader(monkeypatch, tmp_path):
 
     def replace(code):
         (tmp_path / "reader.py").write_text(code)
-        monkeypatch.setattr(usd_reader, "__file__", str(tmp_path / "reader.py"))
+        monkeypatch.setattr(usd_stage, "PROGRAM", tmp_path / "reader.py")
         (tmp_path / "a.usda").write_text("#usda 1.0\n")
         return tmp_path / "a.usda"
 
@@ -110,7 +109,7 @@ def test_failure_of_the_reader_is_told_with_its_reason(reader):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the memory of a process can be limited on Linux only")
 def test_memory_is_limited():
     code = (
-        "import numpy as np, warpdem.usd.reader as r; r.MEMORY_SLACK = 50_000_000; r.limit_memory(1_000_000);"
+        "import numpy as np, warpdem.core.process_limits as r; r.MEMORY_SLACK = 50_000_000; r.limit_memory(1_000_000);"
         "a = np.ones(7_000_000); print('fits');"
         "b = np.ones(7_000_000)"
     )

@@ -68,8 +68,9 @@ def own(tmp_path_factory):
 def test_copies_of_the_laws_give_the_bits_of_the_laws(own):
     mine = simulation(own, contact={role: f"{role}.py" for role in COPIES})
     theirs = simulation(own)
-    assert mine.plan.normal == str(own / "normal.py")
-    assert (mine.plan.memory, mine.plan.inertia_factor) == (theirs.plan.memory, theirs.plan.inertia_factor) == (6, 3.5)
+    assert mine.plan.contact.normal == str(own / "normal.py")
+    for sim in (mine, theirs):
+        assert (sim.plan.contact.memory, sim.plan.contact.inertia_factor) == (6, 3.5)
     kinds = set()
     for _ in range(40):
         for sim in (mine, theirs):
@@ -102,7 +103,7 @@ def test_what_the_file_says_is_what_runs(own, tmp_path):
 
 def test_an_absolute_path_needs_no_folder(own, tmp_path):
     sim = simulation(tmp_path, contact={**data()["contact"], "normal": own / "normal.py"})
-    assert sim.plan.normal == str(own / "normal.py")
+    assert sim.plan.contact.normal == str(own / "normal.py")
     assert f"runs      normal: {own / 'normal.py'}" in sim.plan.explain()
 
 

@@ -230,10 +230,10 @@ def test_what_is_the_same_all_along_or_away_from_the_borders_costs_nothing(lanes
         {"sphere": {"centre": [MIDDLE, 0, 0], "radius": 0.0199}},
         box(tmp_path, (MIDDLE, 0, -5e-3)),
     ]
-    assert not simulated(beside(lanes, *walls)).plan.wall_images
+    assert not simulated(beside(lanes, *walls)).plan.walls.images
     closing = [{"plane": {"point": [x, 0, 0], "normal": [n, 0, 0]}} for x, n in ((LOWER, 1), (UPPER, -1))]
-    assert not simulated(beside(lanes, *closing)).plan.wall_images
-    assert simulated(beside(lanes, box(tmp_path, (UPPER, 0, -5e-3)))).plan.wall_images
+    assert not simulated(beside(lanes, *closing)).plan.walls.images
+    assert simulated(beside(lanes, box(tmp_path, (UPPER, 0, -5e-3)))).plan.walls.images
 
 
 def test_the_captured_graph_sees_walls_at_their_images(lanes, met):

@@ -11,7 +11,8 @@ from rich.console import Console
 
 from warpdem import Scene, Simulation
 from warpdem.app.run import run_scene
-from warpdem.core.snapshot import FramePose, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.measure.wall_loads import read_loads, torque_point
 from warpdem.model.schedule import Schedule
 from warpdem.output.write_usd import UsdWriter
@@ -293,7 +294,7 @@ def test_wall_that_is_not_made_of_triangles_is_drawn_without_pressure(tmp_path):
     load = WallLoad(np.ones(3), np.ones(3), np.zeros(3), 2.0, np.zeros((0, 3)), np.zeros(0))
     none = {name: np.zeros((0, 3)) for name in ("position", "velocity", "spin", "force")}
     none |= {name: np.zeros(0) for name in ("radius", "mass")} | {name: np.zeros(0, int) for name in ("id", "type", "group")}
-    rest = FramePose.turned(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 0.0)
+    rest = FramePose.rotated(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 0.0)
     place = Placement(np.eye(3), np.zeros(3))
     snapshot = Snapshot(step=0, time=0.0, frame=rest, walls={"drum": place}, loads={"drum": load}, **none)
     for writer in (VtkWriter(tmp_path, [drawn]), UsdWriter(tmp_path, [drawn])):

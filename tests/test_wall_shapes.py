@@ -7,8 +7,8 @@ from pydantic import ValidationError
 from warpdem import Scene, Simulation
 from warpdem.errors import SceneError
 from warpdem.mesh.tessellation import tessellated
-from warpdem.scene.model import Wall
 from warpdem.scene.wall_shapes import Cone, Cylinder, Sphere
+from warpdem.scene.walls import Wall
 
 RADIUS = 1e-3
 CYLINDER = {"point": [0, 0, 0], "axis": [0, 0, 2], "radius": 5e-3}

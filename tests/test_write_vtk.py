@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from warpdem.core.snapshot import FramePose, Placement, RotationPart, SampledPart, Snapshot, TranslationPart, WallMesh
+from warpdem.core.pose import FramePose, Placement, RotationPart, SampledPart, TranslationPart
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.write_vtk import VtkWriter, read_frame, read_results
+from warpdem.output.read_vtk import read_frame, read_results
+from warpdem.output.write_vtk import VtkWriter
 
 CUBE = WallMesh(
     "box",
@@ -28,7 +30,7 @@ def snapshot(k, count=30):
     return Snapshot(
         step=1000 * k,
         time=0.1 * k,
-        frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
+        frame=FramePose.rotated(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=rng.integers(0, 2, count).astype(np.int32),
         group=rng.integers(0, 3, count).astype(np.int32),

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from warpdem.core.committed_file import CommittedFile, journal_of, repair
-from warpdem.core.snapshot import ContactNetwork, FramePose, Placement, Snapshot, WallLoad, WallMesh
+from warpdem.core.journaled_file import JournaledFile, journal_of, repair
+from warpdem.core.pose import FramePose, Placement
+from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.errors import OutputError, WarpdemError
-from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter, read_vtkhdf
+from warpdem.output.read_vtkhdf import read_vtkhdf
+from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS, VtkhdfWriter
 
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]], dtype=np.int32)
 BOX = WallMesh("box", np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]), TRIANGLES)
@@ -37,11 +39,11 @@ def snapshot(k, count=None) -> Snapshot:
     count = COUNTS[k] if count is None else count
     rng = np.random.default_rng(k)
     same = np.random.default_rng(count)  # what changes only with the grains themselves
-    turn = FramePose.turned(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.2 * k, 1.0).rotation
+    turn = FramePose.rotated(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.2 * k, 1.0).rotation
     return Snapshot(
         step=1000 * k,
         time=0.1 * k,
-        frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
+        frame=FramePose.rotated(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=same.integers(0, 2, count).astype(np.int32),
         group=same.integers(0, 3, count).astype(np.int32),
@@ -294,7 +296,7 @@ def test_a_kill_at_any_write_leaves_whole_frames(tmp_path, monkeypatch):
 def test_a_committed_file_is_what_a_plain_one_would_be(tmp_path):
     rng = np.random.default_rng(2)
     plain = bytearray()
-    file = CommittedFile(tmp_path / "a")
+    file = JournaledFile(tmp_path / "a")
     for step in range(40):
         for _ in range(6):
             place, data = int(rng.integers(0, len(plain) + 9000)), rng.bytes(int(rng.integers(1, 12000)))
@@ -313,7 +315,7 @@ def test_a_committed_file_is_what_a_plain_one_would_be(tmp_path):
         if step % 10 == 6:
             file.commit()
             file.close()
-            file = CommittedFile(tmp_path / "a", resume=True)
+            file = JournaledFile(tmp_path / "a", resume=True)
     file.close()
 
 

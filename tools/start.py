@@ -51,6 +51,7 @@ def main() -> None:
         call(BIN / "warpdem", "render", "out/hourglass", "--out", "out/hourglass/film.mp4")
     else:
         call(BIN / "ruff", "check", ".")
+        call(BIN / "mypy")
         # a worker per core; a file stays with one of them, and so do its kernels
         call(BIN / "python", "-m", "pytest", "-n", "auto", "--dist", "loadfile", *more)
 

@@ -10,7 +10,7 @@ warpdem.render("hourglass/results", "film.mp4")         # of a run: warpdem demo
 
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if find_spec("warpdem.kernels") is None:
     raise ImportError(
@@ -22,6 +22,8 @@ from warpdem.errors import SceneError, StabilityError, WarpdemError
 
 if TYPE_CHECKING:
     from warpdem.app.demo import load_demo
+    from warpdem.app.notebook import picture
+    from warpdem.drawing.rendering import render
     from warpdem.scene.file import load_scene
     from warpdem.scene.model import Scene
     from warpdem.simulation import Simulation
@@ -56,7 +58,7 @@ Until then the command has begun, which answers Ctrl-C in its own words.
 """
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     """Import a name of ``LATER``, or look up the version."""
     if name == "__version__":
         from importlib.metadata import version

@@ -10,7 +10,7 @@ declares; they come last, so that a law without any has the layout, and the bits
     any law       PAIR = {key: PairKey}          keys of ``[[pairs]]`` that the law reads
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import NamedTuple
@@ -91,6 +91,17 @@ class Columns:
 def scalars(names: Iterable[str]) -> Columns:
     """One number per name."""
     return Columns(tuple((name, 1) for name in names))
+
+
+def coefficient_row(of_law: Sequence[float], of_pair: Mapping[str, float]) -> tuple[float, ...]:
+    """A row of the table of coefficients.
+
+    Args:
+        of_law: what ``coefficients`` of the normal law returns.
+        of_pair: values of the keys ``OF_PAIR``.
+    """
+    first = len(OF_NORMAL_LAW)
+    return (*of_law[:first], *(of_pair[key] for key in OF_PAIR), *of_law[first:])
 
 
 def own_coefficients(normal: ModuleType) -> Columns:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from outcomes import (
     centre_angle,
     cone_angle,

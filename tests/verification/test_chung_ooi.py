@@ -10,11 +10,11 @@ numbers: ``chung_ooi`` in tests/helpers. At 200 steps per contact the scheme add
 and under 1e-4 elsewhere, seen against 800; the law itself is what differs between codes below 15 degrees.
 """
 
-import chung_ooi
 import numpy as np
 import pytest
-from chung_ooi import ALUMINIUM, ANGLES, COPPER, OXIDE, SPEED, SPINNING_ALUMINIUM, STEEL, oblique, rebound, wall_impacts
 
+import chung_ooi
+from chung_ooi import ALUMINIUM, ANGLES, COPPER, OXIDE, SPEED, SPINNING_ALUMINIUM, STEEL, oblique, rebound, wall_impacts
 from warpdem import Simulation
 
 LAWS = ["mindlin", "mindlin_displacement"]

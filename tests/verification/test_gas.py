@@ -1,11 +1,8 @@
 """A frictionless gas in a box: energy is kept when elastic and only lost when not (exact_solutions 9)."""
 
-import sys
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 import stability_scenes as scenes
 
 

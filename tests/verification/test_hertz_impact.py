@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 import pytest
-from chung_ooi import CAST_IRON, GLASS, LARGE_ALUMINIUM, LIMESTONE, MAGNESIUM, OXIDE, Sphere, wall_impacts
 
+from chung_ooi import CAST_IRON, GLASS, LARGE_ALUMINIUM, LIMESTONE, MAGNESIUM, OXIDE, Sphere, wall_impacts
 from warpdem import SceneError, Simulation
 
 # by hand: m* [kg], K [N/m^1.5], d_max [m], F_max [N], t_c [s]; the forces 7108 N and 7233 N also stand in Kratos

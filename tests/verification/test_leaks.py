@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from warpdem import Scene, Simulation
-from warpdem.mesh.geometry import load_mesh, signed_distance
+from warpdem.mesh.triangle_mesh import load_mesh, signed_distance
 from warpdem.model.travel import CLOSED, OPEN
 
 MESHES = Path(__file__).resolve().parents[2] / "scenes/meshes"

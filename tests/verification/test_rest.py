@@ -1,12 +1,9 @@
 """Beds at rest stay at rest; what the constant rolling torque leaves is bounded (it brakes, but holds nothing)."""
 
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 import stability_scenes as scenes
 
 SETTLING = 45_000  # steps until nothing but round-off is left

@@ -1,16 +1,12 @@
 """The step at which a packing and a single contact become unstable is that of the rule of ``engine.timestep``, within 7 %."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from warpdem import StabilityError
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 import stability_scenes as scenes
+from warpdem import StabilityError
 
 LAWS = [("hooke", 0.0), ("hooke", 0.1), ("hooke", 2.0 / 7.0), ("hooke", 1.0), ("hertz", 1.0)]
 """Normal law, and k_t/k_n (any but 0 with hertz: 0.82 by Poisson's ratio)."""

@@ -7,8 +7,8 @@ its energy to order 2.4 (test_hertz_impact), 1e-5 at 200 steps per contact.
 
 import numpy as np
 import pytest
-from chung_ooi import ANGLES, OXIDE, SPEED, wall_impacts
 
+from chung_ooi import ANGLES, OXIDE, SPEED, wall_impacts
 from warpdem import Simulation
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from warpdem.core.process import answer
+from warpdem.core.command import run_command
 from warpdem.drawing.look import Look
 
 app = App(
@@ -70,9 +70,9 @@ def run(
         quiet: Print errors only.
     """
     from warpdem.app.phases import run as run_all
-    from warpdem.app.run import default_folder, named_folder
-    from warpdem.core.claim import FolderTaken
-    from warpdem.core.paths import require_usable
+    from warpdem.app.run_folder import default_folder, named_folder
+    from warpdem.core.file_names import require_usable
+    from warpdem.core.run_lock import FolderLocked
     from warpdem.scene.file import load_scene
 
     require_usable("--out", out)
@@ -85,7 +85,7 @@ def run(
                 run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
                         quiet=quiet, picture=picture)  # fmt: skip
                 break
-            except FolderTaken as taken:
+            except FolderLocked as taken:
                 if out or resume or taken.folder != folder:
                     raise  # else another run has just taken the folder that was free: the next one
     except KeyboardInterrupt as stop:
@@ -162,7 +162,7 @@ def convert(
         target: File to write: .toml, .usda, .usdc or .usd.
         overwrite: Allow a target that exists.
     """
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.scene.convert import convert as write
 
     require_usable("TARGET", target)
@@ -202,7 +202,7 @@ def render(
     """
     from rich.progress import Progress
 
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.drawing.rendering import render as draw
 
     for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
@@ -252,7 +252,7 @@ def demo(
         quiet: As in run.
     """
     from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome
-    from warpdem.core.paths import require_usable
+    from warpdem.core.file_names import require_usable
     from warpdem.core.start_warp import start_warp
 
     require_usable("--out", out)
@@ -273,8 +273,8 @@ def demo(
 
 
 def main() -> None:
-    """The command, for programs that have imported this; exit codes as ``warpdem.core.process.answer``."""
-    answer(lambda: app)
+    """The command, for programs that have imported this; exit codes as ``warpdem.core.command.run_command``."""
+    run_command(lambda: app)
 
 
 if __name__ == "__main__":

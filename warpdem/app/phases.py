@@ -11,9 +11,11 @@ from xml.etree import ElementTree
 
 from rich.console import Console
 
-from warpdem.app.run import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
+from warpdem.app.final_picture import draw_picture, wants_picture
+from warpdem.app.run import run_scene
+from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.core.atomic_file import replaced
-from warpdem.core.claim import claimed
+from warpdem.core.run_lock import locked
 from warpdem.errors import WarpdemError
 from warpdem.model import needs
 from warpdem.model.digests import file_digests, scene_hash
@@ -66,7 +68,7 @@ def run(
     check_request(folder, until, overwrite or resume)
     for k in range(len(scene.phases)):
         needs.check_grid(scene.phase(k))
-    with claimed(folder):
+    with locked(folder):
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
         return _run(scene, folder, until, resume, picture, said)
 

@@ -9,8 +9,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from warpdem.measure.dimensionless import Turning
+from warpdem.model.features import coefficient_table
 from warpdem.model.impact import damped_time
-from warpdem.model.plan import coefficient_table
 from warpdem.model.time_step import contact_time
 
 FEW = 100
@@ -35,7 +35,7 @@ def steps_per_contact(sim) -> float:
             if speed > 0 and np.isfinite(row).all():
                 pair = sim.scene.pair(names[kind], names[other])
                 duration = contact_time(sim.scene, row, share * lightest, share * smallest, speed)
-                found.append(duration * damped_time(sim.plan.normal, pair.restitution) / sim.dt)
+                found.append(duration * damped_time(sim.plan.contact.normal, pair.restitution) / sim.dt)
     return min(found)
 
 
@@ -74,7 +74,7 @@ def speed_text(seconds_per_step: float, grains: int) -> str:
 
 def shortfalls(sim) -> list[str]:
     """Which streams brought less so far than they should have."""
-    found = [feeder.shortfall(sim.step_number) for feeder in sim.feeders]
+    found = [inlet.shortfall(sim.step_number) for inlet in sim.inlets]
     return [words for words in found if words is not None]
 
 
@@ -103,9 +103,9 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     for packing in sim.expected.packings:
         table.add_row("packing", f"{packing.grains} grains without overlap in {packing.seconds:.1f} s: {packing.steps} steps, "
                                  f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
-    for feeder in sim.feeders:
-        waits = "; the next waits for room" if feeder.blocked else ""
-        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {escape(feeder.stream.material)}{waits}")
+    for inlet in sim.inlets:
+        waits = "; the next waits for room" if inlet.blocked else ""
+        table.add_row("came in", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(inlet.stream.material)}{waits}")
     for words in shortfalls(sim):
         table.add_row("[bold red]warning[/]", escape(words))
     for name, (count, mass) in sim.left.items():

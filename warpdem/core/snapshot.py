@@ -1,95 +1,15 @@
-"""What a run shows at one instant: all that writers and pictures see of it."""
+"""The state of a run at one time, as writers and pictures read it."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Placement:
-    """Where a body stands in the frame axes: x_frame = rotation @ x_body + translation."""
-
-    rotation: np.ndarray
-    """Turn from body axes to frame axes, shape (3, 3)."""
-    translation: np.ndarray
-    """Shift [m], shape (3,)."""
-
-
-@dataclass(frozen=True)
-class RotationPart:
-    """A turn about a line: x goes to origin + R (x - origin)."""
-
-    axis: np.ndarray
-    """Unit vector of the axis, shape (3,)."""
-    origin: np.ndarray
-    """A point of the axis [m], shape (3,)."""
-    angle: float
-    """Angle turned since time 0, not wrapped [rad]."""
-
-
-@dataclass(frozen=True)
-class TranslationPart:
-    """A shift: x goes to x + shift."""
-
-    shift: np.ndarray
-    """Shift since time 0 [m], shape (3,)."""
-
-
-@dataclass(frozen=True)
-class SampledPart:
-    """A rigid motion without an axis of its own: x goes to R x + shift."""
-
-    quaternion: np.ndarray
-    """Unit quaternion of R, scalar first, shape (4,)."""
-    shift: np.ndarray
-    """Shift [m], shape (3,)."""
-
-
-Part = RotationPart | TranslationPart | SampledPart
-
-
-@dataclass(frozen=True)
-class FramePose:
-    """Where the frame stands in the laboratory and how it moves: x_lab = rotation @ x_frame + translation."""
-
-    rotation: np.ndarray
-    """Turn from frame axes to laboratory axes, shape (3, 3)."""
-    translation: np.ndarray
-    """Place of the frame's origin [m], shape (3,)."""
-    spin: np.ndarray
-    """Angular velocity in frame axes [rad/s], shape (3,)."""
-    velocity: np.ndarray
-    """Absolute velocity of the frame's origin in frame axes [m/s], shape (3,)."""
-    parts: tuple[Part, ...] = ()
-    """The motions that make up the place, outermost first; none in an inertial frame."""
-
-    @classmethod
-    def turned(cls, axis: np.ndarray, origin: np.ndarray, angle: float, rate: float) -> "FramePose":
-        """A frame turned by ``angle`` [rad] about a unit axis through ``origin`` [m] that turns at ``rate`` [rad/s]."""
-        x, y, z = axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
-        spin = rate * np.asarray(axis)
-        part = RotationPart(np.asarray(axis), np.asarray(origin), float(angle))
-        return cls(np.eye(3) + turn, -turn @ origin, spin, -np.cross(spin, origin), (part,))
-
-    @property
-    def angle(self) -> float:
-        """Unwrapped angle of the outermost rotation [rad]; 0 when no part is one."""
-        return next((part.angle for part in self.parts if isinstance(part, RotationPart)), 0.0)
-
-    def to_laboratory(self, points: np.ndarray) -> np.ndarray:
-        """Laboratory positions [m] of points given in frame axes, shape (n, 3)."""
-        return points @ self.rotation.T + self.translation
-
-    def velocity_at(self, points: np.ndarray) -> np.ndarray:
-        """Absolute velocity of the frame's points in frame axes [m/s], shape (n, 3): u + w x q."""
-        return self.velocity + np.cross(self.spin, points)
+from warpdem.core.pose import FramePose, Placement
 
 
 @dataclass(frozen=True)
 class WallLoad:
-    """What the grains do to a wall at one instant; vectors in frame axes, or in the laboratory."""
+    """Load of the grains on a wall at one time; vectors in frame axes, or in laboratory axes."""
 
     force: np.ndarray
     """Force [N], shape (3,)."""
@@ -100,22 +20,22 @@ class WallLoad:
     power: float
     """Work that the wall's motion does on the grains in the laboratory, per time [W]: drive power when positive."""
     triangle_force: np.ndarray
-    """Force on each triangle of a mesh [N], shape (t, 3); no rows for other walls."""
+    """Force on each triangle of a mesh [N], shape (t, 3); empty for other walls."""
     pressure: np.ndarray
-    """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive when grains push."""
+    """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
 
     def in_laboratory(self, frame: FramePose) -> "WallLoad":
-        """The same load, vectors turned from frame axes to the laboratory."""
-        turned = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
-        return replace(self, **turned, about=frame.to_laboratory(self.about))
+        """The same load, vectors rotated from frame axes to laboratory axes."""
+        rotated = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
+        return replace(self, **rotated, about=frame.to_laboratory(self.about))
 
 
 @dataclass(frozen=True)
 class ContactNetwork:
-    """The contacts at one instant as lines, grain-grain first, then grain-wall, each by ids; vectors in frame axes.
+    """The contacts at one time as lines, grain-grain first, then grain-wall, each ordered by ids; vectors in frame axes.
 
-    A contact of two grains goes from the centre of i, the one of the lower id, to the centre of j (its nearest image, if the
-    domain is periodic); one with a wall from the centre of i to the contact point.
+    The line of a contact of two grains runs from the centre of i, the grain of the lower id, to the centre of j (its nearest
+    image if the domain is periodic); the line of a contact with a wall runs from the centre of i to the contact point.
     """
 
     i: np.ndarray
@@ -131,9 +51,9 @@ class ContactNetwork:
     force: np.ndarray
     """Force on i [N], shape (c, 3)."""
     normal_force: np.ndarray
-    """Part of the force along the normal [N], positive when it pushes, shape (c,)."""
+    """Component of the force along the normal [N], positive when repulsive, shape (c,)."""
     friction_force: np.ndarray
-    """Rest of the force on i, in the plane of contact [N], shape (c, 3)."""
+    """Tangential force on i, in the contact plane [N], shape (c, 3)."""
     overlap: np.ndarray
     """Overlap [m], shape (c,)."""
     sliding: np.ndarray
@@ -175,12 +95,12 @@ class Snapshot:
     contacts: ContactNetwork | None = None
     """The contacts; None when the scene leaves them out."""
     gravity: np.ndarray | None = None
-    """Gravity in laboratory axes [m/s2], shape (3,); None where results do not tell it."""
+    """Gravity in laboratory axes [m/s2], shape (3,); None where results do not hold it."""
 
 
 @dataclass(frozen=True)
 class WallMesh:
-    """A mesh wall in its body axes; its place at any instant is the snapshot's Placement of that name."""
+    """A mesh wall in its body axes; the snapshot's ``walls`` hold its placement at any time."""
 
     name: str
     vertices: np.ndarray
@@ -188,4 +108,4 @@ class WallMesh:
     triangles: np.ndarray
     """Corner numbers of each triangle, shape (t, 3), int32."""
     infinite: bool = False
-    """Whether this is a patch of a plane without end, cut to what is seen."""
+    """Whether this is a patch of an infinite plane, cut to the part that is drawn."""

@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import warp as wp
 
-from warpdem.core.cores import available_cores
+from warpdem.core.cpu_cores import available_cores
 
 GRAINS_PER_THREAD = 24
 """Grains from which on one more thread pays: below them threads wait for each other longer than they work."""
@@ -19,7 +19,7 @@ SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call
 
 
 def available_threads() -> int:
-    """Cores that this process may use; see ``warpdem.core.cores``."""
+    """Cores that this process may use; see ``warpdem.core.cpu_cores``."""
     return available_cores()
 
 

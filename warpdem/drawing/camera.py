@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.snapshot import FramePose, RotationPart
+from warpdem.core.pose import FramePose, RotationPart
 from warpdem.drawing.look import Look
 from warpdem.errors import WarpdemError
 

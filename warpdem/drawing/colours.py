@@ -7,25 +7,15 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 
-from warpdem.core.snapshot import FramePose
+from warpdem.core.pose import FramePose
 from warpdem.errors import WarpdemError
+from warpdem.output.result_arrays import GRAIN_ARRAYS, TRIANGLE_ARRAYS
 
 CATEGORIES = "#4477aa #ee6677 #228833 #ccbb44 #66ccee #aa3377 #ee8866 #44bb99 #bbcc33 #999999".split()
 """Colours of kinds that have no order (Tol, colour schemes, 2021: told apart also by the colour-blind)."""
 _SHORT = {"speed": "v", "spin": "omega", "force": "f", "size": "radius", "speed_lab": "v"}
 """What users ask for, and the array that holds it."""
-_MEANING = {
-    "v": ("velocity", "m/s"),
-    "omega": ("spin", "rad/s"),
-    "f": ("contact force", "N"),
-    "radius": ("radius", "m"),
-    "mass": ("mass", "kg"),
-    "id": ("grain id", ""),
-    "type": ("material", ""),
-    "group": ("group", ""),
-    "pressure": ("pressure", "Pa"),
-    "force": ("force", "N"),
-}
+_ARRAYS = {array.name: array for array in (*GRAIN_ARRAYS, *TRIANGLE_ARRAYS)}
 _RELATIVE = ("v", "omega")
 """Arrays that are relative to the frame."""
 _KINDS = ("type", "group")
@@ -74,7 +64,8 @@ class Field:
 
     def title(self, turning: bool) -> str:
         """Name and unit beside the scale bar; ``turning`` if the frame is not the laboratory."""
-        meaning, unit = _MEANING.get(self.array, (self.array, ""))
+        known = _ARRAYS.get(self.array)
+        meaning, unit = (known.meaning, known.unit) if known else (self.array, "")
         if self.array == "v" and not self.component:
             meaning = "speed"
         elif self.component:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.snapshot import FramePose
+from warpdem.core.pose import FramePose
 from warpdem.errors import WarpdemError
 
 _SIDE = re.compile(r"([xyz])\s*([<>])=?\s*(\S+)")

@@ -13,8 +13,10 @@ from warpdem.core.atomic_file import replaced
 from warpdem.drawing.look import CHOICES, Look
 from warpdem.drawing.show import AnyResults, Show
 from warpdem.errors import WarpdemError
-from warpdem.output.write_vtk import INDEX, read_results
-from warpdem.output.write_vtkhdf import GRAINS, read_vtkhdf
+from warpdem.output.read_vtk import read_results
+from warpdem.output.read_vtkhdf import read_vtkhdf
+from warpdem.output.write_vtk import INDEX
+from warpdem.output.write_vtkhdf import GRAINS
 
 FPS = 25.0
 """Pictures in a second of a film [1/s]."""

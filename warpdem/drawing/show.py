@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from warpdem.core.snapshot import FramePose, RotationPart, Snapshot, WallMesh
+from warpdem.core.pose import FramePose, RotationPart
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.drawing.camera import looking, placed, upright
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
@@ -19,8 +20,8 @@ from warpdem.drawing.look import Look
 from warpdem.drawing.stage import Balls, Stage, Surface
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import RIM, ROOM, patch, plane_of
-from warpdem.output.write_vtk import Results
-from warpdem.output.write_vtkhdf import VtkhdfResults
+from warpdem.output.read_vtk import Results
+from warpdem.output.read_vtkhdf import VtkhdfResults
 
 AnyResults = Results | VtkhdfResults
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6

@@ -13,7 +13,7 @@ from warpdem.drawing.camera import Camera
 from warpdem.drawing.legend import ink_on
 from warpdem.drawing.visible import visible
 from warpdem.errors import WarpdemError
-from warpdem.output.write_vtk import quiet_vtk
+from warpdem.output.vtk_files import quiet_vtk
 
 _SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _WALL = "#9db4c8"

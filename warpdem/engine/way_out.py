@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
 LEVEL = 1.0e-9  # sine of an angle below which a direction counts as level, or as along another
@@ -16,7 +16,7 @@ def way_out(scene, smallest: float) -> list[str]:
     """
     gravity = np.asarray(scene.gravity, float)
     pull = np.linalg.norm(gravity)
-    if not scene.walls or not pull or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).turns:
+    if not scene.walls or not pull or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).rotates:
         return []
     down = gravity / pull
     planes = [wall.shape for wall in scene.walls if isinstance(wall.shape, Plane)]

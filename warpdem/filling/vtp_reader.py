@@ -1,8 +1,8 @@
-"""Program that opens a .vtp file and hands back plain arrays; `warpdem.filling.state_file` runs it in a process of its own.
+"""Program that opens a .vtp file and hands back plain arrays; `warpdem.filling.grain_file` runs it in a process of its own.
 
 A damaged file can make VTK end the process, loop or ask for any amount of memory. Run as ``python vtp_reader.py FILE ARRAY
-...`` with the names of the point arrays that are wanted; the answer on standard output is as `warpdem.core.apart` takes it:
-``points``, and arrays by their names.
+...`` with the names of the point arrays that are wanted. The answer on standard output has the form that
+`warpdem.core.reader_process` reads: ``points``, and arrays by their names.
 """
 
 import io
@@ -12,8 +12,8 @@ import sys
 
 import numpy as np
 
+from warpdem.core.process_limits import limit_memory
 from warpdem.core.vtk_header import overclaim
-from warpdem.usd.reader import limit_memory
 
 EXPANSION = 100
 """Memory that reading may take per byte of the file [-], beside what is always allowed: arrays may be compressed."""

@@ -43,11 +43,11 @@ class EnergyGuard:
     def look(self) -> str:
         """What is wrong with the energy, nothing if it is no more than can be there."""
         sim = self.sim
-        if self._driven and not sim.plan.energy:
+        if self._driven and not sim.plan.measures.energy:
             return ""
         energy = sim.energy()
         stored = sum(energy[name] for name in STORED)
-        surplus = self._unexplained(stored) if sim.plan.energy else self._risen(sum(energy.values()), stored)
+        surplus = self._unexplained(stored) if sim.plan.measures.energy else self._risen(sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
             return ""
@@ -92,12 +92,13 @@ class EnergyGuard:
 def driven(sim) -> bool:
     """Whether anything but gravity and the potentials of fields at rest may bring energy in, or the law itself does."""
     scene, plan = sim.scene, sim.plan
-    walls = any(wall.motion is not None or (wall.fixed_to == "frame" and plan.moving_frame) for wall in scene.walls)
+    walls = any(wall.motion is not None or (wall.fixed_to == "frame" and plan.frame.moves) for wall in scene.walls)
     fields = any(
-        not hasattr(model("field", name), "energy") or (axes == "frame" and plan.moving_frame) for name, axes in plan.fields
+        not hasattr(model("field", name), "energy") or (axes == "frame" and plan.frame.moves) for name, axes in plan.fields
     )
-    laws = [("normal", plan.normal), *([("tangential", plan.tangential)] if plan.tangential else [])]
+    contact = plan.contact
+    laws = [("normal", contact.normal), *([("tangential", contact.tangential)] if contact.tangential else [])]
     law = not all(getattr(model(role, name), "PASSIVE", False) for role, name in laws)
     # a grain that comes round falls for ever
-    pulled = any(scene.gravity) if plan.moving_frame else np.dot(np.abs(scene.gravity), plan.period) > 0.0
-    return walls or fields or law or bool(any(plan.period) and pulled)
+    pulled = any(scene.gravity) if plan.frame.moves else np.dot(np.abs(scene.gravity), plan.domain.period) > 0.0
+    return walls or fields or law or bool(any(plan.domain.period) and pulled)

@@ -8,7 +8,7 @@ import numpy as np
 
 from warpdem.guards.messages import grain_at, instant
 from warpdem.kernels import grain
-from warpdem.mesh.geometry import signed_distance
+from warpdem.mesh.triangle_mesh import signed_distance
 
 DEEP = 0.1  # radii beyond a mesh: what rounding of its search tree never makes
 
@@ -18,7 +18,7 @@ class SideGuard:
 
     def __init__(self, sim) -> None:
         self.sim = sim
-        round_ = any(sim.plan.period)  # a grain that comes round may come in at the other end of a mesh
+        round_ = any(sim.plan.domain.period)  # a grain that comes round may come in at the other end of a mesh
         self._meshes = [
             number for number, wall in enumerate(sim.scene.walls) if wall.mesh is not None and not wall.open and not round_
         ]

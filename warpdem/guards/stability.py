@@ -61,14 +61,14 @@ def springs(sim, contacts) -> Springs:
     i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
     radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
     overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
-    h = DIFFERENCE * overlap
-    above, here, below = (normal_energy(plan.normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
+    normal, h = plan.contact.normal, DIFFERENCE * overlap
+    above, here, below = (normal_energy(normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
     slope = (above - 2.0 * here + below) / (h * h)
-    k = normal_secant(plan.normal, overlap, contacts)
+    k = normal_secant(normal, overlap, contacts)
     table = coefficients_of(sim, contacts)
-    at = plan.coefficients
+    at = plan.contact.coefficients
     dashpot = table[:, at.damping] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
-    friction = (table[:, at.friction] > 0.0) * 1.0 if plan.tangential else np.zeros(len(k))
+    friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
     out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
                   np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]), arm)  # fmt: skip
@@ -211,7 +211,7 @@ class StabilityGuard:
     def _share(self) -> tuple[float, float, int]:
         """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
         sim = self.sim
-        if sim.plan.integrator != "exact_drift":
+        if sim.plan.backend.integrator != "exact_drift":
             return 0.0, np.inf, 0
         found, p = springs(sim, sim.contacts()), sim.particles
         if not len(found.i) or filter_rates(found, p.mass).max() * sim.dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:

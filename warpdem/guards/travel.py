@@ -18,7 +18,7 @@ class TravelGuard:
 
     def __init__(self, sim) -> None:
         self.sim = sim
-        self.motion = sim.walls.surface.motion.numpy() if sim.plan.walls else np.zeros(0, dtype=int)
+        self.motion = sim.walls.surface.motion.numpy() if sim.plan.walls.present else np.zeros(0, dtype=int)
         self.meshes = [
             (number, wall, sim.meshes[wall.name].vertices.min(axis=0), sim.meshes[wall.name].vertices.max(axis=0))
             for number, wall in enumerate(sim.scene.walls)

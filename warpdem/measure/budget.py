@@ -40,7 +40,7 @@ class Budget:
     def __init__(self, sim) -> None:
         self.sim = sim
         self.start: dict[str, list[float]] = {}
-        self.gone = {name: [0.0] * width for name, width in sim.plan.sums.items()}  # sums of grains that have left
+        self.gone = {name: [0.0] * width for name, width in sim.plan.measures.sums.items()}  # sums of grains that have left
         self.carried = [0.0] * 7  # energy [J], momentum [N s], angular momentum [N m s] by grains that came and left
 
     def begin(self) -> None:
@@ -62,7 +62,7 @@ class Budget:
         given = out["work_walls"] + out["work_fields"] + out["carried_in"]
         lost = sum(by_name[name] for name in DISSIPATED)
         out["integration_error"] = self._stored() - self.start["energy"][0] - given + lost
-        out |= {"jacobi": self._jacobi()} if sim.plan.moving_frame else {}
+        out |= {"jacobi": self._jacobi()} if sim.plan.frame.moves else {}
         return out | {f"{wall.name} work": float(work) for wall, work in zip(sim.scene.walls, works, strict=True)}
 
     def momentum(self) -> dict[str, float]:
@@ -94,7 +94,7 @@ class Budget:
         ids = np.sort(sim.state.id.numpy()[slots])
         slots = slots[np.argsort(sim.state.id.numpy()[slots])]  # sums in order of id: memory has any order
         self._carry(slots, -1.0)
-        if sim.plan.energy:
+        if sim.plan.measures.energy:
             contacts = observers.read_contacts(sim, since=1)
             theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
             self.carried[0] -= sum(float(e[theirs].sum()) for e in observers.elastic_energies(sim, contacts).values())
@@ -137,7 +137,7 @@ class Budget:
         mass, inertia = 1.0 / inverse[:, 0], 1.0 / inverse[:, 1]
         pose = sim.schedule.pose(sim.time)
         velocity = record[:, grain.VELOCITY]
-        spin = record[:, grain.SPIN] if sim.plan.spins else np.zeros_like(velocity)
+        spin = record[:, grain.SPIN] if sim.plan.contact.spins else np.zeros_like(velocity)
         place = record[:, grain.POSITION] - 0.5 * sim.dt * velocity
         there = pose.to_laboratory(place)
         fields = observers.field_energies(sim, place, there, mass, record[:, grain.RADIUS])
@@ -151,7 +151,7 @@ class Budget:
         """What has been added up of all grains, those that left too; vectors in laboratory axes."""
         sim = self.sim
         sim._prepare()
-        per_grain = sim.stepper.read_sums()
+        per_grain = sim.engine.read_sums()
         return {
             name: np.add(gone, self._laboratory(name, per_grain[name][sim.state.rank].sum(axis=0))).tolist()
             for name, gone in self.gone.items()

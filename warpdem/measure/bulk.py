@@ -14,26 +14,18 @@ varies over the region for agitation: choose the region small, or use the grid.
 Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 (contact stress).
 """
 
+from functools import cached_property
+
 import numpy as np
 
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
-
-AXES = ("xx", "yy", "zz", "xy", "yz", "zx")
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
-
-
-def columns(region) -> list[str]:
-    """Names and units of what ``bulk`` gives."""
-    names = ["grains [-]", "mass [kg]", *(f"velocity_{axis} [m/s]" for axis in "xyz")]
-    names += ["granular_temperature [m2/s2]", "coordination [-]"]
-    if region.box is not None:
-        names += ["solid_fraction [-]", *(f"stress_{axes} [Pa]" for axes in AXES)]
-    return [f"{region.name} {name}" for name in names]
+from warpdem.measure.observers import Particles
+from warpdem.scene.measures import Region
 
 
-def bulk(region, particles, network: ContactNetwork, period=(0.0, 0.0, 0.0)) -> list[float]:
-    """Properties of the grains in ``region`` in the order of ``columns``; those of no grain are nan.
+class Bulk:
+    """The grains in a region at one time, and what is averaged over them; averages over no grain are nan.
 
     Args:
         region: name and box, of the scene.
@@ -41,25 +33,60 @@ def bulk(region, particles, network: ContactNetwork, period=(0.0, 0.0, 0.0)) -> 
         network: their contacts.
         period: length of the domain along each periodic axis [m], else 0.
     """
-    position, mass, velocity = particles.position, particles.mass, particles.velocity
-    box = None if region.box is None else BoxShare(region.box.min, region.box.max, period)
-    inside = np.ones(len(position), dtype=bool) if box is None else box.holds(position)
-    grains, m, v = int(inside.sum()), mass[inside], velocity[inside]
-    if not grains:
-        out = [0.0, 0.0, *[np.nan] * 5]
-    else:
-        mean = m @ v / m.sum()
-        agitation = m @ np.sum((v - mean) ** 2, axis=1) / (3.0 * m.sum())
-        ids = particles.id[inside]
-        ends = np.isin(network.i, ids).sum() + np.isin(network.j[network.wall < 0], ids).sum()
-        out = [grains, m.sum(), *mean, agitation, ends / grains]
-    if box is not None:
-        stress = np.zeros((3, 3))
-        if grains:
-            stress += np.einsum("i,ij,ik->jk", m, v - mean, v - mean)
-        share = box.of_lines(network.start, network.end)
-        stress += np.einsum("i,ij,ik->jk", share, network.force, network.start - network.end)
-        stress = 0.5 * (stress + stress.T) / box.volume
-        out += [box.of_balls(position, particles.radius) / box.volume, *(stress[k] for k in _PAIRS)]
-    return [float(number) for number in out]
 
+    def __init__(
+        self,
+        region: Region,
+        particles: Particles,
+        network: ContactNetwork,
+        period: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._particles, self._network = particles, network
+        self._box = None if region.box is None else BoxShare(region.box.min, region.box.max, period)
+        position = particles.position
+        self._inside = np.ones(len(position), dtype=bool) if self._box is None else self._box.holds(position)
+        self._mass, self._velocity = particles.mass[self._inside], particles.velocity[self._inside]
+        self.grains = int(self._inside.sum())
+        """Number of grains [-]."""
+
+    @cached_property
+    def mass(self) -> float:
+        """Their mass [kg]."""
+        return float(self._mass.sum()) if self.grains else 0.0
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Mean velocity by mass V [m/s], shape (3,)."""
+        return self._mass @ self._velocity / self._mass.sum() if self.grains else np.full(3, np.nan)
+
+    @cached_property
+    def granular_temperature(self) -> float:
+        """T [m2/s2]."""
+        if not self.grains:
+            return np.nan
+        return self._mass @ np.sum((self._velocity - self.velocity) ** 2, axis=1) / (3.0 * self._mass.sum())
+
+    @cached_property
+    def coordination(self) -> float:
+        """Z [-]."""
+        if not self.grains:
+            return np.nan
+        ids, network = self._particles.id[self._inside], self._network
+        return (np.isin(network.i, ids).sum() + np.isin(network.j[network.wall < 0], ids).sum()) / self.grains
+
+    @cached_property
+    def solid_fraction(self) -> float:
+        """Solid fraction [-]; only in a box."""
+        return self._box.of_balls(self._particles.position, self._particles.radius) / self._box.volume
+
+    @cached_property
+    def stress(self) -> np.ndarray:
+        """Stress, symmetric, pressure positive [Pa], shape (3, 3); only in a box."""
+        out = np.zeros((3, 3))
+        if self.grains:
+            fluctuation = self._velocity - self.velocity
+            out += np.einsum("i,ij,ik->jk", self._mass, fluctuation, fluctuation)
+        network = self._network
+        part = self._box.of_lines(network.start, network.end)
+        out += np.einsum("i,ij,ik->jk", part, network.force, network.start - network.end)
+        return 0.5 * (out + out.T) / self._box.volume

@@ -24,8 +24,9 @@ def read_network(sim) -> ContactNetwork:
     end[pairs] = start[pairs] - sim.domain.nearest(start[pairs] - partner)
     normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
     friction_force = contacts.force - normal_force[:, None] * contacts.normal
-    limit = coefficients_of(sim, contacts)[:, sim.plan.coefficients.friction] * np.maximum(normal_force, 0.0)
-    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[sim.plan.real]) * limit
+    at = sim.plan.contact.coefficients
+    limit = coefficients_of(sim, contacts)[:, at.friction] * np.maximum(normal_force, 0.0)
+    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[sim.plan.backend.real]) * limit
     return ContactNetwork(
         i=contacts.i,
         j=np.where(pairs, contacts.j, -1),

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.rigid import compose
-from warpdem.scene.motion import Chain, frame_chain, wall_chain
+from warpdem.core.rigid_motion import compose
+from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Turning:
 def turning_axes(scene) -> tuple[str, list[Chain]] | None:
     """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none turn."""
     frame = frame_chain(scene)
-    if frame.turns:
+    if frame.rotates:
         return "frame", [frame]
     walls = [(wall, wall_chain(scene, number)) for number, wall in enumerate(scene.walls)]
-    turning = [(wall, chain) for wall, chain in walls if chain.turns]
+    turning = [(wall, chain) for wall, chain in walls if chain.rotates]
     if not turning:
         return None
     wall, chain = max(turning, key=lambda item: item[1].max_rate)

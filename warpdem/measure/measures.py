@@ -1,56 +1,99 @@
-"""What a scene's ``measures`` put into history.csv: names and units of the columns, and the numbers of one instant."""
+"""The columns of history.csv that a scene's ``measures`` ask for."""
+
+from collections.abc import Callable
 
 from warpdem.kernels.measure.budget import MOMENTA
-from warpdem.measure import bulk
 from warpdem.measure.budget import VECTORS
-from warpdem.measure.contact_network import read_network
+from warpdem.measure.bulk import Bulk
+from warpdem.measure.column import Column, Readings
 from warpdem.measure.mixing import kinds, lacey_index
-from warpdem.scene.motion import frame_chain
+from warpdem.scene.measures import FlowPlane, Mixing, Region
+from warpdem.scene.model import Scene
+from warpdem.scene.motion_chain import frame_chain
 
 ENERGY = (
     "elastic_normal", "elastic_tangential", "elastic_rolling", "dissipated_normal_damping", "dissipated_tangential_damping",
     "dissipated_sliding", "dissipated_rolling", "dissipated_rescaling", "work_walls", "work_fields", "carried_in",
     "integration_error",
 )  # fmt: skip
+"""Terms of ``Budget.energy`` that every scene has."""
+
+REGION: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
+    ("grains", "-", lambda b: b.grains),
+    ("mass", "kg", lambda b: b.mass),
+    ("velocity_x", "m/s", lambda b: b.velocity[0]),
+    ("velocity_y", "m/s", lambda b: b.velocity[1]),
+    ("velocity_z", "m/s", lambda b: b.velocity[2]),
+    ("granular_temperature", "m2/s2", lambda b: b.granular_temperature),
+    ("coordination", "-", lambda b: b.coordination),
+)
+"""Name, unit and reading of what every region has."""
+BOX: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
+    ("solid_fraction", "-", lambda b: b.solid_fraction),
+    ("stress_xx", "Pa", lambda b: b.stress[0, 0]),
+    ("stress_yy", "Pa", lambda b: b.stress[1, 1]),
+    ("stress_zz", "Pa", lambda b: b.stress[2, 2]),
+    ("stress_xy", "Pa", lambda b: b.stress[0, 1]),
+    ("stress_yz", "Pa", lambda b: b.stress[1, 2]),
+    ("stress_zx", "Pa", lambda b: b.stress[2, 0]),
+)
+"""Name, unit and reading of what a region with a box has beside these."""
 
 
-def columns(scene) -> list[str]:
-    """Header of the measures, in the order of ``values``."""
+def columns(scene: Scene) -> list[Column]:
+    """The columns of all measures of a scene, in the order of history.csv."""
     asked = scene.measures
-    names = []
-    if asked.energy:
-        frame = ["jacobi"] if frame_chain(scene).moves else []
-        names += [f"{name} [J]" for name in (*ENERGY, *frame, *(f"{wall.name} work" for wall in scene.walls))]
-    if asked.momentum:
-        terms = ("", *MOMENTA, "error")
-        names += [f"{vector} {term}".strip() + _unit(vector) for term in terms for vector in VECTORS]
-    names += [f"flow {plane.name} {what}" for plane in asked.flow for what in ("mass [kg]", "count [-]")]
-    names += [f"region {name}" for region in asked.regions for name in bulk.columns(region)]
-    return names + [f"mixing {one.name} [-]" for one in asked.mixing]
-
-
-def values(sim) -> list[float]:
-    """What stands below ``columns`` at the present time of ``sim``."""
-    asked, out = sim.scene.measures, []
-    if asked.energy:
-        out += sim.budget.energy().values()
-    if asked.momentum:
-        out += sim.budget.momentum().values()
-    if asked.flow:
-        out += sim.budget.flow()
-    if asked.regions:
-        network = read_network(sim)
-        out += [number for region in asked.regions for number in bulk.bulk(region, sim.particles, network, sim.domain.period)]
-    for one in asked.mixing:
-        first, known = kinds(one.by, sim)
-        out.append(lacey_index(first[known], sim.particles.position[known], one.cell))
-    return [float(number) for number in out]
+    found = _energy(scene) if asked.energy else []
+    found += _momentum() if asked.momentum else []
+    found += [column for number, plane in enumerate(asked.flow) for column in _flow(plane, number)]
+    found += [column for region in asked.regions for column in region_columns(region)]
+    return found + [_mixing(one) for one in asked.mixing]
 
 
 def measured(sim) -> dict[str, float]:
-    """All measures of the scene at the present time, by the names of their columns."""
-    return dict(zip(columns(sim.scene), values(sim), strict=True))
+    """All measures of the scene at the present time, by the headers of their columns."""
+    readings = Readings(sim)
+    return {column.header: column.read(readings) for column in columns(sim.scene)}
 
 
-def _unit(vector: str) -> str:
-    return " [N m s]" if vector.startswith("angular") else " [N s]"
+def _energy(scene: Scene) -> list[Column]:
+    """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
+    names = [*ENERGY, *(["jacobi"] if frame_chain(scene).moves else []), *(f"{wall.name} work" for wall in scene.walls)]
+    return [Column(name, "J", lambda r, name=name: float(r.energy_budget[name])) for name in names]
+
+
+def _momentum() -> list[Column]:
+    """The budgets of momentum and angular momentum, all six components of one term after the other."""
+    names = [f"{vector} {term}".strip() for term in ("", *MOMENTA, "error") for vector in VECTORS]
+    return [
+        Column(
+            name, "N m s" if name.startswith("angular") else "N s", lambda r, name=name: float(r.momentum_budget[name])
+        )
+        for name in names
+    ]
+
+
+def _flow(plane: FlowPlane, number: int) -> list[Column]:
+    """What went through the plane of that number so far."""
+    return [
+        Column(f"flow {plane.name} mass", "kg", lambda r: float(r.flow[2 * number])),
+        Column(f"flow {plane.name} count", "-", lambda r: float(r.flow[2 * number + 1])),
+    ]
+
+
+def region_columns(region: Region) -> list[Column]:
+    """Bulk properties of a region."""
+    return [
+        Column(f"region {region.name} {name}", unit, lambda r, read=read: float(read(r.bulk(region))))
+        for name, unit, read in (REGION if region.box is None else REGION + BOX)
+    ]
+
+
+def _mixing(asked: Mixing) -> Column:
+    """Lacey's index of two kinds of grains."""
+
+    def index(readings: Readings) -> float:
+        first, known = kinds(asked.by, readings.sim)
+        return float(lacey_index(first[known], readings.particles.position[known], asked.cell))
+
+    return Column(f"mixing {asked.name}", "-", index)

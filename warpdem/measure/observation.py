@@ -1,4 +1,6 @@
-"""Observers of a scene: a number per grain by a Warp function, and what is made of it in history.csv."""
+"""Observers of a scene: a number per grain by a Warp function, and the columns of history.csv that reduce it."""
+
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -6,21 +8,11 @@ import warp as wp
 from warpdem.errors import SceneError
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.observer import build_each
-from warpdem.scene.models import is_file, model, numbers, using
+from warpdem.measure.column import Column, Readings
+from warpdem.scene.model import Scene
+from warpdem.scene.models import model, numbers
 
 REDUCTIONS = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}
-
-
-def compile_own(scene, device) -> None:
-    """Compile the observers that are files of the user, so that their mistakes come before the run.
-
-    Raises:
-        SceneError: Warp cannot compile a file of the user.
-    """
-    for name in {scene.located(one.model): None for one in scene.observers}:
-        if is_file(name):
-            with using([name]):
-                wp.load_module(build_each(model("observer", name).build()).module, device=device)
 
 
 def observe(sim, name: str) -> np.ndarray:
@@ -44,20 +36,25 @@ def observe(sim, name: str) -> np.ndarray:
     return value.numpy()
 
 
-def columns(scene) -> list[str]:
-    """Header in history.csv: "NAME REDUCTION [UNIT]" of each observer."""
+def columns(scene: Scene) -> list[Column]:
+    """The columns of all observers of a scene in history.csv: "NAME REDUCTION [UNIT]"."""
     return [
-        f"{one.name} {reduction} [{model('observer', scene.located(one.model)).UNIT}]"
+        Column(f"{one.name} {reduction}", model("observer", scene.located(one.model)).UNIT, _reduced(one.name, reduction))
         for one in scene.observers
         for reduction in one.reduce
     ]
 
 
-def row(sim) -> list[float]:
-    """What stands below ``columns`` at the present time; without grains a sum is 0 and the others are nan."""
-    found = []
-    for one in sim.scene.observers:
-        values = observe(sim, one.name)
-        there = len(values) > 0
-        found += [float(REDUCTIONS[key](values)) if there or key == "sum" else float("nan") for key in one.reduce]
-    return found
+def observed(sim) -> dict[str, np.ndarray]:
+    """What every observer of the scene reads off each grain at the present time, by the observer's name, shapes (n,)."""
+    return {one.name: observe(sim, one.name) for one in sim.scene.observers}
+
+
+def _reduced(name: str, reduction: str) -> Callable[[Readings], float]:
+    """One number of all grains; without grains a sum is 0 and the others are nan."""
+
+    def read(readings: Readings) -> float:
+        values = readings.observed[name]
+        return float(REDUCTIONS[reduction](values)) if len(values) or reduction == "sum" else float("nan")
+
+    return read

@@ -6,8 +6,8 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.model.features import field_numbers
 from warpdem.model.impact import elastic_energy, own_constants, own_of, secant, stiffness
-from warpdem.model.plan import field_numbers
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
 
@@ -95,7 +95,7 @@ class Particles:
 
     def _absolute_velocity(self) -> np.ndarray:
         velocity = self._readings()[2]
-        if not self._sim.plan.scheme.RELATIVE:
+        if not self._sim.plan.backend.scheme.RELATIVE:
             return velocity
         omega, origin = self._frame_before()
         return velocity + origin + np.cross(omega, self.position)
@@ -104,7 +104,7 @@ class Particles:
         if not self._state.spins:
             return np.zeros((len(self._state), 3))
         spin = self._readings()[3]
-        return spin + self._frame_before()[0] if self._sim.plan.scheme.RELATIVE else spin
+        return spin + self._frame_before()[0] if self._sim.plan.backend.scheme.RELATIVE else spin
 
     def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
         """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
@@ -190,23 +190,23 @@ def read_contacts(sim, since: int = 0) -> Contacts:
         way = sim.domain.nearest(position[a] - position[b])
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
-        on = overlap > -plan.gap
+        on = overlap > -plan.contact.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
-        memory, constants = flat(lists.memory)[on], flat(lists.contact_constants())[on]
-        history = {name: memory[:, plan.history.of(name)] for name in plan.history.names}
+        memory, constants, at = flat(lists.memory)[on], flat(lists.contact_constants())[on], plan.contact.history
+        history = {name: memory[:, at.of(name)] for name in at.names}
         parts.append(
             (
                 ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3],
                 history.get("spring", np.zeros((len(a), 3))),
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
-                constants[:, plan.constants.stiffness], history.get("angle", np.zeros((len(a), 3))),
+                constants[:, plan.contact.constants.stiffness], history.get("angle", np.zeros((len(a), 3))),
                 radius[a] * radius[b] / (radius[a] + radius[b]), np.ones(len(a)),
-                *(constants[:, plan.constants.of(name)] for name in plan.own_constants),
-                *(history[name] for name in plan.own_history),
+                *(constants[:, plan.contact.constants.of(name)] for name in plan.contact.own_constants),
+                *(history[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
-    if len(state) and plan.walls and lists.row_count:
+    if len(state) and plan.walls.present and lists.row_count:
         parity = (sim.step_number - since) & 1
         slot, g = lists.place_slots(parity, lists.wall_grains)
         place = lists.places(parity, slot)
@@ -214,19 +214,20 @@ def read_contacts(sim, since: int = 0) -> Contacts:
         spring = place.get("spring", np.zeros((len(g), 3)))
         table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
         material = sim.walls.surface.material.numpy()[wall]
-        which = kind * plan.materials + material if plan.table else np.zeros(len(g), dtype=int)
+        which = kind * plan.contact.materials + material if plan.contact.table else np.zeros(len(g), dtype=int)
         # the law is linear in its constant: a place that carries part of a force has that part of it
-        base = stiffness(plan.normal, table[which, plan.coefficients.stiffness], radius[g]) * place["weight"]
-        own = own_constants(plan.normal, own_of(plan.normal, table[which]), radius[g])
+        law = plan.contact
+        base = stiffness(law.normal, table[which, law.coefficients.stiffness], radius[g]) * place["weight"]
+        own = own_constants(law.normal, own_of(law.normal, table[which]), radius[g])
         parts.append(
             (
                 ids[g], -1 - wall, overlap, normal, place["force"], spring,
                 position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
                 place.get("angle", np.zeros((len(g), 3))), radius[g], place["weight"],
-                *(own[name] for name in plan.own_constants), *(place[name] for name in plan.own_history),
+                *(own[name] for name in plan.contact.own_constants), *(place[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
-    names = (*plan.own_constants, *plan.own_history)
+    names = (*plan.contact.own_constants, *plan.contact.own_history)
     if not parts:
         empty, vectors = np.zeros(0), np.zeros((0, 3))
         return Contacts(
@@ -266,14 +267,14 @@ def elastic_energies(sim, contacts: Contacts) -> dict[str, np.ndarray]:
     A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
     """
     plan, none = sim.plan, np.zeros(len(contacts.i))
-    normal = normal_energy(plan.normal, contacts.overlap, contacts)
+    law, at = plan.contact, plan.contact.coefficients
+    normal = normal_energy(law.normal, contacts.overlap, contacts)
     out = {"normal": normal, "tangential": none, "rolling": none}
-    at = plan.coefficients
-    if "spring" in plan.history:
-        k_n = normal_secant(plan.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
+    if "spring" in law.history:
+        k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
         table = coefficients_of(sim, contacts)
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
-        bent = getattr(model("rolling", plan.rolling), "energy", None) if "angle" in plan.history else None
+        bent = getattr(model("rolling", law.rolling), "energy", None) if "angle" in law.history else None
         if bent is not None:
             out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
     return out
@@ -305,9 +306,9 @@ def field_energies(sim, position: np.ndarray, position_lab: np.ndarray, mass: np
 
 
 def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
-    """Coefficients of each contact, columns as of ``plan.coefficients``, shape (c, their number)."""
+    """Coefficients of each contact, columns as of ``plan.contact.coefficients``, shape (c, their number)."""
     table = sim.coefficients.numpy()
-    if not sim.plan.table:
+    if not sim.plan.contact.table:
         return np.repeat(table[:1], len(contacts.i), axis=0)
     state = sim.state
     ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
@@ -318,4 +319,4 @@ def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
         kind[np.clip(np.searchsorted(ids, contacts.j), 0, len(ids) - 1)],
         np.append(material, 0)[np.clip(-1 - contacts.j, 0, len(material))],
     )
-    return table[first * sim.plan.materials + other]
+    return table[first * sim.plan.contact.materials + other]

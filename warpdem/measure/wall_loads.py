@@ -12,7 +12,8 @@ import numpy as np
 
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
-from warpdem.scene.motion import Rotation, Standing
+from warpdem.scene.motion import FixedPlacement
+from warpdem.scene.rotation import Rotation
 
 
 def torque_point(scene, number: int) -> np.ndarray:
@@ -25,7 +26,7 @@ def torque_point(scene, number: int) -> np.ndarray:
     for motion in (*around, *(wall.motion or ())):
         if isinstance(motion, Rotation):
             point = np.array(motion.origin)
-        elif isinstance(motion, Standing):
+        elif isinstance(motion, FixedPlacement):
             point = motion.inverse(point)
     return point
 

@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from warpdem.mesh.distance import DistanceQuery
-from warpdem.mesh.pieces import Edges, components, renumber
+from warpdem.mesh.edges import Edges
+from warpdem.mesh.grouping import components, renumber
 
 MOST_BODIES = 1000
 """Bodies up to which is found out which lie in which [-]: the effort grows with their square."""

@@ -16,7 +16,8 @@ import itertools
 
 import numpy as np
 
-from warpdem.mesh.pieces import ROUNDING, Shape, components, first_and_group
+from warpdem.mesh.grouping import components, first_and_group
+from warpdem.mesh.pieces import ROUNDING, Shape
 
 BINARY = (2.0**-40, 2.0**-26, 2.0**-22)
 """Distances that are tried, over the largest coordinate [-]: what is left of a zero first, then the rounding of float32."""

@@ -1,1 +1,1 @@
-"""What is to be run, derived from the scene before the first step: plan, domain, walls, schedule, limits of the time step."""
+"""What is to be run, made from the scene before the first step: features, domain, walls, schedule, limits of the time step."""

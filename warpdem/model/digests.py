@@ -2,17 +2,38 @@
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
-from warpdem.scene.messages import place_text
+from warpdem.core.key_path import key_text
+from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file
+
+
+@dataclass(frozen=True)
+class Given:
+    """A scene as it was given, before anything of a checkpoint that it starts from is put in."""
+
+    scene: Scene
+    json: str
+    """The scene as JSON: what a checkpoint holds of it."""
+    files: dict[str, str]
+    """``file_digests`` of the scene."""
+    hash: str
+    """``scene_hash`` of the scene."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Given":
+        """The scene with its digests."""
+        files = file_digests(scene)
+        return cls(scene, scene.model_dump_json(), files, scene_hash(scene, files))
 
 
 def file_digests(scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, models among them, by the key that names it; missing ones are left out."""
     laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in ("normal", "tangential", "rolling")]
     laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
-    named = [(place_text(place), scene.resolve(name)) for place, name in scene.files()]
+    named = [(key_text(place), scene.resolve(name)) for place, name in scene.files()]
     named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]
     return {key: _digest(path) for key, path in named if path.is_file()}
 

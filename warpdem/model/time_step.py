@@ -36,11 +36,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.model.features import coefficient_columns, coefficient_table
 from warpdem.model.impact import damped_time, impact, own_of, pressed
-from warpdem.model.plan import coefficient_columns, coefficient_table
 from warpdem.model.travel import longest_step
 from warpdem.scene.models import model, numbers
-from warpdem.scene.motion import frame_chain, wall_chain
+from warpdem.scene.motion_chain import frame_chain, wall_chain
 
 PACKED = 6  # contacts per grain: dense frictional packing
 RAYLEIGH_SHARE = 0.1
@@ -170,8 +170,8 @@ def fall_speed(scene, start, meshes: dict) -> float:
     gravity = np.array(scene.gravity)
     g = float(np.linalg.norm(gravity))
     chains = [frame_chain(scene), *(wall_chain(scene, k) for k in range(len(scene.walls)))]
-    height = float(np.linalg.norm(extent)) if chains[0].turns else float(abs(gravity) @ extent) / g if g else 0.0
-    speed = math.sqrt(2.0 * g * height) + sum(chain.speed(cloud, scene.time.end) for chain in chains)
+    height = float(np.linalg.norm(extent)) if chains[0].rotates else float(abs(gravity) @ extent) / g if g else 0.0
+    speed = math.sqrt(2.0 * g * height) + sum(chain.speed_bound(cloud, scene.time.end) for chain in chains)
     start_speed = float(np.linalg.norm(start.velocity, axis=1).max())
     return max(speed, 0.0) + start_speed
 
@@ -182,7 +182,7 @@ def weight_per_area(scene, start) -> float:
         return 0.0
     gravity, chain = np.array(scene.gravity), frame_chain(scene)
     g = float(np.linalg.norm(gravity))
-    along = start.position @ gravity / g if g and not chain.turns else np.linalg.norm(start.position, axis=1)
+    along = start.position @ gravity / g if g and not chain.rotates else np.linalg.norm(start.position, axis=1)
     height = float(np.ptp(along)) + 2.0 * float(start.radius.max())
     pull = g + chain.max_rate**2 * float(np.linalg.norm(start.position, axis=1).max())
     density = max(list(scene.materials.values())[kind].density for kind in np.unique(start.type))

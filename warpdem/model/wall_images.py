@@ -16,7 +16,7 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.model.domain import AXES, Domain
-from warpdem.model.plan import law_gap
+from warpdem.model.features import law_gap
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Revolved, Sphere
 
 INSTANTS = 2001

@@ -6,10 +6,10 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
-from warpdem.mesh.check import size_warning
-from warpdem.mesh.geometry import TriangleMesh, load_mesh, require_closed
+from warpdem.mesh.size_check import size_warning
+from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
-from warpdem.scene.sizes import size_law
+from warpdem.scene.size_distribution import size_law
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
 SHAPE_ORDER = (Plane, (Cylinder, Cone), Sphere)

@@ -6,7 +6,8 @@ import numpy as np
 
 from warpdem.core.snapshot import Snapshot
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
-from warpdem.output.write_vtk import Entry, add_array, read_index, save, write_index
+from warpdem.output.pvd_index import Entry, read_index, write_index
+from warpdem.output.vtk_files import add_array, save
 
 INDEX = "grid.pvd"
 

@@ -1,4 +1,4 @@
-"""What all parts of a scene are made of: their base class, annotated numbers, and errors that name a key."""
+"""Building blocks of all parts of a scene: their base class, annotated numbers, and validation errors that name a key."""
 
 import math
 import unicodedata
@@ -9,54 +9,55 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from warpdem.core import paths
+from warpdem.core.file_names import unusable
+from warpdem.core.key_path import KeyPath
 from warpdem.scene.units import Quantity, Vector
 
 Vec3 = tuple[float, float, float]
 
 
 def unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
-    """The direction of ``vector``.
+    """Unit vector along ``vector``.
 
     Raises:
-        ValueError: it has none.
+        ValueError: The vector is zero.
     """
     norm = math.hypot(*vector)
     if norm == 0.0:
         raise ValueError("must not be the zero vector")
-    # left alone when it is one already, so that a scene written out and read again keeps its bits
+    # a unit vector is returned as it is, so that a scene written to a file and read again keeps its bits
     return vector if abs(norm - 1.0) < 1e-15 else tuple(x / norm for x in vector)
 
 
 LONGEST_NAME = 100
-"""Bytes of a name that becomes a part of names of files [-]."""
+"""Maximum length of a name that becomes a part of file names [bytes]."""
 LONGEST_LABEL = 200
-"""Bytes of another name [-]."""
+"""Maximum length of any other name [bytes]."""
 
 
-def _short(name: str) -> str:
-    """Refuse a name too long to be part of the name of a file."""
+def _short_name(name: str) -> str:
+    """Refuse a name that is too long to be part of a file name."""
     if (length := len(name.encode())) > LONGEST_NAME:
         raise ValueError(f"must be at most {LONGEST_NAME} bytes long, is {length}: results are named by it")
     return name
 
 
 def _file_name(name: str) -> str:
-    """Refuse what no file can be called."""
-    if reason := paths.unusable(name):
+    """Refuse a name that no file can have."""
+    if reason := unusable(name):
         raise ValueError(reason)
     return name
 
 
 def _label(name: str) -> str:
-    """Refuse a name that no message and no legend can show."""
+    """Refuse a name that messages and legends cannot show."""
     if any(unicodedata.category(c) in ("Cc", "Cs") for c in name) or len(name.encode(errors="replace")) > LONGEST_LABEL:
         raise ValueError(f"must be a name without control characters, at most {LONGEST_LABEL} bytes long")
     return name
 
 
 Label = Annotated[str, AfterValidator(_label)]
-Name = Annotated[str, Field(pattern=r"^[\w-]+$"), AfterValidator(_short)]
+Name = Annotated[str, Field(pattern=r"^[\w-]+$"), AfterValidator(_short_name)]
 Point = Annotated[Vec3, Vector(Quantity("m"))]
 Direction = Annotated[Vec3, Vector(Quantity("-")), AfterValidator(unit_vector)]
 Length = Annotated[float, Quantity("m", gt=0)]
@@ -66,8 +67,8 @@ FileName = Annotated[
     str, BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value), AfterValidator(_file_name)
 ]
 
-Problem = tuple[tuple[str | int, ...], Any, str]
-"""Place (keys and list indices), value there, and what is wrong."""
+Problem = tuple[KeyPath, Any, str]
+"""Key path, value there, and what is wrong."""
 
 
 class SceneModel(BaseModel):
@@ -76,8 +77,8 @@ class SceneModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-def wrong(problems: Iterable[Problem]) -> ValidationError:
-    """Error with the place of each problem, so that a message can name its key."""
+def validation_error(problems: Iterable[Problem]) -> ValidationError:
+    """Error with the key path of each problem, so that a message can name the key."""
     errors = [
         InitErrorDetails(type=PydanticCustomError("scene", "{reason}", {"reason": text}), loc=loc, input=value)
         for loc, value, text in problems
@@ -85,33 +86,35 @@ def wrong(problems: Iterable[Problem]) -> ValidationError:
     return ValidationError.from_exception_data("Scene", errors)
 
 
-def alike(name: str) -> str:
-    """What two names have in common that some file systems take for one: equal but for case and composition of letters."""
+def file_system_name(name: str) -> str:
+    """Form in which two names are equal if a file system may take them for one: they differ in case or Unicode composition."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
-def none_twice(values: list[str]) -> list[str]:
-    """Refuse a list in which something comes twice."""
+def require_unique(values: list[str]) -> list[str]:
+    """Refuse a list with an entry given twice."""
     if len(set(values)) < len(values):
         raise ValueError("each at most once")
     return values
 
 
-def relocated(error: ValidationError, place: Callable[[tuple], tuple]) -> ValidationError:
-    """The same problems at other places."""
+def relocated(error: ValidationError, new_key_path: Callable[[KeyPath], KeyPath]) -> ValidationError:
+    """The same problems at other key paths."""
     errors = []
     for detail in error.errors(include_url=False):
-        kind = detail["type"]
-        if kind == "scene":
-            kind = PydanticCustomError("scene", "{reason}", detail["ctx"])
+        error_type: str | PydanticCustomError = detail["type"]
+        if error_type == "scene":
+            error_type = PydanticCustomError("scene", "{reason}", detail["ctx"])
         errors.append(
-            InitErrorDetails(type=kind, loc=place(detail["loc"]), input=detail["input"], ctx=detail.get("ctx", {}))
+            InitErrorDetails(
+                type=error_type, loc=new_key_path(detail["loc"]), input=detail["input"], ctx=detail.get("ctx", {})
+            )
         )
     return ValidationError.from_exception_data("Scene", errors)
 
 
 def exactly_one(model: SceneModel, *keys: str) -> None:
-    """Refuse a part in which none or several of these keys are given."""
+    """Require that exactly one of these keys is given."""
     given = [key for key in keys if getattr(model, key) is not None]
     if len(given) != 1:
         raise ValueError(f"give exactly one of {', '.join(keys)}; found {' and '.join(given) or 'none'}")

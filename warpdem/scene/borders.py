@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Name, Point, SceneModel, wrong
+from warpdem.scene.base import Name, Point, SceneModel, validation_error
 from warpdem.scene.units import Quantity
 
 Coordinate = Annotated[float, Quantity("m")]
@@ -27,11 +27,11 @@ class Border(SceneModel):
     @model_validator(mode="after")
     def _is_whole(self) -> "Border":
         if self.min is None and self.max is None:
-            raise wrong([(("min",), None, "missing: give min, max or both")])
+            raise validation_error([(("min",), None, "missing: give min, max or both")])
         if self.kind == "periodic" and (self.min is None or self.max is None):
-            raise wrong([(("kind",), self.kind, "a periodic axis needs min and max")])
+            raise validation_error([(("kind",), self.kind, "a periodic axis needs min and max")])
         if self.min is not None and self.max is not None and self.min >= self.max:
-            raise wrong([(("max",), self.max, f"must be above min = {self.min:g} m")])
+            raise validation_error([(("max",), self.max, f"must be above min = {self.min:g} m")])
         return self
 
 
@@ -52,7 +52,7 @@ class Box(SceneModel):
     @model_validator(mode="after")
     def _has_inside(self) -> "Box":
         if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
-            raise wrong([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
+            raise validation_error([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
         return self
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import core_schema
 
-from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, wrong
+from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, validation_error
 from warpdem.scene.borders import Box
-from warpdem.scene.sizes import Diameter, size_law
+from warpdem.scene.size_distribution import Diameter, size_law
 from warpdem.scene.units import Array, Quantity, Vector
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
@@ -62,9 +62,9 @@ class Fill(SceneModel):
         if self.height is None or any(getattr(self, key) is not None for key in amounts):
             exactly_one(self, *amounts)
         if self.point is not None and self.wall is None:
-            raise wrong([(("point",), None, "tells which space of a wall is meant; a box is filled whole")])
+            raise validation_error([(("point",), None, "tells which space of a wall is meant; a box is filled whole")])
         if self.region is not None and self.wall is None:
-            raise wrong([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
+            raise validation_error([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
         return self
 
 
@@ -92,12 +92,12 @@ class Stream(SceneModel):
     def _is_whole(self) -> "Stream":
         exactly_one(self, "mass_rate", "count_rate")
         if self.until is not None and self.until <= self.start:
-            raise wrong([(("until",), self.until, f"must be later than start = {self.start:g} s")])
+            raise validation_error([(("until",), self.until, f"must be later than start = {self.start:g} s")])
         largest = size_law(self.diameter).extremes[1]
         sides = [high - low for low, high in zip(self.box.min, self.box.max, strict=True)]
         if min(sides) < largest:
             reason = f"its shortest side of {min(sides):g} m must hold the largest grain, {largest:g} m in diameter"
-            raise wrong([(("box",), None, reason)])
+            raise validation_error([(("box",), None, reason)])
         return self
 
 
@@ -189,7 +189,7 @@ class Grains(SceneModel):
         if stray:
             source = "file" if self.file is not None else "fill"
             reason = f"belongs to positions and cannot stand beside {source}"
-            raise wrong([((key,), getattr(self, key), reason) for key in stray])
+            raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 
     def _check_lengths(self) -> None:
@@ -197,7 +197,8 @@ class Grains(SceneModel):
         for key in ("radii", "diameters", "velocities", "spins", "ids"):
             values = getattr(self, key)
             if values is not None and len(values) != count:
-                raise wrong([((key,), values, f"must have as many entries as positions ({count}), has {len(values)}")])
+                reason = f"must have as many entries as positions ({count}), has {len(values)}"
+                raise validation_error([((key,), values, reason)])
 
     @property
     def explicit_radii(self) -> np.ndarray:

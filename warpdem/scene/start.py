@@ -1,16 +1,9 @@
-"""Scenes that go on from where others ended, and the phases of one scene, as scene data.
+"""Start of a scene from the checkpoint of another run, as scene data."""
 
-A phase is the scene with changes, and starts from the state in which the one before ended; the changes of a phase stay for
-those after it.
-"""
-
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from warpdem.scene.base import FileName, Name, SceneModel
+from warpdem.scene.base import FileName, SceneModel
 
 
 class Start(SceneModel):
@@ -27,73 +20,3 @@ class Start(SceneModel):
         "walls; their motions must be those of the run before. Default none.",
     )
     groups: SkipJsonSchema[list[str]] = Field([], exclude=True, description="Names of its groups of grains; not for files.")
-
-
-class Phase(SceneModel):
-    """A part of a run: its name, and any keys of the scene but grains, start and phases, which it changes.
-
-    Tables are changed key by key; walls, outlets and observers by name, pairs by their materials: what is not there is added.
-    Motions, streams and other lists are replaced.
-    """
-
-    model_config = ConfigDict(extra="allow")
-
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -; results are in a folder of this name.")
-    without: list[str] = Field([], description="Names of walls and outlets that are taken away, default none.")
-
-    @property
-    def changes(self) -> dict[str, Any]:
-        """The keys of the scene that it changes."""
-        return self.model_extra or {}
-
-
-NOT_IN_A_PHASE = ("base", "access", "source", "notes", "title", "grains", "start", "phases")
-_NAMED = {"walls": "name", "outlets": "name", "observers": "name", "pairs": "materials"}
-"""Lists whose entries are known by a key."""
-
-
-def changed(data: Mapping[str, Any], phase: Phase) -> dict[str, Any]:
-    """Tables of a scene as ``phase`` leaves them."""
-    out = {**data, **{key: _merged(key, data.get(key), value) for key, value in phase.changes.items()}}
-    for key in ("walls", "outlets"):
-        if key in out and isinstance(out[key], list):
-            out[key] = [entry for entry in out[key] if not (isinstance(entry, Mapping) and entry.get("name") in phase.without)]
-    return out
-
-
-def place_in_phase(place: Sequence[str | int], data: Mapping[str, Any], phase: Phase) -> tuple[str | int, ...]:
-    """Place in ``phase`` of what stands at ``place`` in the tables that it leaves; entries it does not name keep theirs."""
-    key, number = place[0], place[1] if len(place) > 1 else None
-    given = phase.changes.get(key)
-    if key not in _NAMED or not isinstance(number, int) or not isinstance(given, list):
-        return tuple(place)
-    keys = [_known_as(key, entry) for entry in given]
-    mine = _known_as(key, data[key][number])
-    return (key, keys.index(mine), *place[2:]) if mine in keys else tuple(place)
-
-
-def _merged(key: str, old: Any, new: Any) -> Any:
-    """Value of a top-level key of the scene after a change."""
-    if key in _NAMED and isinstance(old, list) and isinstance(new, list):
-        entries = {_known_as(key, entry): entry for entry in old}
-        for entry in new:
-            mine = _known_as(key, entry)
-            both = isinstance(entry, Mapping) and isinstance(entries.get(mine), Mapping)
-            entries[mine] = {**entries[mine], **entry} if both else entry
-        return list(entries.values())
-    return _joined(old, new) if key != "frame" else new
-
-
-def _joined(old: Any, new: Any) -> Any:
-    """Tables joined key by key; anything else is replaced."""
-    if not (isinstance(old, Mapping) and isinstance(new, Mapping)):
-        return new
-    return {**old, **{key: _joined(old.get(key), value) for key, value in new.items()}}
-
-
-def _known_as(key: str, entry: Any) -> Any:
-    """What an entry of one of the lists in ``_NAMED`` is known by; itself, as text, if it has no such key."""
-    found = entry.get(_NAMED[key]) if isinstance(entry, Mapping) else None
-    if found is None:
-        return repr(entry)
-    return tuple(sorted(map(str, found))) if isinstance(found, (list, tuple)) else found

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, StrictBool, model_validator
 
-from warpdem.scene.base import Direction, Length, Point, SceneModel, wrong
+from warpdem.scene.base import Direction, Length, Point, SceneModel, validation_error
 from warpdem.scene.units import Quantity
 
 INSIDE = "Whether the grains are inside, default true; {} that ends is solid from both sides."
@@ -127,9 +127,9 @@ class Cone(Revolved):
     @model_validator(mode="after")
     def _rises(self) -> "Cone":
         if self.end is None and self.start != 0.0:
-            raise wrong([(("start",), self.start, "needs an end: a cone with an open tip is a sheet with two ends")])
+            raise validation_error([(("start",), self.start, "needs an end: a cone with an open tip is a sheet with two ends")])
         if self.end is not None and self.end <= self.start:
-            raise wrong([(("end",), self.end, f"must be above start = {self.start:g} m")])
+            raise validation_error([(("end",), self.end, f"must be above start = {self.start:g} m")])
         return self
 
     @property

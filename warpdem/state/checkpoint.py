@@ -14,8 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
-from warpdem.core.paths import Access, access_of_file
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.state import contact_history
@@ -36,7 +36,7 @@ def save(sim, path: Path) -> None:
         OutputError: if the file cannot be written; an older one is as it was.
     """
     arrays = _arrays(sim)  # first: it evaluates the forces, where grains may leave
-    image = _image(sim.given_json, json.dumps(_about(sim)), arrays)
+    image = _image(sim.model.given.json, json.dumps(_about(sim)), arrays)
     # the file is made in memory: HDF5 cannot close a file on a full disk
     with replaced(Path(path)) as part, open(part, "wb") as file:
         file.write(image)
@@ -50,8 +50,8 @@ def _about(sim) -> dict:
     return {
         "base": str(scene.base.resolve()),
         "source": scene.source,
-        "scene_hash": sim.scene_hash,
-        "files": sim.files,
+        "scene_hash": sim.model.given.hash,
+        "files": sim.model.given.files,
         "groups": scene.groups,
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
@@ -61,7 +61,7 @@ def _about(sim) -> dict:
         "step": sim.step_number,
         "dt": sim.dt,
         "left": sim.left,
-        "feeders": [feeder.state() for feeder in sim.feeders],
+        "feeders": [inlet.state() for inlet in sim.inlets],
         "next_id": sim._next_id,
         "budget": sim.budget.state() if sim.budget is not None else None,
         "guards": sim.guards.state(),
@@ -75,11 +75,11 @@ def _arrays(sim) -> dict[str, np.ndarray]:
     """
     _, _, velocity, spin = sim.readings()
     pose = sim.schedule.pose(sim.time)
-    if sim.plan.scheme.RELATIVE:
+    if sim.plan.backend.scheme.RELATIVE:
         velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
-    if sim.plan.scheme.RELATIVE or not sim.plan.spins:  # what nothing turns rests in the frame
+    if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
-    readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
+    readings = {"velocity": velocity, "spin": spin, "extreme": sim.engine.extreme}
     return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}
 
 
@@ -188,7 +188,7 @@ def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> N
 
 def _check(sim, data: dict) -> None:
     """Refuse what another scene was run to, or at another time step."""
-    refuse_other(data, sim.given, sim.files, sim.scene_hash)
+    refuse_other(data, sim.model.given.scene, sim.model.given.files, sim.model.given.hash)
     if data["dt"] != sim.dt:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {sim.dt!r} s; nothing was changed"
@@ -226,13 +226,14 @@ def restore(sim, data: dict) -> None:
     """
     _check(sim, data)
     sim.state.restore(data)
-    sim.step_number = data["step"]
-    sim.stepper.restore(data["extreme"])
-    sim.left, sim._next_id, sim._grown = data["left"], data["next_id"], False
-    for feeder, state in zip(sim.feeders, data["feeders"], strict=True):
-        feeder.restore(state)
+    sim._clock.step_number = data["step"]
+    sim.engine.restore(data["extreme"])
+    sim.engine.leavers.left = data["left"]
+    sim._next_id, sim._grown = data["next_id"], False
+    for inlet, state in zip(sim.inlets, data["feeders"], strict=True):
+        inlet.restore(state)
     if sim.budget is not None:
         sim.budget.restore(data["budget"])
     contact_history.restore(sim.lists, data)
     sim.guards.restore(data)
-    sim._forces_ready = True
+    sim._clock.forces_evaluated = True

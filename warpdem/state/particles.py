@@ -11,7 +11,9 @@ from types import MappingProxyType
 import numpy as np
 import warp as wp
 
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import grain
+from warpdem.model.model import Model
 
 GONE_APART = 16.0  # what has left is so far apart [m]
 
@@ -72,6 +74,12 @@ class State:
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self._all_here(n)
         self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
+
+    @classmethod
+    def of(cls, model: Model, start: InitialGrains) -> "State":
+        """The grains of a model at the start, moving as its integrator holds them."""
+        contact, measures = model.features.contact, model.features.measures
+        return cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums)
 
     def __len__(self) -> int:
         return self._count

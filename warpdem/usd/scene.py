@@ -19,25 +19,22 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.core.key_path import KeyPath
 from warpdem.errors import SceneError
-from warpdem.usd import not_taken
-from warpdem.usd import reader as usd_reader
 from warpdem.usd import stage as usd_stage
+from warpdem.usd import unsupported
+from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_lengths, similarity
+from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
-Place = tuple[str | int, ...]
-GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
-"""Arrays of a group of grains that ``primvars:dem:`` may hold in float64."""
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
 """Keys that say where a wall is; a prim without them is its own geometry."""
 MADE_OF = ("walls", "grains", "streams")
 """Lists whose entries take the material that is bound to their prims."""
-ROUNDING = 2.0**-22
-"""How far a number may be from its single-precision twin, relative [-]: two roundings."""
 
 
 def read(
     file: Path, at: float | None, folders: Sequence[Path] | None
-) -> tuple[dict[str, Any], dict[Place, str], float, list[str]]:
+) -> tuple[dict[str, Any], dict[KeyPath, str], float, list[str]]:
     """Tables of the scene of a stage, as TOML gives them.
 
     A frame of a result is a scene that begins at its own time 0, with what is left of ``time.end``, and without friction
@@ -49,16 +46,16 @@ def read(
         folders: Folders that all files it refers to must lie in; None is no bound.
 
     Returns:
-        The tables; the attribute or prim that each of their places comes from; how long the motions and streams of the
+        The tables; the attribute or prim that each of their key_paths comes from; how long the motions and streams of the
         scene have been going on [s]; and notes on what of the stage is not taken.
 
     Raises:
         SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
     """
-    said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
+    said, arrays = usd_stage.read(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
     if said["unsaid"]:
         raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
-    notes = not_taken.notes(file, said["physics"])
+    notes = unsupported.notes(file, said["physics"])
     stage = _Stage(file, said, arrays)
     time = 0.0 if said["code"] is None else said["code"] / said["rate"]
     if said["code"] is not None:
@@ -68,7 +65,7 @@ def read(
 
 def _beside(said: dict) -> list[str]:
     """Notes on shapes and points that are no part of the scene, and on arrays of grains that are not taken."""
-    notes, listed = [], not_taken.listed
+    notes, listed = [], unsupported.listed
     off = [prim["path"] for prim in said["prims"] if prim.get("enabled") is False]
     if off:
         notes.append(f"{listed(off)}: no walls or grains, since physics:collisionEnabled = false")
@@ -105,8 +102,8 @@ class _Stage:
         # what a file has in single precision is read as a decimal, so 0.01 metres per unit must be one too
         self.unit, self.kilograms = Decimal(repr(said["metres"])), Decimal(repr(said["kilograms"]))
         self.data: dict[str, Any] = {}
-        self.origins: dict[Place, str] = {}
-        self.at: dict[str, tuple[Place, dict]] = {}  # place and table of each prim that has one
+        self.origins: dict[KeyPath, str] = {}
+        self.at: dict[str, tuple[KeyPath, dict]] = {}  # place and table of each prim that has one
         self.names = {p["path"]: p["dem"].get("name", p["path"].rsplit("/", 1)[1]) for p in self.prims}
         scenes = [prim for prim in self.prims if prim["kind"] == "Scene"]
         if len(scenes) != 1:
@@ -131,10 +128,10 @@ class _Stage:
 
     # -- the generic part -----------------------------------------------------------------------
 
-    def fill(self, prim: dict, place: Place, table: dict) -> dict:
+    def fill(self, prim: dict, key_path: KeyPath, table: dict) -> dict:
         """Put the ``dem:`` keys of a prim into a table and remember where it came from; returns the table."""
-        self.at[prim["path"]] = place, table
-        self.origins[place] = prim["path"]
+        self.at[prim["path"]] = key_path, table
+        self.origins[key_path] = prim["path"]
         for key, value in prim["dem"].items():
             if key == "list":
                 continue
@@ -145,7 +142,7 @@ class _Stage:
                 if not isinstance(here, dict):
                     raise SceneError(f"{self.file}: {prim['path']}.dem:{key}: dem:{':'.join(parents)} is a value, not a table")
             here[last] = self.value(value, f"{prim['path']}.dem:{key}")
-            self.origins[(*place, *parents, last)] = f"{prim['path']}.dem:{key}"
+            self.origins[(*key_path, *parents, last)] = f"{prim['path']}.dem:{key}"
         return table
 
     def value(self, value: Any, where: str) -> Any:
@@ -168,14 +165,14 @@ class _Stage:
     def entry(self, prim: dict, listed: str = "") -> dict:
         """Append a table to a list: of the entry that a prim stands in, or of the scene."""
         *parents, key = (listed or prim["dem"]["list"]).split(":")
-        place, here = self.at.get(prim["above"], ((), self.data))
+        key_path, here = self.at.get(prim["above"], ((), self.data))
         for parent in parents:
             here = here.setdefault(parent, {})
         entries = here.setdefault(key, [])
         entries.append({})
-        return self.fill(prim, (*place, *parents, key, len(entries) - 1), entries[-1])
+        return self.fill(prim, (*key_path, *parents, key, len(entries) - 1), entries[-1])
 
-    def twin(self, table: dict, place: Place, key: str, value: Any, origin: str) -> None:
+    def twin(self, table: dict, key_path: KeyPath, key: str, value: Any, origin: str) -> None:
         """Take the value of a standard attribute, unless its ``dem:`` twin is there and agrees.
 
         Raises:
@@ -183,7 +180,7 @@ class _Stage:
         """
         if key not in table:
             table[key] = value
-            self.origins[(*place, key)] = origin
+            self.origins[(*key_path, key)] = origin
             return
         numbers = np.atleast_1d(value).astype(float)
         given = table[key]
@@ -191,7 +188,7 @@ class _Stage:
         same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=slack)
         if not same:
             raise SceneError(
-                f"{self.file}: {origin} says {value}, but {self.origins[(*place, key)]} says {given} for {key}: make them "
+                f"{self.file}: {origin} says {value}, but {self.origins[(*key_path, key)]} says {given} for {key}: make them "
                 "agree, or take one of them out"
             )
 
@@ -225,8 +222,8 @@ class _Stage:
         materials = self.data.setdefault("materials", {})
         if name in materials:
             raise SceneError(f"{self.file}: {prim['path']}: {self.origins[('materials', name)]} is a material {name!r} too")
-        place, table = ("materials", name), materials.setdefault(name, {})
-        self.fill(prim, place, table)
+        key_path, table = ("materials", name), materials.setdefault(name, {})
+        self.fill(prim, key_path, table)
         table.pop("name", None)
         for key, attribute, powers in (
             ("density", "physics:density", (-3, 1)),
@@ -235,7 +232,7 @@ class _Stage:
         ):
             # USD: a density of 0 says nothing
             if standard.get(attribute):
-                self.twin(table, place, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
+                self.twin(table, key_path, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
 
     def own_pairs(self) -> None:
         """Coefficients of each material with itself, as its physics material has them."""
@@ -292,7 +289,7 @@ class _Stage:
         if prim["kind"] == "PlaneShape":
             normal = np.linalg.inv(linear).T[:, "XYZ".index(prim["axis"])]
             return {"plane": {"point": origin, "normal": normal.tolist()}}
-        factor = _similarity(linear)
+        factor = similarity(linear)
         if prim["kind"] == "SphereShape" and factor:
             radius = float(Decimal(repr(prim["radius"])) * self.unit) * factor
             return {"sphere": {"centre": origin, "radius": radius, "inside": bool(inside)}}
@@ -330,9 +327,9 @@ class _Stage:
         held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
         unknown = [name for name in prim["left"] if name.startswith("primvars:dem:")]
         if unknown:
-            known = ", ".join(usd_reader.GRAIN_ARRAYS)
+            known = ", ".join(GRAIN_ARRAYS)
             raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
-        columns = self.columns(path, held)
+        columns = grain_columns(self.file, path, held, self.up, self.metres)
         types = held.get("dem.types")
         if types is None:
             table = self.entry(prim, "grains")
@@ -343,7 +340,7 @@ class _Stage:
             return
         materials = prim["dem"].pop("materials", {"targets": []})["targets"]
         groups, group = prim["dem"].pop("groups", []), held.get("group", np.zeros(len(types), dtype=int))
-        _fit(self.file, path, {**columns, "types": types, "group": group})
+        require_equal_lengths(self.file, path, {**columns, "types": types, "group": group})
         if len(types) and not (0 <= types.min() and types.max() < len(materials)):
             count = len(materials)
             raise SceneError(f"{self.file}: {path}.primvars:dem:types: must number the {count} targets of dem:materials")
@@ -353,52 +350,3 @@ class _Stage:
             if 0 <= of < len(groups):
                 table["name"] = groups[of]
             table |= {key: values[taken] for key, values in columns.items()}
-
-    def columns(self, path: str, held: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays of grains in SI and the scene's axes: the float64 ones, else what USD has in single precision."""
-        columns = {key: held[f"dem.{key}"] for key in GRAIN_KEYS if f"dem.{key}" in held}
-        linear, origin = self.up @ held["matrix"][:3, :3], self.up @ held["matrix"][:3, 3]
-        factor = _similarity(linear)
-        if not factor:
-            raise SceneError(f"{self.file}: {path}: a transform with shear or unequal scales makes no spheres of spheres")
-        points = held.get("points", np.zeros((0, 3)))
-        world = (points @ linear.T + origin) * self.metres
-        # in a result the points are in frame axes, below the transform that carries the frame
-        if columns.setdefault("positions", world) is not world and not any(
-            _agree(single, columns["positions"]) for single in (world, points * self.metres)
-        ):
-            raise SceneError(
-                f"{self.file}: {path}: points and primvars:dem:positions differ: the grains were moved in one of them; to go "
-                "by the points, take all primvars:dem: of the prim out"
-            )
-        if "radii" not in columns and "diameters" not in columns and "widths" in held:
-            widths, count = held["widths"] * (self.metres * factor), len(columns["positions"])
-            columns["diameters"] = np.full(count, widths[0]) if len(widths) == 1 else widths
-        if "velocities" not in columns and len(held.get("velocities", ())):
-            columns["velocities"] = held["velocities"] @ linear.T * self.metres
-        if "spins" not in columns and len(held.get("omega", ())):
-            columns["spins"] = held["omega"] @ (linear.T / factor)
-        return columns | ({"ids": held["ids"]} if len(held.get("ids", ())) else {})
-
-
-def _similarity(matrix: np.ndarray) -> float:
-    """Factor of a matrix (3, 3) that turns and scales alike in all directions; 0 for any other."""
-    square = matrix.T @ matrix
-    factor = float(np.sqrt(np.trace(square) / 3.0))
-    if np.abs(square - factor**2 * np.eye(3)).max() > 1e-6 * factor**2:
-        return 0.0
-    return 1.0 if abs(factor - 1.0) < 1e-12 else factor
-
-
-def _agree(single: np.ndarray, double: np.ndarray) -> bool:
-    """Whether points are the single-precision picture of others."""
-    slack = ROUNDING * np.abs(double).max(initial=0.0)
-    return single.shape == double.shape and bool(np.abs(single - double).max(initial=0.0) <= slack)
-
-
-def _fit(file: Path, path: str, columns: dict[str, np.ndarray]) -> None:
-    """Refuse arrays of different length."""
-    counts = {key: len(values) for key, values in columns.items()}
-    if len(set(counts.values())) > 1:
-        listed = ", ".join(f"{key} {count}" for key, count in counts.items())
-        raise SceneError(f"{file}: {path}: its arrays have different numbers of grains: {listed}")

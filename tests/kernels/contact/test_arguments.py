@@ -8,7 +8,7 @@ import warp as wp
 from warpdem.kernels.contact import law
 
 from warpdem import Scene, Simulation
-from warpdem.engine import compiled
+from warpdem.model import compiled
 
 RADII = 1.0e-3, 2.0e-3
 DENSITY, STIFFNESS, STEP = 2500.0, 500.0, 1.0e-5

@@ -52,8 +52,8 @@ def simulation(folder, changes=None, **keywords) -> Simulation:
 @pytest.mark.parametrize("resident", [False, True], ids=["steps", "graph"])
 def test_a_bridge_forms_by_touch_pulls_as_r_star_says_and_breaks_at_its_length(folder, resident):
     sim = simulation(folder, resident=resident)
-    assert sim.plan.history.names == ("joined",)
-    assert sim.plan.gap == pytest.approx(1.5 * LONGEST * RADIUS)
+    assert sim.plan.contact.history.names == ("joined",)
+    assert sim.plan.contact.gap == pytest.approx(1.5 * LONGEST * RADIUS)
     seen = {0: [], 2: []}
     for _ in range(30):
         sim.step(50)
@@ -111,7 +111,7 @@ def test_scalars_of_the_history_do_not_turn_with_the_axes_and_stay_through_new_l
     })  # fmt: skip
     for sim in (still, turning):
         sim.step(200)
-    assert turning.plan.history.names == ("spring", "joined")
+    assert turning.plan.contact.history.names == ("spring", "joined")
     assert turning.lists.refreshes > 1
     pair = [sim.contacts().own["joined"][0] for sim in (still, turning)]
     assert pair == [1.0, 1.0]

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
-from model_probes import RTOL, normal_constants, normal_force
 from warpdem.kernels.normal import hertz
+
+from model_probes import RTOL, normal_constants, normal_force
 
 GLASS = SimpleNamespace(young_modulus=5e6, poisson_ratio=0.3)
 STEEL = SimpleNamespace(young_modulus=2e8, poisson_ratio=0.25)

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
-from model_probes import RTOL, normal_constants, normal_force
 from warpdem.kernels.normal import hooke
+
+from model_probes import RTOL, normal_constants, normal_force
 
 MATERIAL = SimpleNamespace(young_modulus=5e6, poisson_ratio=0.3)
 

@@ -1,8 +1,9 @@
 
 import numpy as np
 import pytest
-from model_probes import RTOL, rolling
 from warpdem.kernels.rolling import constant
+
+from model_probes import RTOL, rolling
 
 ZERO = (0.0, 0.0, 0.0)
 

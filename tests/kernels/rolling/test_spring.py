@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-from model_probes import RTOL, rolling
 from warpdem.kernels.rolling import spring
+
+from model_probes import RTOL, rolling
 
 K = 4e-3  # k_n (mu_r R*)^2 [N m]; the model's own stiffness is 2.25 times that
 LIMIT, ETA, INERTIA = 9e-5, 0.3, 1e-9

@@ -1,0 +1,164 @@
+"""Makes the meshes of the scenes: `python tools/dev/meshes.py` writes all into scenes/meshes.
+
+    box.stl               closed unit box, corner at the origin, metres; scale it
+    hourglass.stl         small hourglass in mean grain diameters: with scale = the mean diameter each bulb holds
+                          5 000 grains (diameters 2/3 to 4/3 of the mean) at 65 % filling
+    hourglass_paper.stl   hourglass for 160 000 grains of 0.3-0.6 mm, millimetres (scale = 0.001)
+    hopper.stl            flat-bottomed bin with a round hole over a closed chamber, millimetres; the hole at the origin
+
+A hourglass of other dimensions: `python tools/dev/meshes.py --out my.stl --neck-radius 2 ...`.
+"""
+
+import argparse
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+
+MESHES = Path(__file__).resolve().parents[2] / "scenes" / "meshes"
+SMALL = {"neck_radius": 4.5, "neck_length": 2.2, "half_angle": 30.0, "rim_radius": 16.2}
+PAPER = {"neck_radius": 2.025, "neck_length": 1.0, "half_angle": 30.0, "rim_radius": 23.2}
+HOPPER = {"hole_radius": 20.0, "bin_radius": 50.0, "bin_height": 120.0, "chamber_height": 50.0}
+
+
+def revolve(radius: np.ndarray, height: np.ndarray, segments: int) -> np.ndarray:
+    """Triangles (t, 3, 3) of the closed surface of a profile turned about z, wound outwards.
+
+    Args:
+        radius: Radii of the rings; the first and the last are 0 (the surface's ends on the axis).
+        height: z of the rings, ascending between the ends.
+        segments: Corners of each ring.
+    """
+    angle = 2.0 * math.pi * np.arange(segments + 1) / segments
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    circle[-1] = circle[0]  # the seam closes to the last bit
+    rings = [np.column_stack([r * circle, np.full(segments + 1, z)]) for r, z in zip(radius, height, strict=True)]
+    parts = []
+    for lower, upper in itertools.pairwise(rings):
+        a, b, c, d = lower[:-1], lower[1:], upper[1:], upper[:-1]
+        if lower[0, :2].any():
+            parts.append(np.stack([a, b, c], axis=1))
+        if upper[0, :2].any():
+            parts.append(np.stack([a, c, d], axis=1))
+    # where one ring is a point, the triangle left names it once
+    return np.concatenate(parts)
+
+
+def hourglass(
+    neck_radius: float, neck_length: float, half_angle: float, rim_radius: float, segments: int = 48, rows: int = 14
+) -> np.ndarray:
+    """Triangles (t, 3, 3) of two cones joined by a cylindrical neck, flat lids, axis z, neck centre at the origin.
+
+    Args:
+        neck_radius: Radius of the neck.
+        neck_length: Length of the neck.
+        half_angle: Angle between the axis and the cone [deg].
+        rim_radius: Radius of the lids.
+        segments: Corners of each ring.
+        rows: Rows of triangles along each cone, growing with the radius so that triangles keep their shape.
+    """
+    radius = np.geomspace(neck_radius, rim_radius, rows + 1)
+    height = 0.5 * neck_length + (radius - neck_radius) / math.tan(math.radians(half_angle))
+    lid = rim_radius * np.array([2.0, 1.0, 0.0]) / 3.0
+    radius, height = np.append(radius, lid), np.append(height, np.full(3, height[-1]))
+    return revolve(np.append(radius[::-1], radius), np.append(-height[::-1], height), segments)
+
+
+def hopper(
+    hole_radius: float, bin_radius: float, bin_height: float, chamber_height: float, segments: int = 48
+) -> np.ndarray:
+    """Triangles (t, 3, 3) of a cylindrical bin whose flat floor, in the plane z = 0, has a round hole in its middle.
+
+    Below the hole a cone widens, so that nothing leads the grains beyond the sharp rim; a lid closes it.
+
+    Args:
+        hole_radius: Radius of the hole.
+        bin_radius: Radius of the bin and of the chamber's lid.
+        bin_height: Height of the bin.
+        chamber_height: Height of the chamber below the floor.
+        segments: Corners of each ring.
+    """
+    radius = np.array([0.0, 0.5 * bin_radius, bin_radius, hole_radius, bin_radius, bin_radius, 0.5 * bin_radius, 0.0])
+    height = np.array([-chamber_height] * 3 + [0.0] * 2 + [bin_height] * 3)
+    return revolve(radius, height, segments)
+
+
+def unit_box() -> np.ndarray:
+    """Twelve triangles (12, 3, 3) of the box from (0, 0, 0) to (1, 1, 1), wound outwards."""
+    faces = []
+    for axis in range(3):
+        corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+        square = np.roll(corners, axis, axis=1)
+        low = square[::-1]
+        high = square + np.roll([1.0, 0.0, 0.0], axis)
+        for side in (low, high):
+            faces += [side[[0, 1, 2]], side[[0, 2, 3]]]
+    return np.array(faces)
+
+
+def check(triangles: np.ndarray) -> float:
+    """Enclosed volume of the mesh as it is in the file (float32).
+
+    Raises:
+        ValueError: Some edge is not run through exactly once in each direction, or the normals point inwards.
+    """
+    corners = triangles.astype(np.float32).astype(float)
+    _, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    edges = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    there = np.unique(edges, axis=0)
+    back = np.unique(edges[:, ::-1], axis=0)
+    if len(there) != len(edges) or not np.array_equal(there, back):
+        raise ValueError("the mesh is not closed")
+    volume = float(np.linalg.det(corners).sum() / 6.0)
+    if volume <= 0.0:
+        raise ValueError(f"the normals point inwards: volume {volume}")
+    return volume
+
+
+def write_stl(path: Path, triangles: np.ndarray) -> None:
+    """Write triangles (t, 3, 3) as binary STL."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    record = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    record["normal"] = normal / np.linalg.norm(normal, axis=1)[:, None]
+    record["corners"] = triangles
+    # scenes know a mesh by the digest of its file, so the header keeps the name this tool had when they were written
+    header = b"warpdem tools/make_meshes.py".ljust(80, b" ")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(header + np.uint32(len(triangles)).tobytes() + record.tobytes())
+
+
+def make(path: Path, triangles: np.ndarray) -> None:
+    """Check, write and report one mesh."""
+    volume = check(triangles)
+    write_stl(path, triangles)
+    size = np.ptp(triangles.reshape(-1, 3), axis=0)
+    print(
+        f"{path.name}: {len(triangles)} triangles, closed, size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g}, "
+        f"volume {volume:.8g}, {path.stat().st_size / 1000:.0f} kB"
+    )
+
+
+def main() -> None:
+    """Write the meshes of the scenes, or one hourglass."""
+    parser = argparse.ArgumentParser(description="Makes the meshes of the scenes, or one hourglass of your own.")
+    parser.add_argument("--out", type=Path, help="write one hourglass of the dimensions below to this file")
+    for name, unit in (("neck-radius", ""), ("neck-length", ""), ("half-angle", " [deg]"), ("rim-radius", "")):
+        default = SMALL[name.replace("-", "_")]
+        parser.add_argument(f"--{name}", type=float, default=default, help=f"{default:g}{unit} if not given")
+    parser.add_argument("--segments", type=int, default=48, help="corners of each ring")
+    parser.add_argument("--rows", type=int, default=14, help="rows of triangles along each cone")
+    options = vars(parser.parse_args())
+    out = options.pop("out")
+    if out is not None:
+        make(out, hourglass(**options))
+        return
+    make(MESHES / "box.stl", unit_box())
+    make(MESHES / "hourglass.stl", hourglass(**SMALL))
+    make(MESHES / "hourglass_paper.stl", hourglass(**PAPER))
+    make(MESHES / "hopper.stl", hopper(**HOPPER))
+
+
+if __name__ == "__main__":
+    main()

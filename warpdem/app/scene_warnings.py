@@ -1,0 +1,287 @@
+"""What in a scene is likely to go wrong or to take long: each with its number and a remedy."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from warpdem.core import memory
+from warpdem.engine.way_out import way_out
+from warpdem.filling.placed_walls import in_body_axes
+from warpdem.guards.stability import DANGER
+from warpdem.model import needs
+from warpdem.model.features import coefficient_table
+from warpdem.model.impact import damped_time, elastic_energy, own_constants, own_of, stiffness, untouched
+from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE
+from warpdem.model.walls import size_warnings
+from warpdem.scene.messages import rounded_down, rounded_up
+from warpdem.scene.models import model
+from warpdem.scene.motion import Translation
+from warpdem.scene.motion_chain import frame_chain
+from warpdem.scene.rotation import Rotation
+
+STABLE_SHARE = PACKED_SHARE
+"""Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""
+RAYLEIGH_SHARE = 0.2
+CONTACT_STEPS = 28
+"""Steps per contact at which the default scheme returns the restitution within 1e-3."""
+OVERLAP = 0.1
+"""Of the radius, at the speed that the time step is made for: beyond it contacts of a grain feel each other."""
+RESTITUTION = 0.05
+"""The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
+SIZE_RATIO = 10.0
+"""Largest over smallest grain: the step is that of the smallest."""
+TURN = 2.0 * math.pi
+"""Of an angle that places something, or begins a swing [rad]: one beyond it is in another unit."""
+DENSITIES = 5.0, 30000.0
+"""From aerogel to osmium [kg/m3]."""
+SOFTEST = 1e3
+"""Young's modulus of the softest gels [Pa]."""
+REBUILD_STEPS = 10.0
+"""Steps in which a grain at the expected speed crosses half the skin."""
+
+
+def limit_rows(sim) -> list[dict]:
+    """Each limit of the time step: ``seconds`` [s], the step as a ``share`` of it [-], and the share that "auto" keeps below.
+
+    Where ``refused``, a longer step is an error. ``seconds`` and ``share`` are None where nothing limits.
+    """
+    found, speed = sim.limits, sim.limits.max_speed
+    travel = 0.5 * sim.lists.skin / speed if speed > 0 and len(sim.state) else math.inf
+    rows = [
+        ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
+        ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
+        ("packing", "dense packing at impact overlaps", found.packed, PACKED_SHARE),
+        ("bed", "stability limit of the bed at rest", found.settled, None),
+        ("impact", "stability limit of one impact", found.stable, None),
+        ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
+        ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),
+        ("travel", "limit of travel beside meshes", found.travel, 0.5),
+        ("skin", "half the skin of the lists crossed", travel, None),
+    ]
+    return [
+        {
+            "key": key,
+            "name": name,
+            "seconds": value if math.isfinite(value) else None,
+            "share": sim.dt / value if math.isfinite(value) else None,
+            "auto_share": share,
+            "refused": key in ("impact", "travel"),
+        }
+        for key, name, value, share in rows
+        if key != "packing" or sim.scene.time.step == "auto"  # the caution of "auto", nothing that a step must keep
+    ]
+
+
+def warnings(sim) -> list[str]:
+    """What to look at before the run, most dangerous first."""
+    found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
+    found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
+    return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_ways_out(sim), *_machine(sim)]
+
+
+def _step(sim) -> Iterator[str]:
+    dt, found = sim.dt, sim.limits
+    if dt > STABLE_SHARE * found.stable:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.stable:.2g} of the stability limit {found.stable:.3g} s of one impact at "
+            f'{found.max_speed:.3g} m/s: take at most {rounded_down(STABLE_SHARE * found.stable)} s, or "auto"'
+        )
+    if dt > found.settled:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.settled:.3g} times the stability limit {found.settled:.3g} s of the bed at "
+            f"rest: its grains vibrate, and above {DANGER:g} times the limit of the contacts present the run stops "
+            f'itself; take at most {rounded_down(found.settled)} s, or "auto"'
+        )
+    if dt > RAYLEIGH_SHARE * found.rayleigh:
+        yield (
+            f"time.step = {dt:.3g} s is {dt / found.rayleigh:.2g} of the Rayleigh time {found.rayleigh:.3g} s of the smallest "
+            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {rounded_down(RAYLEIGH_SHARE * found.rayleigh)} s"
+        )
+    steps = found.damped_contact / dt
+    if steps < CONTACT_STEPS:
+        yield (
+            f"{steps:.3g} time steps per contact at {found.max_speed:.3g} m/s, where {CONTACT_STEPS} give the restitution "
+            f"asked for: take a time.step of at most {rounded_down(found.damped_contact / CONTACT_STEPS)} s"
+        )
+    if dt * FRAME_ANGLE > found.frame * FRAME_ANGLE:
+        yield (
+            f"the frame turns by {FRAME_ANGLE * dt / found.frame:.2g} rad per step: contacts are followed in straight lines "
+            f"within a step; take a time.step of at most {rounded_down(found.frame)} s"
+        )
+    if dt > found.field:
+        yield (
+            f"the external fields change the motion by {FIELD_ANGLE * dt / found.field:.2g} rad per step (a drag is unstable "
+            f"beyond 1): take a time.step of at most {rounded_down(found.field)} s"
+        )
+    for i, one in enumerate(sim.scene.fields):
+        if not hasattr(model("field", sim.scene.located(one.model)), "rate"):
+            yield (
+                f"fields[{i}].model = {one.model!r} states no rate(mass, p): the time step does not know it; if the field "
+                f"pulls back, brakes or turns, define rate in its file{', or give time.step' * (sim.scene.time.step == 'auto')}"
+            )
+    skin, speed = sim.lists.skin, found.max_speed
+    if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
+        yield (
+            f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "
+            f"steps, so often they are made anew: take engine.skin = {rounded_up(2 * REBUILD_STEPS * speed * dt)} m, or a "
+            "smaller time.step"
+        )
+
+
+def _stiffer(sim, share: float, sound: float) -> float:
+    """Elastic energy at an overlap of ``share`` of the radius over that at ``sound`` [-], for the first two materials given."""
+    law, table = sim.plan.contact.normal, coefficient_table(sim.scene)
+    row, radius = table[np.isfinite(table).all(axis=1)][0], float(sim.expected.radius.max())
+    constant = stiffness(law, row[sim.plan.contact.coefficients.stiffness], radius)
+    own = own_constants(law, own_of(law, row), radius) | untouched(law)
+    return float(elastic_energy(law, share * radius, constant, own) / elastic_energy(law, sound * radius, constant, own))
+
+
+def _impacts(sim) -> Iterator[str]:
+    share, speed = sim.limits.overlap, sim.limits.max_speed
+    limit = sim.scene.engine.max_overlap
+    sound = min(OVERLAP, limit)
+    if share <= sound:
+        return
+    normal = model("normal", sim.scene.located(sim.scene.contact.normal))
+    stiffer = _stiffer(sim, share, sound)
+    key = getattr(normal, "STIFFNESS_KEY", "young_modulus")
+    stops = f"; over engine.max_overlap = {limit:g} the run stops itself" if share > limit else ""
+    yield (
+        f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: {stiffer:.2g} times "
+        f"the {key} brings that to {sound:.0%}, at a smaller time step"
+    )
+
+
+def _restitutions(sim) -> Iterator[str]:
+    for i, pair in enumerate(sim.scene.pairs):
+        if pair.restitution < RESTITUTION:
+            longer = damped_time(sim.plan.contact.normal, pair.restitution)
+            yield (
+                f"pairs[{i}].restitution = {pair.restitution:g}: a contact lasts {longer:.2g} times as long as an undamped one "
+                f"or more, attracts before it opens, and needs a smaller time step: take {RESTITUTION:g} or more"
+            )
+
+
+def _materials(sim) -> Iterator[str]:
+    for name, material in sim.scene.materials.items():
+        if not DENSITIES[0] <= material.density <= DENSITIES[1]:
+            yield (
+                f"materials.{name}.density = {material.density:g} kg/m3 is that of no solid ({DENSITIES[0]:g} to "
+                f'{DENSITIES[1]:g}): if it is in another unit, write it as in "2.65 g/cm3"'
+            )
+        if material.young_modulus < SOFTEST:
+            yield (
+                f"materials.{name}.young_modulus = {material.young_modulus:g} Pa is that of no solid (softest gels some "
+                f'{SOFTEST:g}): if it is in another unit, write it as in "{material.young_modulus:g} MPa"'
+            )
+
+
+def _angles(scene) -> Iterator[str]:
+    moved = {"frame": scene.frame, **{f"walls[{k}].motion": wall.motion for k, wall in enumerate(scene.walls)}}
+    found = [(f"walls[{k}].rotate.angle", wall.rotate.angle) for k, wall in enumerate(scene.walls) if wall.rotate]
+    for key, motions in moved.items():
+        for k, motion in enumerate(motions or ()):
+            place = f"{key}[{k}]" if len(motions) > 1 else key
+            if isinstance(motion, Translation):
+                found.append((f"{place}.phase", motion.phase))
+            elif isinstance(motion, Rotation) and motion.sinusoid:
+                found.append((f"{place}.sinusoid.phase", motion.sinusoid.phase))
+    for key, angle in found:
+        if abs(angle) > TURN:
+            yield (
+                f"{key} = {angle:g} rad is more than a full turn ({math.degrees(angle):.4g} degrees): if it is in degrees, "
+                f'write "{angle:g} deg"'
+            )
+
+
+def _sizes(sim) -> Iterator[str]:
+    radius = sim.expected.radius
+    if len(radius) and radius.max() > SIZE_RATIO * radius.min():
+        yield (
+            f"the largest grain is {radius.max() / radius.min():.3g} times the smallest, {2 * radius.min():.3g} m wide: "
+            "the step is that of the smallest; leave out the finest grains if they do not matter"
+        )
+
+
+def _outside(sim) -> Iterator[str]:
+    """Grains all beside the closed meshes that are the only walls: one of these is likely to be meant as their vessel.
+
+    Not where a grain is amid the corners of a mesh, as in a cup of solid walls, or falls or flies towards one.
+    """
+    scene, start = sim.scene, sim.expected
+    if sim.model.given.scene.start or not len(start) or not scene.walls or scene.borders:
+        return
+    if any(wall.mesh is None or wall.open for wall in scene.walls):
+        return
+    gravity = np.asarray(scene.gravity, float) @ frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
+    for number, wall in enumerate(scene.walls):
+        at = in_body_axes(scene, number, start.position)
+        for way in (gravity, start.velocity):
+            if _meets(sim.meshes[wall.name].bounds, at, in_body_axes(scene, number, start.position + way) - at).any():
+                return
+    bodies = " and ".join(f"{wall.name!r} (from {_extent(sim.meshes[wall.name].bounds)})" for wall in scene.walls)
+    yield (
+        f"all {len(start)} grains, from {_extent(start.position)}, are outside the closed mesh {bodies}; they do not fall on "
+        "it, and no other wall is there: if it is their vessel, look at its scale, rotate and translate, and at their places"
+    )
+
+
+def _extent(points: np.ndarray) -> str:
+    """The least and the greatest corner of points (n, 3) [m], in words."""
+    corners = points.min(axis=0), points.max(axis=0)
+    return " to ".join(f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in corners) + " m"
+
+
+def _meets(box: np.ndarray, point: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Whether a box (2, 3) [m] holds each point (n, 3) [m] or lies ahead of it along ``way`` (n, 3), shape (n,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides = (box[:, None] - point) / way
+    entered, left = np.maximum(sides.min(axis=0).max(axis=1), 0.0), sides.max(axis=0).min(axis=1)
+    return (entered <= left) & (entered < np.inf)
+
+
+def _walls(sim) -> Iterator[str]:
+    radius = sim.expected.radius
+    for number, wall in enumerate(sim.scene.walls):
+        mesh = sim.meshes.get(wall.name)
+        if mesh is None or not mesh.open_edges or not len(radius):
+            continue
+        edges = np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        kinds, count = np.unique(edges, axis=0, return_counts=True)
+        start, stop = mesh.vertices[kinds[count == 1].T]
+        border = float(np.linalg.norm(stop - start, axis=1).sum())
+        smallest = 2.0 * float(radius.min())
+        if smallest < border / math.pi and not (sim.scene.borders or sim.scene.outlets):
+            yield (
+                f"walls[{number}].mesh = {wall.mesh!r} is open along {border:.3g} m ({mesh.open_edges} edges), wide enough for "
+                f"a grain of {smallest:.3g} m: what leaves falls on for ever; close the mesh, or add [borders] or [[outlets]]"
+            )
+
+
+def _ways_out(sim) -> Iterator[str]:
+    radius, scene = sim.expected.radius, sim.scene
+    if not len(radius) or scene.borders or scene.outlets:
+        return
+    smallest = 2.0 * float(radius.min())
+    if names := way_out(scene, smallest):
+        yield (
+            f"walls {', '.join(repr(name) for name in names)} leave a way out below for a grain of {smallest:.3g} m: "
+            "what leaves falls on for ever; close it with a floor, or add [borders] or [[outlets]]"
+        )
+
+
+def _machine(sim) -> Iterator[str]:
+    coming, per_grain = sum(needs.grains_to_come(sim.scene)), sim.plan.bytes_per_grain
+    needed = needs.memory_bytes(sim.scene, per_grain, len(sim.state) + coming)
+    free = needs.free_bytes(sim.device) + per_grain * len(sim.state)  # which they have taken by now
+    if needed > memory.WARNING_SHARE * free:
+        streams = f", with the {coming} that streams bring by time.end if all find room and none leaves" if coming else ""
+        remedy = " or an earlier time.end" if coming else ""
+        remedy += ', or engine.precision = "mixed"' if sim.scene.engine.precision == "double" else ""
+        remedy += ", or a larger measures.grid.cell" if needs.grid_bytes(sim.scene) > 0.1 * needed else ""
+        yield (
+            f"the grains need about {memory.size_text(needed)} of memory{streams}, and {memory.size_text(free)} are available: "
+            f"take fewer grains{remedy}"
+        )

@@ -1,0 +1,398 @@
+"""What a scene needs: the only place that decides what is compiled, allocated and run, and what is left out."""
+
+import inspect
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+import warp as wp
+
+from warpdem.kernels import grain
+from warpdem.kernels.contact import columns, pairs
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.field import NUMBERS
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
+from warpdem.kernels.wall import record
+from warpdem.model.domain import Domain
+from warpdem.scene.models import digest, is_file, model, numbers
+from warpdem.scene.motion_chain import frame_chain
+
+SIMD_LANES = 4  # four doubles fill an AVX2 register
+WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one pack: it reads consecutive memory
+LEFT_OUT = "left out  "  # how a line of Features.explain begins for what the scene does not need
+
+
+@dataclass(frozen=True)
+class ContactFeatures:
+    """Contact law between grains, and between a grain and a wall."""
+
+    normal: str
+    tangential: str | None
+    rolling: str | None
+    torsion: bool
+    spins: bool
+    """Grains have spins and torques."""
+    materials: int
+    table: bool
+    """Coefficients differ between contacts."""
+    gap: float
+    """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
+
+    @cached_property
+    def history(self) -> Columns:
+        """What a contact remembers, by name."""
+        tangential = model("tangential", self.tangential) if self.tangential else None
+        rolling = model("rolling", self.rolling) if self.rolling else None
+        return columns.history(model("normal", self.normal), tangential, rolling)
+
+    @property
+    def memory(self) -> int:
+        """Numbers of the contact history per contact."""
+        return self.history.width
+
+    @property
+    def own_history(self) -> tuple[str, ...]:
+        """Names of what a contact remembers for its normal law."""
+        return columns.own_history(model("normal", self.normal)).names
+
+    @property
+    def own_constants(self) -> tuple[str, ...]:
+        """Names of the constants of a contact that its normal law adds."""
+        return columns.own_coefficients(model("normal", self.normal)).names
+
+    @cached_property
+    def coefficients(self) -> Columns:
+        """Columns of the table of coefficients."""
+        return columns.coefficients(model("normal", self.normal))
+
+    @cached_property
+    def constants(self) -> Columns:
+        """What is constant of each contact, by name."""
+        return columns.stored_constants(model("normal", self.normal), self.rolling is not None)
+
+    @cached_property
+    def inertia_factor(self) -> float:
+        """Factor from I to the inertia that the rolling model meets: about the contact point for one with a spring."""
+        return 3.5 if self.rolling and model("rolling", self.rolling).HISTORY else 1.0
+
+
+@dataclass(frozen=True)
+class FrameFeatures:
+    """Motion of the frame."""
+
+    turns: bool
+    """The frame's axes turn."""
+    moves: bool
+    """The frame moves at all."""
+    tracked: bool
+    """Displacements in frame axes decide when lists are rebuilt: a wall rests there, none moves, or the domain is periodic."""
+
+
+@dataclass(frozen=True)
+class WallFeatures:
+    """Walls by shape, and how many of them move."""
+
+    meshes: int
+    planes: int
+    moving: int
+    """Wall motions relative to the frame."""
+    revolutions: int = 0
+    """Cylinder and cone walls."""
+    spheres: int = 0
+    images: bool = False
+    """Walls act at their periodic images too."""
+
+    @property
+    def present(self) -> bool:
+        """Whether there are walls."""
+        return self.meshes + self.planes + self.revolutions + self.spheres > 0
+
+
+@dataclass(frozen=True)
+class DomainFeatures:
+    """Borders of the domain and outlets."""
+
+    period: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Length of the domain along each periodic axis [m], else 0."""
+    lower: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Lower border along each periodic axis [m]."""
+    outlets: int = 0
+    """Regions in which grains leave."""
+
+    @property
+    def periodic(self) -> bool:
+        """Whether some axis is periodic."""
+        return any(self.period)
+
+
+@dataclass(frozen=True)
+class BackendFeatures:
+    """How steps are computed: integrator, precision and device."""
+
+    integrator: str
+    lanes: int
+    """SIMD width: contacts that are evaluated side by side."""
+    precision: str = "double"
+    resident: bool = False
+    """Many steps are one captured graph that makes its contact lists itself: how a GPU runs."""
+
+    @property
+    def real(self) -> type:
+        """Type of the contact law of grain pairs, its results and its history."""
+        return wp.float32 if self.precision == "mixed" else wp.float64
+
+    @property
+    def scheme(self) -> ModuleType:
+        """Module of the integrator."""
+        return model("integrator", self.integrator)
+
+
+@dataclass(frozen=True)
+class MeasureFeatures:
+    """What is added up, kept or read for results, beside the motion itself."""
+
+    orientation: bool = False
+    """Orientations of the grains are integrated."""
+    energy: bool = False
+    """The energy budget is added up."""
+    momentum: bool = False
+    """The momentum budget is added up."""
+    scene_walls: int = 0
+    """Walls of the scene when the energy budget is added up, else 0."""
+    flows: int = 0
+    """Planes that the flow through is measured at."""
+    observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
+    """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
+
+    @property
+    def sums(self) -> dict[str, int]:
+        """What is added up per grain at every step, and how many numbers each is."""
+        out = {"energies": len(ENERGIES), "wall_work": self.scene_walls} if self.energy else {}
+        out |= {"momenta": 6 * len(MOMENTA)} if self.momentum else {}
+        return out | ({"flow": 2 * self.flows} if self.flows else {})
+
+
+@dataclass(frozen=True)
+class Features:
+    """Every switch of the engine, decided once."""
+
+    contact: ContactFeatures
+    frame: FrameFeatures
+    walls: WallFeatures
+    domain: DomainFeatures
+    backend: BackendFeatures
+    measures: MeasureFeatures = MeasureFeatures()
+    fields: tuple[tuple[str, str], ...] = ()
+    """External fields: model, and the axes it lives in."""
+    user_files: tuple[str, ...] = ()
+    """Digests of the user's own model files: a file with other contents needs other kernels."""
+    left_out: dict[str, str] = field(default_factory=dict, compare=False)
+    """What is neither compiled nor allocated, with the reason."""
+
+    @property
+    def frame_rows(self) -> bool:
+        """Whether kernels need the frame's own motion: schemes relative to it, fields, places in the laboratory."""
+        relative = self.backend.scheme.RELATIVE or self.measures.momentum or self.measures.flows > 0
+        return bool(self.fields) or (relative and self.frame.moves)
+
+    @property
+    def bytes_per_grain(self) -> int:
+        """Device memory per grain [B] of a settled bed with 2.8 listed contacts 0.4 wall contact points, spare capacity.
+
+        The graph keeps no constants and carries the history over in the memory of the forces; its lists have 1/8 to spare.
+        """
+        law, walls, measures = self.contact, self.walls, self.measures
+        constants, memories, listed, near = law.constants.width, 2, 4.2, 20 * (4 + 4 + 1)
+        if self.backend.resident:
+            constants, memories, listed, near = 0, 1, 3.2, 10 * (4 + 4) + 20
+        number = 4 if self.backend.precision == "mixed" else 8
+        contact = number * (2 * pairs.share_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
+        fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
+        contact += number * 2 * ENTRY * measures.energy
+        fixed += 8 * sum(measures.sums.values()) + 8 * (25 + measures.scene_walls) * (measures.energy and walls.present)
+        result = record.RESULT.width if law.rolling else record.FRICTION
+        place = 8 * (2 * record.columns(law.history).width + result) + 64 + 12
+        beside_walls = 48 + 8 + 0.4 * place if walls.present else 0
+        return int(fixed + listed * contact + near + beside_walls)
+
+    def explain(self) -> list[str]:
+        """One line per feature: what runs and what is left out, with the reason."""
+        contact, walls, backend, measures = self.contact, self.walls, self.backend, self.measures
+        runs = [f"normal: {contact.normal}"]
+        runs += [f"tangential: {contact.tangential}"] if contact.tangential else []
+        runs += [f"rolling: {contact.rolling}" + (" with torsion" if contact.torsion else "")] if contact.rolling else []
+        runs += [f"integrator: {backend.integrator}" + (" in a moving frame" if self.frame.moves else "")]
+        added = [name for name, on in (("energy", measures.energy), ("momentum", measures.momentum)) if on]
+        runs += [f"planes with flow counted at every step: {measures.flows}"] if measures.flows else []
+        runs += [f"budget at every step: {' and '.join(added)}"] if added else []
+        runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
+        runs += ["orientation of the grains"] if measures.orientation else []
+        runs += [f"observer, at rows of the history: {name} in {axes} axes" for name, axes in measures.observers]
+        names = ("meshes", "planes", "cylinders and cones", "spheres")
+        shapes = dict(zip(names, (walls.meshes, walls.planes, walls.revolutions, walls.spheres), strict=True))
+        present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
+        runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
+        runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
+        runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
+        return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
+
+
+def coefficient_table(scene) -> np.ndarray:
+    """Coefficients of every pair of materials, shape (m * m, width of ``coefficient_columns``).
+
+    Pairs that cannot meet (no coefficients given) hold NaN.
+    """
+    names = list(scene.materials)
+    normal, at = model("normal", scene.located(scene.contact.normal)), coefficient_columns(scene)
+    table = np.full((len(names), len(names), at.width), np.nan)
+    for pair in scene.pairs:
+        a, b = (names.index(m) for m in pair.materials)
+        of_law = normal.coefficients(scene.materials[names[a]], scene.materials[names[b]], pair)
+        of_pair = {key: getattr(pair, key) for key in columns.OF_PAIR}
+        table[a, b] = table[b, a] = columns.coefficient_row(of_law, of_pair)
+    return table.reshape(-1, at.width)
+
+
+def coefficient_columns(scene) -> Columns:
+    """Columns of ``coefficient_table``, by name."""
+    return columns.coefficients(model("normal", scene.located(scene.contact.normal)))
+
+
+def field_numbers(scene) -> np.ndarray:
+    """Parameters of each external field one after the other, filled up with zeros, SI units, shape (f, 12)."""
+    return np.array([numbers(one.parameters) for one in scene.fields]).reshape(-1, NUMBERS)
+
+
+def law_gap(scene, largest: float) -> float:
+    """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone.
+
+    Args:
+        scene: the validated scene.
+        largest: radius of the largest grain [m]; R* is at most that at a wall, and half of it between grains.
+    """
+    gap = getattr(model("normal", scene.located(scene.contact.normal)), "gap", None)
+    if gap is None:
+        return 0.0
+    materials = scene.materials
+    radius = (largest if scene.walls else 0.5 * largest,) if len(inspect.signature(gap).parameters) > 3 else ()
+    return max((float(gap(*(materials[m] for m in pair.materials), pair, *radius)) for pair in scene.pairs), default=0.0)
+
+
+def choose_features(
+    scene,
+    grain_types: np.ndarray,
+    *,
+    has_spin: bool,
+    moving: int,
+    resting: int,
+    images: bool,
+    lanes: int = SIMD_LANES,
+    resident: bool = False,
+    largest: float = 0.0,
+) -> Features:
+    """Decide what ``scene`` needs.
+
+    Args:
+        scene: the validated scene.
+        grain_types: material index per grain, shape (n,).
+        has_spin: whether some grain spins at the start.
+        moving: number of wall motions relative to the frame.
+        resting: number of wall motions that rest in it.
+        images: whether walls act at their periodic images too.
+        lanes: SIMD width.
+        resident: steps run as one captured graph.
+        largest: radius of the largest grain that may come [m].
+    """
+    names = list(scene.materials)
+    at = coefficient_columns(scene)
+    table = coefficient_table(scene).reshape(len(names), len(names), at.width)
+    present = sorted(set(np.unique(grain_types).tolist()))
+    others = sorted(set(present) | {names.index(w.material) for w in scene.walls})
+    used = np.array([table[a, b] for a in present for b in others]).reshape(-1, at.width)
+    left_out = {}
+    normal = scene.located(scene.contact.normal)
+    tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
+    rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
+    if tangential is None or not np.any(used[:, at.friction] > 0):
+        left_out["tangential spring and Coulomb limit"] = (
+            "contact.tangential is none" if tangential is None else "every friction coefficient is zero"
+        )
+        tangential = None
+    if rolling is None or not np.any(used[:, at.rolling_friction] > 0):
+        left_out["rolling resistance"] = (
+            "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
+        )
+        rolling = None
+    spins = bool(tangential or rolling or has_spin)
+    if not spins:
+        left_out["spins and torques"] = "nothing turns a grain"
+    orientation = scene.output.orientation and spins
+    if not orientation:
+        left_out["orientation of the grains"] = "output.orientation is false" if spins else "nothing turns a grain"
+    frame = frame_chain(scene)
+    if not frame.rotates:
+        still = "the frame only shifts" if frame.moves else "the frame never moves"
+        left_out["turning of the axes"] = "no frame" if scene.frame is None else still
+    if not scene.walls:
+        left_out["walls"] = "the scene has none"
+    elif moving == 0:
+        left_out["wall motion relative to the frame"] = "all walls rest in it"
+    fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
+    if not fields:
+        left_out["external fields"] = "the scene has none"
+    if not scene.observers:
+        left_out["observers"] = "the scene has none"
+    chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
+    domain = Domain(scene)
+    if not any(domain.period):
+        left_out["periodic images"] = "no axis is periodic"
+    if not len(domain.boxes):
+        left_out["borders and outlets"] = "the scene has none"
+    for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
+        if not on:
+            left_out[f"{name} budget"] = f"measures.{name} is not asked for"
+    if not scene.measures.flow:
+        left_out["flow through planes"] = "measures.flow names none"
+    one_kind = len(used) == 0 or bool(np.all(used == used[0]))
+    if one_kind:
+        left_out["table of coefficients"] = "all contacts share one set"
+    return Features(
+        contact=ContactFeatures(
+            normal=normal,
+            tangential=tangential,
+            rolling=rolling,
+            torsion=bool(rolling and scene.contact.torsion),
+            spins=spins,
+            materials=len(names),
+            table=not one_kind,
+            gap=law_gap(scene, largest),
+        ),
+        frame=FrameFeatures(
+            turns=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
+        ),
+        walls=WallFeatures(
+            meshes=sum(w.mesh is not None for w in scene.walls),
+            planes=sum(w.plane is not None for w in scene.walls),
+            moving=moving,
+            revolutions=sum(w.cylinder is not None or w.cone is not None for w in scene.walls),
+            spheres=sum(w.sphere is not None for w in scene.walls),
+            images=images,
+        ),
+        domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
+        backend=BackendFeatures(
+            integrator=scene.engine.integrator, lanes=lanes, precision=scene.engine.precision, resident=resident
+        ),
+        measures=MeasureFeatures(
+            orientation=orientation,
+            energy=scene.measures.energy,
+            momentum=scene.measures.momentum,
+            scene_walls=len(scene.walls) if scene.measures.energy else 0,
+            flows=len(scene.measures.flow),
+            observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
+        ),
+        fields=fields,
+        user_files=tuple(digest(name) for name in chosen if is_file(name)),
+        left_out=left_out,
+    )

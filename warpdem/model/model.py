@@ -1,0 +1,53 @@
+"""What is to be run, fixed before the first step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.kernels import Built
+from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.model.digests import Given
+from warpdem.model.domain import Domain
+from warpdem.model.features import Features
+from warpdem.model.schedule import Schedule
+from warpdem.model.time_step import Limits
+from warpdem.model.walls import Walls
+from warpdem.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene on a device with all that follows from it before the first step; built by ``model.prepare``."""
+
+    given: Given
+    """The scene as it was given, with its digests."""
+    scene: Scene
+    """The scene that is run: as given, or going on from the checkpoint that it starts from."""
+    device: wp.Device
+    """Where the arrays are and the kernels run."""
+    meshes: dict[str, TriangleMesh]
+    """Mesh walls by name."""
+    domain: Domain
+    """Borders and outlets."""
+    expected: InitialGrains
+    """Grains at the start, and of each stream those that represent it: what limits and cutoffs are made for."""
+    schedule: Schedule
+    """Frame, gravity and wall motions against time."""
+    features: Features
+    """What is compiled and allocated, and what is left out."""
+    limits: Limits
+    """What bounds the time step."""
+    dt: float
+    """Time step [s]."""
+    kernels: Built
+    """Kernels and array structs of the features."""
+    density: np.ndarray
+    """Density of each material [kg/m3], shape (materials,)."""
+    coefficients: wp.array
+    """Contact coefficients on the device: of each ordered pair of materials, or the one set that all contacts share."""
+    walls: Walls | None
+    """Walls on the device; None without any."""
+    notes: tuple[str, ...]
+    """What of the scene's file was not taken, and what is odd or was mended in its meshes."""

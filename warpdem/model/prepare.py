@@ -1,0 +1,108 @@
+"""From a scene to its model: every check before the first step, and the only place that decides what is run."""
+
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
+from warpdem.filling.start_check import check_start
+from warpdem.filling.stream_grains import extreme_grains
+from warpdem.model import domain, needs, time_step
+from warpdem.model.compiled import compile_kernels, compile_observers
+from warpdem.model.digests import Given
+from warpdem.model.features import SIMD_LANES, WARP_LANES, Features, choose_features, coefficient_table
+from warpdem.model.model import Model
+from warpdem.model.past import Past
+from warpdem.model.schedule import Schedule
+from warpdem.model.wall_images import wall_images
+from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
+from warpdem.scene.model import Scene
+from warpdem.scene.models import model
+
+
+def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
+    """The model of a scene, and the grains that it starts with, which move as the integrator holds them.
+
+    Args:
+        given: the scene.
+        device: where it is run.
+        resident: many steps are one captured graph.
+        past: what it starts from in place of its own grains; None for its own.
+
+    Raises:
+        SceneError: if the scene cannot be run: a bad mesh, overlapping start, time step above its limit.
+    """
+    scene = given.scene if past is None else past.scene
+    needs.check_grid(scene)
+    free = needs.free_bytes(device)
+    meshes = load_meshes(scene)
+    size_warnings(scene, meshes, named_diameters(scene))  # refuses before anything is filled
+    start = load_grains(scene, meshes) if past is None else past.grains
+    if past is None:  # what a run before left may have flown far away
+        needs.check_places(scene, start)
+    check_start(start, meshes, scene, () if past is None else past.old_walls)
+    borders = domain.Domain(scene)
+    start = replace(start, position=borders.wrapped(start.position))
+    expected = concatenated(start, extreme_grains(scene))
+    needs.check_masses(scene, expected)
+    size_warnings(scene, meshes, 2.0 * expected.radius)
+    scheme = model("integrator", scene.engine.integrator)
+    schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+    images = wall_images(scene, meshes, schedule, borders, expected.radius)
+    features = choose_features(
+        scene,
+        expected.type,
+        has_spin=bool(np.any(start.spin)),
+        moving=schedule.moving,
+        resting=len(schedule.motions) - schedule.moving,
+        images=images is not None,
+        lanes=WARP_LANES if resident else SIMD_LANES,
+        resident=resident,
+        largest=float(expected.radius.max(initial=0.0)),
+    )
+    domain.check(scene, start, schedule.frame, features.contact.gap)
+    needs.check_memory(scene, features.bytes_per_grain, len(start), free)
+    limits = time_step.limits(scene, expected, meshes)
+    dt = time_step.choose(scene, limits)
+    needs.check_step(scene, limits, dt)
+    schedule.dt = dt
+    kernels = compile_kernels(features, device)
+    compile_observers(scene, device)
+    table = np.nan_to_num(_coefficients(scene, features, expected))
+    made = Model(
+        given=given,
+        scene=scene,
+        device=device,
+        meshes=meshes,
+        domain=borders,
+        expected=expected,
+        schedule=schedule,
+        features=features,
+        limits=limits,
+        dt=dt,
+        kernels=kernels,
+        density=np.array([material.density for material in scene.materials.values()]),
+        coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
+        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
+        notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
+    )
+    return made, start if scheme.RELATIVE else absolute(schedule, start)
+
+
+def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:
+    """Grains with absolute spins [rad/s] and velocities [m/s] in place of those relative to the frame at ``time`` [s]."""
+    pose = schedule.pose(time)
+    return replace(grains, spin=grains.spin + pose.spin, velocity=grains.velocity + pose.velocity_at(grains.position))
+
+
+def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np.ndarray:
+    """Coefficients of every pair of materials, or the one row that all contacts share, shape (rows, columns)."""
+    table = coefficient_table(scene)
+    if features.contact.table:
+        return table
+    names = list(scene.materials)
+    first = int(grains.type[0]) if len(grains.type) else 0
+    others = [first, *(names.index(wall.material) for wall in scene.walls)]
+    rows = [table[first * len(names) + other] for other in others]
+    return next((row for row in rows if np.isfinite(row).all()), rows[0])[None]

@@ -1,0 +1,95 @@
+"""Reads the VTK results of a folder back: frames, walls and their arrays."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.core.snapshot import Snapshot, WallMesh
+from warpdem.errors import WarpdemError
+from warpdem.output.pvd_index import read_index
+from warpdem.output.result_arrays import snapshot_of
+from warpdem.output.vtk_files import load_polydata, points_of
+from warpdem.output.write_vtk import INDEX
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a folder of results holds; frames are read when asked for."""
+
+    folder: Path
+    times: np.ndarray
+    """Time of each frame [s], shape (frame_count,), ascending."""
+    files: list[dict[str, Path]]
+    """For each frame the wall files by wall name, and the grain file under ``""``."""
+
+    def frame(self, k: int) -> Snapshot:
+        """Snapshot of frame ``k``; its ``walls`` is empty, since wall files hold vertices that are in place already."""
+        return read_frame(self.files[k][""])
+
+    def walls(self, k: int) -> list[WallMesh]:
+        """Mesh walls at frame ``k``, vertices in frame axes."""
+        return [read_wall(name, path) for name, path in self.files[k].items() if name]
+
+    def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
+        """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
+        return read_fields(self.files[k][wall])
+
+
+def read_results(folder: Path) -> Results:
+    """Index of the results in ``folder``.
+
+    Raises:
+        WarpdemError: There is no index, it cannot be read, or it holds no frame.
+    """
+    folder = Path(folder)
+    index = folder / INDEX
+    if not index.exists():
+        raise WarpdemError(f'{folder}: no {INDEX} in this folder; run a scene with "vtk" among its output formats')
+    frames: dict[float, dict[str, Path]] = {}
+    for entry in read_index(index):
+        frames.setdefault(entry.time, {})[entry.name if entry.part else ""] = folder / entry.file
+    if not frames:
+        raise WarpdemError(f"{index}: holds no frame")
+    times = sorted(frames)
+    return Results(folder, np.array(times), [frames[time] for time in times])
+
+
+def read_frame(path: Path) -> Snapshot:
+    """Snapshot held by one grain file.
+
+    Raises:
+        WarpdemError: The file is missing, broken, or not a grain file of warpdem.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = load_polydata(path)
+    arrays = ({g.GetArrayName(k): vtk_to_numpy(g.GetArray(k)) for k in range(g.GetNumberOfArrays())} for g in
+              (data.GetPointData(), data.GetFieldData()))  # fmt: skip
+    return snapshot_of(path, points_of(data), *arrays)
+
+
+def read_wall(name: str, path: Path) -> WallMesh:
+    """Mesh wall held by one wall file, vertices as they stand in frame axes.
+
+    Raises:
+        WarpdemError: The file is missing or broken.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = load_polydata(path)
+    triangles = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int32)
+    return WallMesh(name, points_of(data), triangles, bool(data.GetFieldData().HasArray("infinite")))
+
+
+def read_fields(path: Path) -> dict[str, np.ndarray]:
+    """What a file says of each grain or of each triangle, by the name of the array, shapes (n,) or (n, components).
+
+    Raises:
+        WarpdemError: The file is missing or broken.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    data = load_polydata(path)
+    groups = (data.GetPointData(), data.GetCellData())
+    return {g.GetArrayName(k): vtk_to_numpy(g.GetArray(k)) for g in groups for k in range(g.GetNumberOfArrays())}

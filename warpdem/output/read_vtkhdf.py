@@ -1,0 +1,116 @@
+"""Reads the VTKHDF results of a folder back: frames, walls, contacts and their arrays."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from warpdem.core.journaled_file import repair
+from warpdem.core.snapshot import Snapshot, WallMesh
+from warpdem.errors import WarpdemError
+from warpdem.output.result_arrays import snapshot_of
+from warpdem.output.vtkhdf_series import TOPOLOGIES
+from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS
+
+
+@dataclass(frozen=True)
+class VtkhdfResults:
+    """What ``result.vtkhdf`` and its companions hold; frames are read when asked for."""
+
+    folder: Path
+    times: np.ndarray
+    """Time of each frame [s], shape (frame_count,), ascending."""
+
+    def frame(self, k: int) -> Snapshot:
+        """Snapshot of frame ``k``; its ``walls`` is empty, since the walls' vertices are in place already."""
+        data = self._read(GRAINS, lambda root: _frame(root, k))
+        return snapshot_of(self.folder / GRAINS, data["Points"], data["PointData"], data["FieldData"])
+
+    def walls(self, k: int) -> list[WallMesh]:
+        """Walls at frame ``k``, vertices in frame axes."""
+        if not (self.folder / WALLS).exists():
+            return []
+        return self._read(WALLS, lambda root: _walls(root, _frame(root, k)))
+
+    def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
+        """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
+        if not wall:
+            return self._read(GRAINS, lambda root: _frame(root, k))["PointData"]
+        return self._read(WALLS, lambda root: _of_wall(root, _frame(root, k), wall))
+
+    def contacts(self, k: int) -> dict[str, np.ndarray]:
+        """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
+        data = self._read(CONTACTS, lambda root: _frame(root, k))
+        return {**data["CellData"], "points": data["Points"].reshape(-1, 2, 3)}
+
+    def _read(self, name: str, what: Callable):
+        return _opened(self.folder / name, what)
+
+
+def read_vtkhdf(folder: Path) -> VtkhdfResults:
+    """Index of the VTKHDF results in ``folder``.
+
+    Raises:
+        WarpdemError: There are none, they cannot be read, or hold no frame.
+    """
+    folder = Path(folder)
+    if not (folder / GRAINS).exists():
+        raise WarpdemError(f'{folder}: no {GRAINS} in this folder; run a scene with "vtkhdf" among its output formats')
+    times = _opened(folder / GRAINS, lambda root: root["Steps/Values"][: root["Steps"].attrs["NSteps"]])
+    if not len(times):
+        raise WarpdemError(f"{folder / GRAINS}: holds no frame")
+    return VtkhdfResults(folder, times)
+
+
+def _opened(path: Path, what: Callable):
+    """What ``what`` reads off the group VTKHDF of a file."""
+    if not path.exists():
+        raise WarpdemError(f"{path}: no such file")
+    try:
+        repair(path)
+        with h5py.File(path, "r", locking=False) as file:
+            return what(file["VTKHDF"])
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError) as error:
+        raise WarpdemError(f"{path}: cannot be read as a VTKHDF file ({error})") from error
+
+
+def _frame(root: h5py.Group, k: int) -> dict:
+    """Points and arrays of frame ``k``."""
+    steps = root["Steps"]
+    points = int(root["NumberOfPoints"][k])
+    cells = sum(int(root[f"{name}/NumberOfCells"][k]) for name in TOPOLOGIES)
+
+    def rows(name: str, offset: h5py.Dataset, count: int) -> np.ndarray:
+        first = int(offset[k])
+        return root[name][first : first + count]
+
+    data: dict = {"Points": rows("Points", steps["PointOffsets"], points)}
+    for group, count in {"PointData": points, "CellData": cells}.items():
+        offsets = steps[f"{group}Offsets"]
+        data[group] = {name: rows(f"{group}/{name}", offsets[name], count) for name in offsets}
+    offsets, sizes = steps["FieldDataOffsets"], steps["FieldDataSizes"]
+    data["FieldData"] = {name: rows(f"FieldData/{name}", offsets[name], int(sizes[name][k, 1])) for name in offsets}
+    return data
+
+
+def _names(root: h5py.Group) -> list[str]:
+    return json.loads(root.parent.attrs["walls"])
+
+
+def _walls(root: h5py.Group, data: dict) -> list[WallMesh]:
+    """Each wall with its own vertices."""
+    number, infinite = data["CellData"]["wall"], data["FieldData"]["infinite"]
+    corners = root["Polygons/Connectivity"][: 3 * len(number)].reshape(-1, 3)
+    walls = []
+    for k, name in enumerate(_names(root)):
+        used, triangles = np.unique(corners[number == k], return_inverse=True)
+        walls.append(WallMesh(name, data["Points"][used], triangles.reshape(-1, 3).astype(np.int32), bool(infinite[k])))
+    return walls
+
+
+def _of_wall(root: h5py.Group, data: dict, wall: str) -> dict[str, np.ndarray]:
+    here = data["CellData"].pop("wall") == _names(root).index(wall)
+    return {name: values[here] for name, values in data["CellData"].items()}

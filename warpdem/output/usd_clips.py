@@ -1,0 +1,84 @@
+"""Frames of some attributes in files that a USD stage plays as one set of value clips."""
+
+from pathlib import Path
+
+from warpdem.scene.write_usd import export, state_units
+
+PARTS = "result_usd"
+"""Folder of the files beside the root layer."""
+# the open chunk is written anew for each frame, so its size bounds the cost of a frame
+_CHUNK_BYTES = 8e6
+
+
+class ValueClips:
+    """Frames of some attributes in files, some frames each, that the root layer plays as one set of value clips."""
+
+    def __init__(
+        self, folder: Path, name: str, file: str, types: dict[str, str], rate: float, frames: int, overlap: bool
+    ) -> None:
+        """Write the manifest.
+
+        Args:
+            folder: Folder of the root layer.
+            name: Name of the set.
+            file: Name of its files, and of its manifest.
+            types: Type of each attribute, by path.
+            rate: Time codes in one second [1/s].
+            frames: Most frames in one file; fewer when they are large.
+            overlap: Whether a file begins with the last frame of the one before, so that viewers interpolate across.
+        """
+        self._folder, self._file, self._types, self._rate = folder, file, types, rate
+        self._frames, self._overlap = frames, overlap
+        self.name = name
+        self.clips: list[tuple[float, str]] = []
+        self._layer = None
+        self._codes = 0
+        self._last: tuple[float, dict[str, object]] | None = None
+        self._manifest = f"./{PARTS}/{'manifest' if file == 'chunk' else file}.usda"
+        export(self._new_layer(".usda"), folder / self._manifest)
+
+    def add(self, code: float, samples: dict[str, object], size: float) -> None:
+        """Write a frame of ``size`` bytes; samples by attribute path."""
+        room = max(1 + self._overlap, min(self._frames, int(_CHUNK_BYTES / max(1.0, size))))
+        if self._layer is None or self._codes >= room:
+            self._layer, self._codes, begin = self._new_layer(".usdc"), 0, code
+            if self._overlap and self._last is not None:
+                begin, _ = self._last
+                self._set(*self._last)
+            self.clips.append((begin, f"./{PARTS}/{self._file}_{len(self.clips):04d}.usdc"))
+        self._set(code, samples)
+        export(self._layer, self._folder / self.clips[-1][1])
+        self._last = (code, samples)
+
+    def described(self, prim: str) -> dict[str, object]:
+        """Metadata of the set for one prim."""
+        from pxr import Gf, Sdf, Vt
+
+        return {
+            "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(file) for _, file in self.clips]),
+            "active": Vt.Vec2dArray([Gf.Vec2d(code, k) for k, (code, _) in enumerate(self.clips)]),
+            "manifestAssetPath": Sdf.AssetPath(self._manifest),
+            "primPath": prim,
+        }
+
+    def _set(self, code: float, samples: dict[str, object]) -> None:
+        for path, value in samples.items():
+            self._layer.SetTimeSample(path, code, value)
+        self._codes += 1
+
+    def _new_layer(self, suffix: str):
+        """Layer that declares the attributes, without values."""
+        from pxr import Sdf
+
+        layer = Sdf.Layer.CreateAnonymous(suffix)
+        state_units(layer)
+        layer.timeCodesPerSecond = self._rate
+        for path, kind in self._types.items():
+            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
+            Sdf.AttributeSpec(prim, Sdf.Path(path).name, Sdf.ValueTypeNames.Find(kind))
+        return layer
+
+
+def bytes_of(value: object) -> int:
+    """Bytes of an array of the USD library, roughly; next to nothing for single numbers."""
+    return memoryview(value).nbytes if hasattr(value, "__len__") and len(value) > 3 else 24

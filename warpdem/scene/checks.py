@@ -1,0 +1,109 @@
+"""What the parts of a scene must agree on: names that refer to something, names and ids given once, streams, measures."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from warpdem.scene import models
+from warpdem.scene.base import Problem, file_system_name
+from warpdem.scene.borders import Borders, Outlet
+from warpdem.scene.grains import Grains, Stream
+from warpdem.scene.measures import Measures
+from warpdem.scene.start import Start
+from warpdem.scene.walls import Wall
+
+
+class Named(Protocol):
+    """A part of a scene with a name."""
+
+    @property
+    def name(self) -> str:
+        """The name."""
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Names in quotes, for messages."""
+    return ", ".join(f'"{name}"' for name in names) or "none"
+
+
+def material_problems(uses: Iterable[tuple[tuple[str | int, ...], str]], materials: Iterable[str]) -> Iterator[Problem]:
+    """Names of materials that the scene does not have.
+
+    Args:
+        uses: Key path of each use of a material, and the name there.
+        materials: Names of the scene's materials.
+    """
+    known = list(materials)
+    for key_path, name in uses:
+        if name not in known:
+            yield key_path, name, f"no such material; the scene has {quoted(known)}"
+
+
+def source_problems(grains: Sequence[Grains], streams: Sequence[Stream], start: Start | None) -> Iterator[Problem]:
+    """No grains at all, or grains beside a checkpoint that brings them."""
+    if not grains and not streams and start is None:
+        yield ("grains",), None, "missing: give at least one group of grains, a stream, or a start"
+    if grains and start is not None:
+        yield ("grains",), None, "cannot stand beside start, which brings the grains; streams may add others"
+
+
+def name_problems(lists: Mapping[str, Sequence[Named]]) -> Iterator[Problem]:
+    """Names given twice in one of the ``lists``, by key."""
+    for key, parts in lists.items():
+        names = [part.name for part in parts]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
+            elif key in ("walls", "phases") and file_system_name(name) in map(file_system_name, names[:i]):
+                other = list(map(file_system_name, names)).index(file_system_name(name))
+                reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case, for files have them'
+                yield (key, i, "name"), name, reason
+
+
+def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[Problem]:
+    """Walls to fill that are no mesh walls, and ids given twice."""
+    names = [wall.name for wall in walls]
+    meshes = [wall.name for wall in walls if wall.mesh is not None]
+    first_group: dict[int, int] = {}
+    for i, grains in enumerate(groups):
+        wall = grains.fill.wall if grains.fill is not None else None
+        if wall is not None and wall not in meshes:
+            reason = "is an analytic shape; only a mesh can be filled" if wall in names else "no such wall"
+            yield ("grains", i, "fill", "wall"), wall, f"{reason}; the scene's mesh walls: {quoted(meshes)}"
+        for number in grains.ids.tolist() if grains.ids is not None else []:
+            if number in first_group:
+                yield ("grains", i, "ids"), number, f"grains[{first_group[number]}] has this id too: ids must be unique"
+                break
+            first_group[number] = i
+
+
+def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], borders: Borders | None) -> Iterator[Problem]:
+    """Streams whose grains would be removed where they are inserted."""
+    for i, stream in enumerate(streams):
+        for outlet in outlets:
+            sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
+            if all(low < high_out and low_out < high for low, high, low_out, high_out in sides):
+                yield ("streams", i, "box"), None, f'meets the box of the outlet "{outlet.name}", which takes grains out'
+        for k, axis in enumerate("xyz"):
+            border = getattr(borders, axis) if borders else None
+            if border is None:
+                continue
+            if border.min is not None and stream.box.min[k] < border.min:
+                yield ("streams", i, "box", "min", k), stream.box.min[k], f"is beyond borders.{axis}.min = {border.min:g} m"
+            if border.max is not None and stream.box.max[k] > border.max:
+                yield ("streams", i, "box", "max", k), stream.box.max[k], f"is beyond borders.{axis}.max = {border.max:g} m"
+
+
+def measure_problems(measures: Measures, integrator: str) -> Iterator[Problem]:
+    """Measures that the integrator cannot make, and names given twice."""
+    for key in ("energy", "momentum"):
+        if getattr(measures, key) and integrator != "exact_drift":
+            yield ("measures", key), True, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
+    stages = len(models.model("integrator", integrator).STAGES)
+    if measures.flow and stages > 1:
+        yield ("measures", "flow"), None, f'not with engine.integrator = "{integrator}", whose steps have stages'
+    for key in ("flow", "regions", "mixing"):
+        names = [part.name for part in getattr(measures, key)]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                reason = f"measures.{key}[{names.index(name)}] has this name too: names must differ"
+                yield ("measures", key, i, "name"), name, reason

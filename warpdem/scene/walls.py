@@ -1,0 +1,95 @@
+"""Walls as scene data: a mesh file with its scale, rotation and translation, or one analytic shape."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, StrictBool, field_validator, model_validator
+
+from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
+from warpdem.scene.motion import Motions
+from warpdem.scene.units import Quantity
+from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
+from warpdem.usd.stage import USD_SUFFIXES
+
+MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES)
+
+
+class FixedRotation(SceneModel):
+    """A rotation by an angle about an axis through the origin."""
+
+    axis: Direction = Field(description="Direction of the axis [-], any length but zero; held as a unit vector.")
+    angle: Annotated[float, Quantity("rad")] = Field(description="Angle [rad], by the right-hand rule.")
+
+
+class Wall(SceneModel):
+    """Wall: the triangles of a mesh file after scale, rotate and translate, in this order; or one analytic shape."""
+
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
+    material: str = Field(description="Name of the material.")
+    mesh: FileName | None = Field(
+        None,
+        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file; this or one shape. "
+        "A USD mesh is converted to metres with z upwards, whatever the stage's units and upAxis.",
+    )
+    prim: Annotated[str, Field(pattern=r"^(/\S+)?$")] = Field(
+        "",
+        description='With a USD mesh: path of the prim whose surfaces are the wall, such as "/World/Drum"; not needed if the '
+        "file holds only one surface.",
+    )
+    plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
+    cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
+    cone: Cone | None = Field(None, description="Cone; this, mesh or another shape.")
+    sphere: Sphere | None = Field(None, description="Sphere; this, mesh or another shape.")
+    scale: Annotated[float, Quantity("-", gt=0)] = Field(
+        1.0,
+        description="Factor from the file's lengths to metres [-], > 0, default 1; 0.001 for a mesh in millimetres.",
+    )
+    translate: Point = Field((0.0, 0.0, 0.0), description="Translation of the mesh [m], after scale and rotate, default 0.")
+    rotate: FixedRotation | None = Field(
+        None, description="Rotation of the mesh about the origin, after scale, default none."
+    )
+    fixed_to: Literal["frame", "laboratory"] = Field(
+        "frame", description='What the wall is fixed to: "frame" (default) or "laboratory".'
+    )
+    motion: Motions | None = Field(
+        None,
+        description="Motion of the wall relative to what it is fixed to: one motion, or a list, outermost first; default none.",
+    )
+    torque_about: Point | None = Field(
+        None,
+        description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "
+        "0 and moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to it, else (0, 0, 0).",
+    )
+    open: StrictBool = Field(
+        False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."
+    )
+
+    @field_validator("mesh")
+    @classmethod
+    def _known_suffix(cls, value: str | None) -> str | None:
+        if value is not None and Path(value).suffix.lower() not in MESH_SUFFIXES:
+            raise ValueError(f"must be a file ending in {', '.join(MESH_SUFFIXES)}")
+        return value
+
+    @model_validator(mode="after")
+    def _prim_is_of_usd(self) -> "Wall":
+        if self.prim and self.mesh is not None and not self.mesh.lower().endswith(USD_SUFFIXES):
+            reason = f"only for a mesh from USD, a file ending in {', '.join(USD_SUFFIXES)}"
+            raise validation_error([(("prim",), self.prim, reason)])
+        return self
+
+    @model_validator(mode="after")
+    def _mesh_or_shape(self) -> "Wall":
+        exactly_one(self, "mesh", *SHAPES)
+        if self.mesh is None:
+            mesh_keys = ("prim", "scale", "translate", "rotate", "open")
+            stray = [key for key in mesh_keys if getattr(self, key) != Wall.model_fields[key].default]
+            if stray:
+                reason = "only for a mesh; a shape is positioned by its own keys"
+                raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+        return self
+
+    @property
+    def shape(self) -> Shape | None:
+        """The analytic shape; None for a mesh."""
+        return next((shape for key in SHAPES if (shape := getattr(self, key)) is not None), None)
