@@ -309,7 +309,7 @@ def test_estimates_are_those_of_the_run(bed, tmp_path, monkeypatch):
     sim = Simulation(bed, device="cpu", threads=1)
     sim.step(20)
     # the table of what changes with time is long where grains are few, and of no grain
-    assert 0.6 < data["memory_bytes"] / (arrays_of(sim) - arrays_of(sim.stepper.control)) < 1.7
+    assert 0.6 < data["memory_bytes"] / (arrays_of(sim) - arrays_of(sim.engine.batch.control)) < 1.7
     assert data["settled_seconds"] >= data["estimated_seconds"] >= data["seconds_per_step"] * data["steps"]
 
 

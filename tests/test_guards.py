@@ -7,6 +7,7 @@ import pytest
 
 from warpdem import Scene, Simulation, StabilityError
 from warpdem.app.run import run_scene
+from warpdem.engine import host_build, stops
 from warpdem.guards import stability, watch
 from warpdem.guards.energy import driven
 from warpdem.state import checkpoint
@@ -206,7 +207,8 @@ def test_lists_that_cannot_be_counted_stop_the_run(make_scene, monkeypatch):
     crowd = np.random.default_rng(0).random((40, 3)) * 1e-4
     engine = {"max_overlap": 1.0, "guards": "record"}
     sim = simulate(make_scene, np.arange(40)[:, None] * [5e-3, 0, 0], step=1e-6, engine=engine)
-    monkeypatch.setattr(watch, "LIST_ENTRIES", 1000)
+    monkeypatch.setattr(host_build, "LONGEST", 1000)
+    monkeypatch.setattr(stops, "LONGEST", 1000)
     for number, point in enumerate(crowd):
         put(sim, number, slice(0, 3), point)
     with pytest.raises(StabilityError, match=r"the lists need 1720 entries, more than 1000: grain \d+ at \(.*\) m has 39 n"):
@@ -290,7 +292,7 @@ def test_an_overlap_that_is_recorded_changes_no_bit(make_scene, monkeypatch, res
     sim.step(400)
     assert "overlap" in sim.noticed
     alone = thrown(make_scene, guards="record")
-    alone.stepper.pass_over_overlaps()
+    alone.engine.ignore_overlaps()
     monkeypatch.setattr(watch.Guards, "steps_done", lambda self: setattr(self, "next_look", 10**9))
     alone.step(400)
     assert sim.state_hash() == alone.state_hash()

@@ -24,7 +24,7 @@ from warpdem.app.outputs import output_schedule
 from warpdem.app.run import run_scene
 from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.progress import told_if_long
+from warpdem.core.progress import report_if_long
 from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
@@ -357,7 +357,7 @@ def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch
     run(scene(output=OFTEN), tmp_path, until=2e-3)
     again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.scene_hash
+    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
 
 
 OTHER_RESULTS = {
@@ -506,7 +506,7 @@ def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeyp
 def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
     monkeypatch.setattr("warpdem.core.progress.LONG", 0.05)
     text = io.StringIO()
-    with told_if_long("compiling", Console(file=text, force_terminal=True), quiet):
+    with report_if_long("compiling", Console(file=text, force_terminal=True), quiet):
         time.sleep(seconds)
     time.sleep(0.1)
     assert text.getvalue() == said

@@ -14,17 +14,13 @@ from warpdem.core.device import pick_device
 from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.core.threads import Threads, available_threads, threads_for
 from warpdem.core.timers import Timers
-from warpdem.engine.neighbor_list import Lists
-from warpdem.engine.stepper import Stepper
-from warpdem.errors import SceneError, StabilityError, WarpdemError
+from warpdem.engine.engine import Engine
+from warpdem.errors import SceneError, WarpdemError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.inlet import Inlet
 from warpdem.filling.inlet_walls import InletWalls
 from warpdem.guards.watch import Guards
 from warpdem.kernels import grain
-from warpdem.kernels.measure.budget import WallEntry
-from warpdem.kernels.wall import record
-from warpdem.kernels.wall.places import Hit
 from warpdem.measure import measures, observation, observers, wall_loads
 from warpdem.measure.budget import Budget
 from warpdem.measure.contact_network import read_network
@@ -95,17 +91,19 @@ class Simulation:
             self._clock = Clock(model.dt)
             count = threads or (available_threads() if model.scene.streams else threads_for(len(grains)))
             self.threads = Threads(count if model.device.is_cpu else 1, as_pays=threads is None)
-            self.lists = Lists(self)
-            self.stepper = Stepper(self)
+            self.engine = Engine(model, self.state, self._clock, self.threads, self.timers)
+            self.lists = self.engine.lists
         self._cut_short = False  # an interrupt came between the first step of a batch and its count
         self.steps_done = 0
-        self.left = {name: [0, 0.0] for name in self.domain.names}  # grains and mass [kg] that each border or outlet took
         streams = range(len(model.scene.streams))
         self.inlets = [Inlet(number, model.scene, model.dt, self._inlet_walls(number)) for number in streams]
         self.notes += [note for inlet in self.inlets for note in inlet.walls.notes]
         self.budget = Budget(self) if self.plan.measures.sums else None
+        if self.budget is not None:
+            self.engine.leavers.before_leaving = self.budget.left
         self._next_id = int(grains.id.max(initial=-1)) + 1
         self.guards = Guards(self)
+        self.lists.watch_travel = self.guards.travel.watch
         self._grown = past is not None
         if past is not None:
             self._take_over(past)
@@ -146,13 +144,7 @@ class Simulation:
 
     def load_kernels(self) -> None:
         """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
-        built = self.kernels
-        if self.plan.backend.resident:  # the graph's are compiled where it is captured
-            return
-        lists = [thing for group in (built.lists, built.walls) if group is not None for thing in vars(group).values()]
-        for thing in (built.loop.run, built.loop.read, built.loop.read_budget, *lists):
-            if isinstance(thing, wp.Kernel):
-                wp.load_module(thing.module, device=self.device)
+        self.engine.load_kernels()
 
     def step(self, count: int = 1) -> None:
         """Advance by ``count`` time steps.
@@ -207,10 +199,10 @@ class Simulation:
         if len(self.state) == 0:
             done, moved = batch, 0
         else:
-            batch = min(batch, self.stepper.row()[1])
+            batch = min(batch, self.engine.steps_ahead)
             with self.clock("steps"):
                 self._cut_short = True
-                done, moved = self.stepper.advance(batch, not self._clock.forces_evaluated, hold=batch == due)
+                done, moved = self.engine.advance(batch, not self._clock.forces_evaluated, hold=batch == due)
         self._clock.step_number += done
         self._cut_short = False
         self.steps_done += done
@@ -220,39 +212,10 @@ class Simulation:
             self._let_in()
         return done
 
-    def leaving(self) -> np.ndarray:
-        """Slots [-] of the grains that are not in the domain any more, shape (m,); they are counted.
-
-        Raises:
-            StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
-        """
-        position, here = self.state.record.numpy()[:, grain.POSITION], self.state.here
-        if any(self.domain.period) and (thrown := self.domain.thrown(position) & here).any():
-            i = int(np.flatnonzero(thrown)[0])
-            speed = float(np.linalg.norm(self.state.record.numpy()[i, grain.VELOCITY]))
-            raise StabilityError(
-                f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {self.state.id.numpy()[i]} crossed the "
-                f"whole periodic domain in one step of {self.dt:.3g} s, at {speed:.3g} m/s. Take a smaller time.step."
-            )
-        where = self.domain.left_by(position)
-        gone = (where >= 0) & here
-        if gone.any():
-            ids, mass = self.state.id.numpy(), 1.0 / self.state.inverse.numpy()[:, 0]
-            for number in np.unique(where[gone]):
-                name, through = self.domain.names[number], np.flatnonzero(gone & (where == number))
-                through = through[np.argsort(ids[through])]
-                if self.domain.stops[number]:
-                    first = int(through[0])
-                    place = ", ".join(f"{x:.4g}" for x in position[first])
-                    raise StabilityError(
-                        f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {ids[first]} at ({place}) m is "
-                        f"beyond the border {name}, which the scene says stops the run"
-                    )
-                self.left[name][0] += len(through)
-                self.left[name][1] += float(mass[through].sum())
-            if self.budget is not None:
-                self.budget.left(np.flatnonzero(gone))
-        return np.flatnonzero(gone)
+    @property
+    def left(self) -> dict[str, list]:
+        """Number and mass [kg] of the grains that each border or outlet took, by its name."""
+        return self.engine.leavers.left
 
     def _inlet_walls(self, number: int) -> InletWalls:
         """The walls beside the box of a stream."""
@@ -289,30 +252,12 @@ class Simulation:
             self._next_id += n
             self._grown, self._clock.forces_evaluated = True, False
 
-    def new_rows(self, grains: int, slots: int):
-        """Wall rows of ``grains`` grains with ``slots`` slots in all."""
-        rows, device = self.kernels.Rows(), self.device
-        rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
-        rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
-        rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
-        for name in ("feature", "hit_state", "hit_mask"):
-            setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
-        rows.hit = wp.zeros(slots, dtype=Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.contact.rolling)), device=device)
-        generations = 2 if len(self.plan.backend.scheme.STAGES) == 1 else 3
-        rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
-        if self.plan.measures.energy:
-            rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
-            rows.power = wp.zeros((grains, self.plan.measures.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.contact.memory), device=device)
-        return rows
-
     # -- guards ---------------------------------------------------------------------------------
 
     @property
     def extremes(self) -> dict[str, float]:
         """Largest values met so far: overlap over radius [-] and approach speed [m/s], of pairs and of walls."""
-        e = self.stepper.extreme
+        e = self.engine.extreme
         return {
             "pair_overlap_share": float(e[0]),
             "pair_approach_speed": float(e[1]),
@@ -406,15 +351,7 @@ class Simulation:
     def _read(self) -> tuple[wp.array, wp.array, wp.array]:
         """What ``readings`` gives, in memory order on the device: force and torque together, velocity, spin."""
         self._prepare()
-        n = self.state.slots
-        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=self.device)
-        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=self.device) for _ in range(2))
-        if n:
-            base, _ = self.stepper.row()
-            grains, _, rows = self.stepper.arguments()
-            inputs = [base, grains, rows, self.stepper.control, self.dt, load, velocity, spin]
-            wp.launch(self.kernels.loop.read, dim=n, inputs=inputs, device=self.device)
-        return load, velocity, spin
+        return self.engine.read()
 
     def snapshot(self) -> Snapshot:
         """Everything a writer needs, at the present time."""

@@ -19,7 +19,7 @@ from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
 from warpdem.drawing.style import PictureStyle
 from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
 from warpdem.errors import WarpdemError
-from warpdem.mesh.plane_patch import RIM, ROOM, patch, plane_of
+from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
 from warpdem.output.read_vtk import Results
 from warpdem.output.read_vtkhdf import VtkhdfResults
 
@@ -158,7 +158,7 @@ class FrameDrawer:
                 f"from ({next(words)}) to ({next(words)}) m"
             )
         box = framing.box()
-        self._room = RIM if framing.bounded else ROOM
+        self._room = RIM if framing.bounded else MARGIN
         self._box = np.stack(np.meshgrid(*zip(box.low[3:], box.high[3:], strict=True), indexing="ij"), axis=-1).reshape(
             8, 3
         )

@@ -137,7 +137,7 @@ class Guards:
         share = max(met["pair_overlap_share"], met["wall_overlap_share"])
         if share <= limit or "overlap" in self.noticed:
             return
-        sim.stepper.pass_over_overlaps()
+        sim.engine.ignore_overlaps()
         contacts = sim.contacts()
         kind = "grains" if met["pair_overlap_share"] >= met["wall_overlap_share"] else "a grain and a wall"
         where = contacts.worst() if len(contacts.i) else "The contact is over by now."

@@ -151,7 +151,7 @@ class Budget:
         """What has been added up of all grains, those that left too; vectors in laboratory axes."""
         sim = self.sim
         sim._prepare()
-        per_grain = sim.stepper.read_sums()
+        per_grain = sim.engine.read_sums()
         return {
             name: np.add(gone, self._laboratory(name, per_grain[name][sim.state.rank].sum(axis=0))).tolist()
             for name, gone in self.gone.items()

@@ -74,12 +74,13 @@ class Instant:
         room.wait()
         self._room = room
         still = self._still = copy.copy(sim)
-        for part in ("state", "lists", "stepper", "_clock"):
+        for part in ("state", "lists", "engine", "_clock"):
             setattr(still, part, copy.copy(getattr(sim, part)))
-        still.lists.sim, still.stepper.control = still, SimpleNamespace()
+        still.lists.state, still.lists.clock, still.engine.lists = still.state, still._clock, still.lists
+        still.engine.batch = SimpleNamespace(control=SimpleNamespace())
         self._hold("state", still.state, sim.state, sim.state.names)
         self._hold("scene", still, sim, ("coefficients",))
-        self._hold("step", still.stepper.control, sim.stepper.control, ("extreme",))
+        self._hold("step", still.engine.batch.control, sim.engine.batch.control, ("extreme",))
         if sim.walls is not None:
             still.lists.rows, still.walls = SimpleNamespace(), SimpleNamespace(surface=SimpleNamespace())
             self._hold("wall rows", still.lists.rows, sim.lists.rows, WALL_ARRAYS)
@@ -95,8 +96,8 @@ class Instant:
         room.send()
         if sim.budget is not None:
             sim.budget.begin()
-            sums = {name: values.copy() for name, values in sim.stepper.read_sums().items()}
-            still.stepper.read_sums = lambda: sums
+            sums = {name: values.copy() for name, values in sim.engine.read_sums().items()}
+            still.engine.read_sums = lambda: sums
             still.budget = copy.copy(sim.budget)
             still.budget.sim, still.budget.gone = still, copy.deepcopy(sim.budget.gone)
 

@@ -79,7 +79,7 @@ def _arrays(sim) -> dict[str, np.ndarray]:
         velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
     if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
         spin = spin + pose.spin
-    readings = {"velocity": velocity, "spin": spin, "extreme": sim.stepper.extreme}
+    readings = {"velocity": velocity, "spin": spin, "extreme": sim.engine.extreme}
     return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}
 
 
@@ -227,8 +227,9 @@ def restore(sim, data: dict) -> None:
     _check(sim, data)
     sim.state.restore(data)
     sim._clock.step_number = data["step"]
-    sim.stepper.restore(data["extreme"])
-    sim.left, sim._next_id, sim._grown = data["left"], data["next_id"], False
+    sim.engine.restore(data["extreme"])
+    sim.engine.leavers.left = data["left"]
+    sim._next_id, sim._grown = data["next_id"], False
     for inlet, state in zip(sim.inlets, data["feeders"], strict=True):
         inlet.restore(state)
     if sim.budget is not None:

@@ -18,7 +18,7 @@ def _listed(lists) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ids (lower, higher) of the listed contacts, and the rows of their two shares."""
     if not lists.contact_count:
         return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    ids, real = lists.sim.state.id.numpy(), lists.real_lanes()
+    ids, real = lists.state.id.numpy(), lists.real_lanes()
     pair = np.stack([ids[a.numpy().ravel()[real]] for a in (lists.owner, lists.partner)], axis=1)
     return pair, lists.slot_i.numpy().ravel()[real], lists.slot_j.numpy().ravel()[real]
 
@@ -26,14 +26,14 @@ def _listed(lists) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _pair_contacts(lists) -> dict[str, np.ndarray]:
     """Memory and shares of the listed grain-grain contacts."""
     pair, i, j = _listed(lists)
-    width, shares = max(lists.sim.plan.contact.memory, 1), share_width(lists.sim.plan.contact.spins)
+    width, shares = max(lists.model.features.contact.memory, 1), share_width(lists.model.features.contact.spins)
     memory, row = np.zeros((0, width)), np.zeros((0, shares))
     if len(pair):
         memory = lists.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[lists.real_lanes()]
-        memory = memory if lists.sim.plan.contact.memory else np.zeros((len(pair), 1))
+        memory = memory if lists.model.features.contact.memory else np.zeros((len(pair), 1))
         row = lists.row.numpy()
     out = {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
-    if lists.sim.plan.measures.energy:
+    if lists.model.features.measures.energy:
         entry = lists.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
         out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
     return out
@@ -41,17 +41,17 @@ def _pair_contacts(lists) -> dict[str, np.ndarray]:
 
 def wall_contacts(lists) -> dict[str, np.ndarray]:
     """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
-    sim, rows = lists.sim, lists.rows
+    state, rows = lists.state, lists.rows
     if rows is None:
         return {}
-    parity, g = sim.step_number & 1, lists.wall_grains
+    parity, g = lists.clock.step_number & 1, lists.wall_grains
     slot, holder = lists.place_slots(parity, g)
     out = {f"place_{name}": values for name, values in lists.places(parity, slot).items()}
-    out["place_grain"] = sim.state.id.numpy()[holder]
+    out["place_grain"] = state.id.numpy()[holder]
     load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
-    out["wall_load"] = load[sim.state.rank]
-    if sim.plan.measures.energy:
-        out |= {f"wall_{name}": getattr(rows, name).numpy()[sim.state.rank] for name in ("entry", "power")}
+    out["wall_load"] = load[state.rank]
+    if lists.model.features.measures.energy:
+        out |= {f"wall_{name}": getattr(rows, name).numpy()[state.rank] for name in ("entry", "power")}
     return out
 
 
@@ -62,26 +62,24 @@ def remember(lists, data: dict) -> None:
         data: ids of the grains in their order (``id``), ``pair`` and ``pair_memory``, and where there are walls the
             ``place_*`` of a checkpoint.
     """
-    plan, n = lists.sim.plan, len(lists.sim.state)
-    pair, memory = data["pair"], data["pair_memory"][:, : max(plan.contact.memory, 1)]
+    features, n = lists.model.features, len(lists.state)
+    pair, memory = data["pair"], data["pair_memory"][:, : max(features.contact.memory, 1)]
     owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
     order = np.lexsort((partner, owner))
     count = np.bincount(owner, minlength=n)
-    rows = (starts(count), count, partner[order], order)
-    lists.near = tuple(lists.rooms.upload(a.astype(np.int32), wp.int32) for a in rows)
-    padded = np.concatenate([memory, np.zeros((-len(memory) % plan.backend.lanes, memory.shape[1]))])
-    packs = padded.reshape(-1, plan.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
-    lists.memory = lists.rooms.upload(packs, lists.real)
-    if plan.walls.present and "place_grain" in data:
+    lists.set_outer(starts(count), count, partner[order], order)
+    padded = np.concatenate([memory, np.zeros((-len(memory) % features.backend.lanes, memory.shape[1]))])
+    packs = padded.reshape(-1, features.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
+    lists.memory = lists.pool.upload(packs, lists.real)
+    if features.walls.present and "place_grain" in data:
         _put_places(lists, data, n)
-    lists.known = n
 
 
 def restore(lists, data: dict) -> None:
     """Lists for the present positions with the memory and the forces of a checkpoint."""
-    if len(lists.sim.state) == 0:
+    if len(lists.state) == 0:
         return
-    lists.force_parity = lists.sim.step_number & 1
+    lists.force_parity = lists.clock.step_number & 1
     remember(lists, data)
     lists.make()
     _put_forces(lists, data)
@@ -92,9 +90,9 @@ def _put_places(lists, data: dict, n: int) -> None:
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
     count = np.bincount(grains, minlength=n).astype(np.int32)
-    rows = lists.sim.new_rows(n, len(grains))
-    rows.first = lists.rooms.upload(starts(count), wp.int32)
-    rows.place_count = lists.rooms.upload(np.stack([count, count]), wp.int32)
+    rows = lists.new_rows(n, len(grains))
+    rows.first = lists.pool.upload(starts(count), wp.int32)
+    rows.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
     memory = rows.place.numpy()
     memory[lists.force_parity] = wall_record.packed(wall_record.MEMORY, data, memory.shape[-1])[order]
     rows.place.assign(memory)
@@ -103,7 +101,7 @@ def _put_places(lists, data: dict, n: int) -> None:
 
 def _put_forces(lists, data: dict) -> None:
     """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
-    state = lists.sim.state
+    state = lists.state
     pair, i, j = _listed(lists)
     row, entry = np.zeros(lists.row.shape), np.zeros(lists.entry.shape)
     saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
@@ -111,7 +109,7 @@ def _put_forces(lists, data: dict) -> None:
     if known:
         here, there = np.array(known).T
         row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
-        if lists.sim.plan.measures.energy and "pair_entry_i" in data:
+        if lists.model.features.measures.energy and "pair_entry_i" in data:
             entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
     lists.row.assign(row)
     lists.entry.assign(entry)
@@ -120,7 +118,7 @@ def _put_forces(lists, data: dict) -> None:
     load = np.zeros((len(state), 6))
     load[state.rank] = data["wall_load"]
     lists.rows.load.assign(load)
-    for name in ("entry", "power") if lists.sim.plan.measures.energy and "wall_entry" in data else ():
+    for name in ("entry", "power") if lists.model.features.measures.energy and "wall_entry" in data else ():
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
         getattr(lists.rows, name).assign(values)
