@@ -233,7 +233,7 @@ def lost_target(stage):
         (twice_moved, "/Mill moves by USD's own means and by dem:motion"),
         (lost_target, "/Grains.dem:material: /Nowhere: must target prims of the scene"),
         (lambda stage: UsdPhysics.Scene.Define(stage, "/More"), "needs one PhysicsScene prim"),
-        (lambda stage: stage.ClearMetadata("metersPerUnit"), "does not say its metersPerUnit"),
+        (lambda stage: stage.ClearMetadata("metersPerUnit"), "does not state its metersPerUnit"),
         (lambda stage: stage.SetMetadata("kilogramsPerUnit", 0.0), "kilogramsPerUnit = 0"),
     ],
 )
