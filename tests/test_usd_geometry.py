@@ -227,7 +227,7 @@ def test_what_is_no_surface_at_rest_is_refused(tmp_path):
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(2 * MESH.reshape(-1, 3)), 10.0)
     assert "/Bellows: its points change with time" in refusal(stage, "/Bellows")
     define_loose_mesh(stage, "/Odd", MESH).GetFaceVertexIndicesAttr().Set([0, 1, 900])
-    assert "/Odd: the faces ask for" in refusal(stage, "/Odd")
+    assert "/Odd: the faces have" in refusal(stage, "/Odd")
     UsdGeom.Sphere.Define(stage, "/Ball").CreateRadiusAttr(-1.0)
     assert "/Ball: radius = -1, must be above 0" in refusal(stage, "/Ball")
     UsdGeom.Xform.Define(stage, "/Missing").GetPrim().GetReferences().AddReference("./nowhere.usda")
