@@ -21,9 +21,9 @@ from types import ModuleType
 import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
-from warpdem.kernels.contact import thread_contact
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.lists import neighbors
 from warpdem.kernels.lists.cells import SizeGrids
@@ -143,13 +143,13 @@ class ContactLaw:
         pairs, torsion: bool = False,
     ) -> None:  # fmt: skip
         self.models, self.torsion, self.materials = (normal, tangential, rolling), torsion, len(materials)
-        with_history = rolling is not None and rolling.HISTORY
-        self.history = 6 if with_history else 3 if tangential else 0
-        self.inertia_factor = 3.5 if with_history else 1.0
-        table = np.full((len(materials), len(materials), len(contact_law.COEFFICIENTS)), np.nan)
+        self.history = columns.history(normal, tangential, rolling).width
+        self.inertia_factor = 3.5 if rolling is not None and rolling.HISTORY else 1.0
+        table = np.full((len(materials), len(materials), columns.coefficients(normal).width), np.nan)
         for (a, b), pair in pairs.items():
-            others = (getattr(pair, key, 0.0) for key in ("friction", "rolling_friction", "rolling_damping"))
-            table[a, b] = table[b, a] = (*normal.coefficients(materials[a], materials[b], pair), *others)
+            of_law = normal.coefficients(materials[a], materials[b], pair)
+            others = {key: getattr(pair, key, 0.0) for key in columns.OF_PAIR}
+            table[a, b] = table[b, a] = columns.coefficient_row(of_law, others)
         self.table = table.reshape(-1, table.shape[-1])
 
     def coefficients(self, device) -> wp.array:
@@ -170,21 +170,25 @@ def build(normal, tangential, rolling, torsion: bool, history: int, inertia_fact
         inertia_factor: from a grain's moment of inertia to what the rolling law takes.
     """
     real, rolls = wp.float64, rolling is not None
-    shared = {"spins": True, "rolling": rolls, "history": history, "table": True, "gap": 0.0}
+    shared = {"spins": True, "table": True, "gap": 0.0}
+    met = {"rolling": rolls, "inertia_factor": inertia_factor}
+    stored = columns.stored_constants(normal, rolls)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    constants, wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
-    _, pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
-    packs = pair_contacts.build(real, pair_law, None, around, 1, turning_frame=False, **shared)
+    wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
+    pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
+    packs = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
     evaluate = thread_contact.build(
-        real, constants, packs, around, False, turning_frame=False, lag=inertia_factor, **shared
+        real, pair_law, wall_law.constants, packs, around, False, turning_frame=False, **shared, **met
     )
-    lists = neighbors.build(real, constants, around, 1, lag=inertia_factor, stored=False, **shared)
+    lists = neighbors.build(
+        real, wall_law, around, 1, stored=stored, history=history, inertia_factor=inertia_factor, keep_constants=False,
+        **shared,
+    )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
     Rows, touch = contact.build(
-        wall_law, None, constants, closest, around, seen, turning_frame=False, moving_frame=False, lag=inertia_factor,
-        meshes=True, moving=0, **shared,
+        wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **shared, **met,
     )  # fmt: skip
     beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=0.0, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
@@ -250,7 +254,7 @@ def build(normal, tangential, rolling, torsion: bool, history: int, inertia_fact
 
     return Built(
         lists=lists, beside=beside, Rows=Rows, packs=packs, pair_forces=pair_forces, pair_load=pair_load,
-        wall_forces=wall_forces, Memory=record.memory_type(history), Result=record.result_type(rolls),
+        wall_forces=wall_forces, Memory=record.memory_type(pair_law.history.at), Result=record.result_type(rolls),
     )  # fmt: skip
 
 

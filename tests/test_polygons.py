@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpdem.mesh.polygons import LARGEST_CONCAVE, triangulate
+from warpdem.mesh.polygons import MAX_CONCAVE, triangulate
 
 
 def area(points, triangles):
@@ -67,8 +67,8 @@ def test_polygon_that_crosses_itself_ends():
     [
         ([3, 2], [0, 1, 2, 0, 1], "face 1 has 2 corners"),
         ([-3], [0, 1, 2], "face 0 has -3 corners"),
-        ([3, 3], [0, 1, 2], "ask for 6 corners in all, there are 3"),
-        ([2**62, 2**62, 2**62], [0, 1, 2], "there are 3"),
+        ([3, 3], [0, 1, 2], "have 6 corners in all, but 3 are given"),
+        ([2**62, 2**62, 2**62], [0, 1, 2], "but 3 are given"),
         ([3], [0, 1, 4], "names the point 4, there are the points 0 to 3"),
         ([3], [0, -1, 2], "names the point -1"),
     ],
@@ -79,7 +79,7 @@ def test_faces_that_do_not_fit_are_refused(counts, indices, text):
 
 
 def test_huge_polygon_is_refused_when_it_is_not_convex():
-    points = star(LARGEST_CONCAVE + 1)
+    points = star(MAX_CONCAVE + 1)
     with pytest.raises(ValueError, match="not convex and has 5001 corners"):
         triangulate(points, [len(points)], range(len(points)))
     angle = 2 * np.pi * np.arange(len(points)) / len(points)

@@ -24,7 +24,7 @@ from warpdem.app.outputs import output_schedule
 from warpdem.app.run import run_scene
 from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.progress import told_if_long
+from warpdem.core.progress import report_if_long
 from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
@@ -167,14 +167,19 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim = Simulation(scene(), device="cpu", threads=1)
     assert steps_per_contact(sim) == math.inf
     sim.run(until=6e-3)
-    from warpdem.model.time_step import contact_time, damped_contact_factor
+    from warpdem.kernels.normal import hertz
+
+    from warpdem.model.features import coefficient_table
+    from warpdem.model.time_step import contact_time
 
     met = sim.extremes
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     base = 4 / 3 * 1e7 / (2 * (1 - 0.3**2))
-    pair = contact_time(sim.scene, base, mass / 2, 0.5e-3, met["pair_approach_speed"])
-    wall = contact_time(sim.scene, base, mass, 1e-3, met["wall_approach_speed"])
-    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * damped_contact_factor(0.6) / 1e-5, rel=1e-9)
+    row = coefficient_table(sim.scene)[0]
+    assert row[sim.plan.coefficients.stiffness] == pytest.approx(base, rel=1e-14)
+    pair = contact_time(sim.scene, row, mass / 2, 0.5e-3, met["pair_approach_speed"])
+    wall = contact_time(sim.scene, row, mass, 1e-3, met["wall_approach_speed"])
+    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * hertz.damped_time(0.6) / 1e-5, rel=1e-9)
 
 
 def test_quiet_prints_nothing(tmp_path, capfd):
@@ -506,7 +511,7 @@ def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeyp
 def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
     monkeypatch.setattr("warpdem.core.progress.LONG", 0.05)
     text = io.StringIO()
-    with told_if_long("compiling", Console(file=text, force_terminal=True), quiet):
+    with report_if_long("compiling", Console(file=text, force_terminal=True), quiet):
         time.sleep(seconds)
     time.sleep(0.1)
     assert text.getvalue() == said

@@ -12,7 +12,7 @@ from rich.table import Table
 from warpdem.app import scene_warnings, summary
 from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
-from warpdem.core.progress import duration_text, told_if_long
+from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
@@ -69,7 +69,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
 def _probed(sim: Simulation, steps: int, console: Console | None) -> dict[str, Any]:
     """Estimates from a short run and one frame of its results; the grains that streams bring are added by what one costs."""
     begin = time.perf_counter()
-    with told_if_long(COMPILING, console or Console(), quiet=console is None):
+    with report_if_long(COMPILING, console or Console(), quiet=console is None):
         sim.load_kernels()
         sim.step(1)  # which compiles what a GPU runs
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now

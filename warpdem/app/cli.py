@@ -125,7 +125,7 @@ def check(
     """
     from warpdem.app.check import describe, print_description
     from warpdem.app.run import SETTING_UP
-    from warpdem.core.progress import told_if_long
+    from warpdem.core.progress import report_if_long
     from warpdem.model import needs
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
@@ -136,7 +136,7 @@ def check(
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
     console = Console(highlight=False)
-    with told_if_long(SETTING_UP, console, quiet=json_):
+    with report_if_long(SETTING_UP, console, quiet=json_):
         sim = Simulation(first, device=device, threads=threads)
     data = describe(sim, probe, later, None if json_ else console)
     if json_:

@@ -14,7 +14,7 @@ from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.app.run_record import record
 from warpdem.core.interrupts import held_back
-from warpdem.core.progress import progress_bar, told_if_long
+from warpdem.core.progress import progress_bar, report_if_long
 from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
 from warpdem.output.write_tables import write_run_record
@@ -80,14 +80,14 @@ def _run(
     folder = claim.folder
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
-    with told_if_long(SETTING_UP, console, quiet):
+    with report_if_long(SETTING_UP, console, quiet):
         sim = Simulation(scene, device=device, threads=threads)
     if saved is not None:
         checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
     if not quiet:
         _announce(sim, end, folder, console, set() if told is None else told)
-    with sim.clock("compile"), told_if_long(COMPILING, console, quiet):
+    with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
         sim.load_kernels()
     claim.check()
     outputs = Outputs(sim, folder, resume, claim)

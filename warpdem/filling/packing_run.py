@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.core.threads import Threads, available_threads
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import Filling
@@ -109,7 +109,7 @@ class PackingRun:
     def __enter__(self) -> "PackingRun":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._threads.close()
 
     def places(self) -> list[np.ndarray]:
@@ -146,7 +146,7 @@ class PackingRun:
 
     def _size_at(self, fraction: float) -> float:
         """Factor on the radii [-] at which the grains would have this solid fraction, at most 1."""
-        return min(1.0, (fraction / self._fraction) ** (1.0 / 3.0))
+        return float(min(1.0, (fraction / self._fraction) ** (1.0 / 3.0)))
 
     def _settle(self, goal: float = 1.0, start: float = 1.0, growing: int = 0) -> float:
         """Heavy-ball steps until nothing overlaps at `goal` times the radii; then 0, else the least overlap found [-].
@@ -223,7 +223,7 @@ class PackingRun:
             for wall in walls:
                 wall.note(self._last[part])
         self._steps += 1
-        tell(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
+        report_state(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""

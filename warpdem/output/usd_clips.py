@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpdem.scene.write_usd import export, state_units
+from warpdem.scene.write_usd import export, set_units
 
 if TYPE_CHECKING:
     from pxr import Sdf
@@ -77,7 +77,7 @@ class ValueClips:
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(suffix)
-        state_units(layer)
+        set_units(layer)
         layer.timeCodesPerSecond = self._rate
         for path, kind in self._types.items():
             prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())

@@ -10,7 +10,7 @@ from warpdem.core.pose import FramePose, RotationPart, SampledPart, TranslationP
 from warpdem.core.snapshot import WallMesh
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, STATE, extent, usd_value
 from warpdem.scene.write_usd import WALLS as _WALLS
-from warpdem.scene.write_usd import state_units
+from warpdem.scene.write_usd import set_units
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -27,7 +27,7 @@ def root_layer(frame: FramePose, wall_paths: list[str], rate: float) -> Sdf.Laye
 
     layer = Sdf.Layer.CreateAnonymous(".usda")
     stage = Usd.Stage.Open(layer)
-    state_units(layer)
+    set_units(layer)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(25.0)
     UsdGeom.Xform.Define(stage, "/World")
@@ -111,7 +111,7 @@ def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, 
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
-    state_units(layer)
+    set_units(layer)
     stage = Usd.Stage.Open(layer)
     UsdGeom.Scope.Define(stage, _WALLS)
     for wall in walls:
@@ -138,7 +138,7 @@ def first_layer(shown: dict[str, object]) -> Sdf.Layer:
     from pxr import Sdf
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
-    state_units(layer)
+    set_units(layer)
     grains = Sdf.CreatePrimInLayer(layer, GRAINS)
     for one in DISPLAY:
         if one.name in ("points", "widths", "extent"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
-from warpdem.core.vtk_header import overclaim
+from warpdem.core.vtk_header import excessive_count
 from warpdem.errors import WarpdemError
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def load_polydata(path: Path) -> vtkPolyData:
 
     if not Path(path).is_file():
         raise WarpdemError(f"{path}: no such file")
-    if reason := overclaim(path):
+    if reason := excessive_count(path):
         raise WarpdemError(f"{path}: {reason}")
     problems: list[str] = []
     reader = vtkXMLPolyDataReader()

@@ -1,4 +1,4 @@
-"""A scene: everything a run is told, validated, in SI units and immutable.
+"""A scene: the complete input of a run, validated, in SI units and immutable.
 
 Positions, velocities and spins are in frame axes (the axes of ``Scene.frame``), velocities and spins relative to the
 frame. Frame axes and laboratory axes coincide at time 0. A scene without a frame is inertial.
@@ -6,20 +6,32 @@ frame. Frame axes and laboratory axes coincide at time 0. A scene without a fram
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field, StrictBool, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
+from warpdem.kernels.contact import columns
+from warpdem.kernels.contact.columns import PairKey
 from warpdem.scene import models
-from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
+from warpdem.scene.base import FileName, Label, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.checks import (
+    Named,
     grain_problems,
     material_problems,
     measure_problems,
@@ -31,14 +43,28 @@ from warpdem.scene.checks import (
 from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
-from warpdem.scene.messages import scene_error
-from warpdem.scene.model_names import model_name, plugin_refusal, user_model
+from warpdem.scene.messages import scene_error, unknown_key
+from warpdem.scene.model_names import ModelName, plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.walls import Wall
+
+
+def _own_pair_keys(known: Mapping[str, Any]) -> dict[str, PairKey] | None:
+    """Keys of ``[[pairs]]`` that laws of the user declare; None if one of them cannot be loaded."""
+    if "contact" not in known:
+        return None
+    named = [(role, getattr(known["contact"], role)) for role in models.LAWS]
+    found: dict[str, PairKey] = {}
+    for role, name in named:
+        try:
+            found |= columns.pair_keys(user_model(role, name, known)) if models.is_file(name) else {}
+        except SceneError:
+            return None
+    return found
 
 
 class Material(SceneModel):
@@ -54,18 +80,14 @@ class Material(SceneModel):
 class Contact(SceneModel):
     """Contact laws, the same for all contacts of grains with grains and walls."""
 
-    normal: model_name("normal") = Field(
-        "hertz",
-        description='Normal law: "hertz" (from the moduli; default), "hooke" (linear, stiffness per pair) or a .py file.',
+    normal: Annotated[FileName, ModelName("normal")] = Field(
+        models.default("normal"), description=models.choices("normal", models.default("normal"))
     )
-    tangential: model_name("tangential", "none") = Field(
-        "mindlin",
-        description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history), '
-        '"none" or a .py file.',
+    tangential: Annotated[FileName, ModelName("tangential", ("none",))] = Field(
+        models.default("tangential"), description=models.choices("tangential", models.default("tangential"), "none")
     )
-    rolling: model_name("rolling", "none") = Field(
-        "none",
-        description='Rolling law: "none" (default), "constant" (directional torque), "spring" (EPSD) or a .py file.',
+    rolling: Annotated[FileName, ModelName("rolling", ("none",))] = Field(
+        "none", description=models.choices("rolling", "none", "none")
     )
     torsion: StrictBool = Field(
         False, description="Whether the rolling law also resists spin about the normal, default false."
@@ -74,13 +96,18 @@ class Contact(SceneModel):
     @model_validator(mode="after")
     def _torsion_has_a_law(self) -> "Contact":
         if self.torsion and self.rolling == "none":
-            reason = 'needs a rolling law: set contact.rolling = "constant" or "spring"'
+            reason = "needs a rolling law: set contact.rolling = " + " or ".join(
+                f'"{name}"' for name in models.model_names("rolling")
+            )
             raise validation_error([(("torsion",), True, reason)])
         return self
 
 
 class Pair(SceneModel):
     """Contact coefficients of two materials (or of one with itself), given once, in either order."""
+
+    # keys of a law of the user's are checked once that is known, and unknown to the schema
+    model_config = ConfigDict(extra="allow", json_schema_extra={"additionalProperties": False})
 
     materials: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(
         description="Names of the two materials, in any order."
@@ -94,63 +121,66 @@ class Pair(SceneModel):
     rolling_friction: Annotated[float, Quantity("-", ge=0)] = Field(
         0.0, description="Coefficient of rolling friction [-], >= 0, default 0."
     )
-    stiffness: Annotated[float, Quantity("N/m", gt=0)] | None = Field(
-        None, description='Normal stiffness [N/m], > 0; only with normal = "hooke", and required there.'
-    )
-    tangential_stiffness_ratio: Annotated[float, Quantity("-", gt=0)] = Field(
-        2.0 / 7.0,
-        description='Tangential over normal stiffness [-], > 0, default 2/7; only with normal = "hooke".',
-    )
-    rolling_damping: Annotated[float, Quantity("-", ge=0)] = Field(
-        0.3, description='Damping of the rolling spring [-], >= 0, default 0.3; only with rolling = "spring".'
-    )
+
+    @classmethod
+    def with_keys(cls, keys: Mapping[str, PairKey]) -> "type[Pair]":
+        """The same with the keys that contact laws declare."""
+        fields: dict[str, Any] = {}
+        for key, entry in keys.items():
+            number = Annotated[float, models.quantity(entry)]
+            fields[key] = (number if entry.default is not None else number | None, Field(entry.default, description=entry.text))
+        return create_model("Pair", __base__=cls, __doc__=cls.__doc__, **fields)
+
+
+if not TYPE_CHECKING:
+    Pair = Pair.with_keys({key: entry for key, (entry, _) in models.pair_keys().items()})
 
 
 class Scene(SceneModel):
-    """A whole scene. From Python: ``Scene.model_validate({...})``; from a file: ``load_scene(path)``."""
+    """A complete scene. From Python: ``Scene.model_validate({...})``; from a file: ``load_scene(path)``."""
 
-    # first: the parts that name files of the user are checked against it
+    # base and access come first: parts that name files of the user are checked against them
     base: SkipJsonSchema[Path] = Field(
         default_factory=Path.cwd, exclude=True, description="Folder that relative paths start from."
     )
     access: SkipJsonSchema[Access] = Field(
-        Access(), exclude=True, description="Files that the scene may read and load as code, default any: Python code made it."
+        Access(), exclude=True, description="Files that the scene may read and load as code, default any."
     )
-    title: str = Field("", description="Title, for people.")
+    title: str = Field("", description="Title, for display.")
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
     )
     materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
-    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
+    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can touch.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
     frame: Motions | None = Field(
         None, description="Motion of the frame axes: one, or a list, outermost first; default none (inertial)."
     )
     fields: list[ExternalField] = Field([], description="External fields beside gravity, default none.")
-    measures: Measures = Field(Measures(), description="What is measured while the run goes on, default nothing.")
-    observers: list[Observer] = Field([], description="Numbers read off each grain for history.csv, default none.")
+    measures: Measures = Field(Measures(), description="Measurements during the run, default none.")
+    observers: list[Observer] = Field([], description="Quantities of the grains for history.csv, default none.")
     borders: Borders | None = Field(None, description="Borders of the domain along the frame axes, default none.")
-    outlets: list[Outlet] = Field([], description="Regions that take grains out of the run and count them, default none.")
-    streams: list[Stream] = Field([], description="Grains that come in while the run goes on, default none.")
+    outlets: list[Outlet] = Field([], description="Regions that remove grains and count them, default none.")
+    streams: list[Stream] = Field([], description="Grains inserted during the run, default none.")
     start: Start | None = Field(None, description="Checkpoint of another run to start from, in place of grains; default none.")
     phases: list[Phase] = Field(
-        [], description="Parts of the run, one after the other, each with its changes of the scene; default one, without any."
+        [], description="Successive parts of the run, each with its changes of the scene; default one part without changes."
     )
     time: Time = Field(description="Length and step of the run, or of each phase.")
-    output: Output = Field(Output(), description="What is written, and how often.")
-    engine: Engine = Field(Engine(), description="How the run is computed.")
+    output: Output = Field(Output(), description="Output: what is written, and how often.")
+    engine: Engine = Field(Engine(), description="Numerical settings of the run.")
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
     notes: SkipJsonSchema[tuple[str, ...]] = Field(
-        (), exclude=True, description="What of the file is not taken into the scene, for people."
+        (), exclude=True, description="Notes on content of the file that the scene does not take over."
     )
 
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
 
         Raises:
-            SceneError: the scene may not read it; see ``warpdem.core.access``.
+            SceneError: The scene may not read it; see ``warpdem.core.access``.
         """
         if refusal := self.access.refusal(path, self.base):
             raise SceneError(f'{self.source}: "{path}" {refusal}')
@@ -166,12 +196,12 @@ class Scene(SceneModel):
         for key_path, motions in moving:
             for k, motion in enumerate(motions or ()):
                 if isinstance(motion, Sampled):
-                    yield (*key_path, *[k] * (len(motions) > 1), "usd"), motion.usd
+                    yield (*key_path, *[k] * (len(motions or ()) > 1), "usd"), motion.usd
 
     def later(self, time: float) -> "Scene":
-        """The scene as it goes on from ``time`` [s] on: its motions have been going on, its streams are as much nearer."""
+        """The scene from ``time`` [s] on: its motions are ahead by this time, its streams start and end earlier by it."""
 
-        def ahead(motions: tuple | None) -> tuple | None:
+        def ahead(motions: Motions | None) -> Motions | None:
             return motions and tuple(
                 m if isinstance(m, FixedPlacement) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
             )
@@ -185,16 +215,16 @@ class Scene(SceneModel):
         return self.model_copy(update={"frame": ahead(self.frame), "walls": walls, "streams": streams})
 
     def located(self, name: str) -> str:
-        """Name of a model as ``models.model`` takes it: files of the user by their absolute path."""
+        """Name of a model for ``models.model``: a file of the user by its absolute path."""
         return models.located(name, self.base)
 
     @classmethod
-    def model_validate(cls, obj: Any, **keys) -> "Scene":
-        """The scene of nested tables; ``Scene(...)`` gives the same, with pydantic's own errors.
+    def model_validate(cls, obj: Any, **keys: Any) -> "Scene":
+        """The scene of nested tables; ``Scene(...)`` does the same with pydantic's own errors.
 
         Args:
-            obj: The tables, as a scene file holds them.
-            **keys: As pydantic's.
+            obj: The tables of a scene file.
+            **keys: As for pydantic.
 
         Raises:
             SceneError: The scene is wrong; one message lists all problems.
@@ -207,8 +237,8 @@ class Scene(SceneModel):
 
     @property
     def group_names(self) -> list[str]:
-        """Name of the group of each entry of ``grains``, then of each of ``streams``; those without one by their key."""
-        entries = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
+        """Name of the group of each entry of ``grains``, then of each of ``streams``; an entry without a name has its key."""
+        entries: list[tuple[str, Grains | Stream]] = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
         entries += [(f"streams[{k}]", entry) for k, entry in enumerate(self.streams)]
         return [entry.name or key for key, entry in entries]
 
@@ -221,7 +251,7 @@ class Scene(SceneModel):
         """Coefficients of two materials, in either order.
 
         Raises:
-            KeyError: the scene has none for them (they cannot meet).
+            KeyError: The scene has none for them (they cannot be in contact).
         """
         for pair in self.pairs:
             if sorted(pair.materials) == sorted((first, second)):
@@ -230,17 +260,49 @@ class Scene(SceneModel):
 
     @field_validator("fields", "observers")
     @classmethod
-    def _parameters_fit_their_models(cls, parts: list, info: ValidationInfo) -> list:
-        checked, problems = [], []
+    def _parameters_fit_their_models(
+        cls, parts: list[ExternalField | Observer], info: ValidationInfo
+    ) -> list[ExternalField | Observer]:
+        checked: list[ExternalField | Observer] = []
+        problems: list[Problem] = []
         for i, part in enumerate(parts):
             try:
-                module = user_model({"fields": "field", "observers": "observer"}[info.field_name], part.model, info.data)
+                module = user_model({"fields": "field", "observers": "observer"}[str(info.field_name)], part.model, info.data)
             except SceneError as error:
                 problems.append(((i, "model"), part.model, str(error)))
                 continue
             values, found = models.field_values(module, part.parameters)
             problems += [((i, "parameters", *key_path), value, text) for key_path, value, text in found]
             checked.append(part.model_copy(update={"parameters": values}))
+        if problems:
+            raise validation_error(problems)
+        return checked
+
+    @field_validator("pairs")
+    @classmethod
+    def _keys_fit_the_laws(cls, pairs: list[Pair], info: ValidationInfo) -> list[Pair]:
+        own = _own_pair_keys(info.data)
+        if own is None:  # what is wrong with the law is said of the law
+            return pairs
+        checked, problems = [], []
+        for i, pair in enumerate(pairs):
+            given, values = pair.model_extra or {}, {}
+            for key, value in given.items():
+                if key not in own:
+                    text = unknown_key(("pairs", i, key), cls, list(own))
+                    problems.append(((i, key), value, text))
+                    continue
+                try:
+                    values[key] = models.quantity(own[key]).validate(value)
+                except ValueError as error:
+                    problems.append(((i, key), value, str(error)))
+            for key, entry in own.items():
+                known = key in Pair.model_fields
+                if entry.default is None and key not in given and not (known and getattr(pair, key) is not None):
+                    problems.append(((i, key), None, f"missing: {entry.text}"))
+                elif key not in given and not known:
+                    values[key] = entry.default
+            checked.append(pair.model_copy(update=values) if values else pair)
         if problems:
             raise validation_error(problems)
         return checked
@@ -258,7 +320,9 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
-        named = {"walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases}
+        named: dict[str, Sequence[Named]] = {
+            "walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases
+        }  # fmt: skip
         problems = [
             *material_problems(self._material_uses(), self.materials),
             *source_problems(self.grains, self.streams, self.start),
@@ -277,12 +341,13 @@ class Scene(SceneModel):
     def _material_uses(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Key path and name of each material that a part of the scene names."""
         for key in ("grains", "walls", "streams"):
-            yield from (((key, i, "material"), part.material) for i, part in enumerate(getattr(self, key)))
+            users: list[Grains | Wall | Stream] = getattr(self, key)
+            yield from (((key, i, "material"), user.material) for i, user in enumerate(users))
         for i, pair in enumerate(self.pairs):
             yield from ((("pairs", i, "materials", k), name) for k, name in enumerate(pair.materials))
 
     @model_validator(mode="after")
-    def _phases_stand(self) -> "Scene":
+    def _phases_are_valid(self) -> "Scene":
         data = self._tables() if self.phases else {}
         for k, phase in enumerate(self.phases):
             known = [key for key in Scene.model_fields if key not in NOT_IN_A_PHASE]
@@ -291,10 +356,10 @@ class Scene(SceneModel):
                 reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
                 reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
                 raise validation_error([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
-            there = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
+            present = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
             for name in phase.without:
-                if name not in there:
-                    reason = f"no such wall or outlet; there are {quoted(there)}"
+                if name not in present:
+                    reason = f"no such wall or outlet; there are {quoted(present)}"
                     raise validation_error([(("phases", k, "without"), name, reason)])
             data = changed(data, phase)
             try:
@@ -311,24 +376,24 @@ class Scene(SceneModel):
     def _phase(self, number: int, data: dict[str, Any]) -> "Scene":
         kept = {"base": self.base, "access": self.access, "source": self.source, "notes": self.notes}
         name = self.phases[number].name
-        begin = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
-        return Scene(**{**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})
+        start = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
+        return Scene(**{**data, **start, **kept, "title": f"{self.title or self.source}: {name}"})
 
     def phase(self, number: int) -> "Scene":
-        """The scene of one phase; all but the first start from a checkpoint that is still to be named."""
+        """The scene of one phase; all but the first start from a checkpoint whose path is set later."""
         data = self._tables()
         for phase in self.phases[: number + 1]:
             data = changed(data, phase)
         return self._phase(number, data)
 
     def continues(self, number: int) -> tuple[str, ...]:
-        """What goes on in a phase as it was, since the phase does not give it: frame, streams, names of walls."""
+        """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
         moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to"} & wall.keys()]
-        there = {wall.name for wall in self.phase(number - 1).walls}
+        before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]
-        return (*names, *(wall.name for wall in scene.walls if wall.name in there and wall.name not in moved))
+        return (*names, *(wall.name for wall in scene.walls if wall.name in before and wall.name not in moved))
 
 
 def _pair_problems(scene: Scene) -> Iterator[Problem]:
@@ -341,7 +406,7 @@ def _pair_problems(scene: Scene) -> Iterator[Problem]:
         given.setdefault(key, i)
 
     # in the order of the scene, without repeats; unknown names have been named already
-    sources = [*scene.grains, *scene.streams]
+    sources: list[Grains | Stream] = [*scene.grains, *scene.streams]
     of_grains = [name for name in dict.fromkeys(g.material for g in sources) if name in scene.materials]
     of_walls = [name for name in dict.fromkeys(w.material for w in scene.walls) if name in scene.materials]
     meeting = [*itertools.combinations_with_replacement(of_grains, 2), *itertools.product(of_grains, of_walls)]
@@ -364,20 +429,22 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
         def problem(key: str, text: str, i: int = i, pair: Pair = pair) -> Problem:
             return ("pairs", i, key), getattr(pair, key), text
 
-        if contact.normal == "hooke" and pair.stiffness is None:
-            yield problem("stiffness", 'missing; contact.normal = "hooke" needs a stiffness [N/m], > 0')
-        if contact.normal != "hooke" and not models.is_file(contact.normal):
-            for key in ("stiffness", "tangential_stiffness_ratio"):
-                if getattr(pair, key) != Pair.model_fields[key].default:
-                    yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
+        for key, (entry, laws) in models.pair_keys().items():
+            if any(models.is_file(getattr(contact, role)) for role, _ in laws):
+                continue  # a law of the user's may read any key
+            role, name = next(((r, n) for r, n in laws if getattr(contact, r) == n), laws[0])
+            reads, least = getattr(contact, role) == name, "> 0" if entry.positive else ">= 0"
+            if reads and getattr(pair, key) is None:
+                noun = key.replace("_", " ")
+                yield problem(key, f'missing; contact.{role} = "{name}" needs a {noun} [{entry.unit}], {least}')
+            elif not reads and getattr(pair, key) != entry.default:
+                names = " or ".join(f'"{n}"' for _, n in laws)
+                yield problem(key, f'only for contact.{role} = {names}; it is "{getattr(contact, role)}"')
         if contact.tangential == "none" and pair.friction > 0:
             yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
             reason = f'contact.rolling = "none": set rolling_friction = 0 or choose {_choices("rolling")}'
             yield problem("rolling_friction", reason)
-        damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
-        if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
-            yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')
 
 
 def _own_law_problems(scene: Scene) -> Iterator[Problem]:
@@ -399,6 +466,8 @@ def _own_law_problems(scene: Scene) -> Iterator[Problem]:
             except Exception as error:  # whatever the user's function stumbles over
                 yield ("pairs", i), None, f"coefficients of {name} fails for this pair: {type(error).__name__}: {error}"
                 continue
-            if numbers.shape != (4,) or not np.isfinite(numbers).all():
-                reason = f"coefficients of {name} gives {numbers.tolist()}; four finite numbers are needed"
+            own = columns.own_coefficients(module).names
+            if numbers.shape != (len(columns.OF_NORMAL_LAW) + len(own),) or not np.isfinite(numbers).all():
+                wanted = f"four finite numbers and {', '.join(own)}" if own else "four finite numbers"
+                reason = f"coefficients of {name} gives {numbers.tolist()}; {wanted} are needed"
                 yield ("pairs", i), None, reason
