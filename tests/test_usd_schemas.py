@@ -256,7 +256,7 @@ NOTED = {
     ),
     "distance of PhysX": (
         schema("PhysxCollisionAPI", physxCollision_restOffset=0.1),
-        "/Wall: physxCollision:restOffset: not taken: a wall is where",
+        "/Wall: physxCollision:restOffset: not taken: the surface of a wall",
     ),
     "unknown schema": (schema("NewtonNeverHeardOfAPI"), "/Wall: NewtonNeverHeardOfAPI: settings of another program"),
     "unknown attribute": (schema("PhysicsCollisionAPI", mjc_solref=0.1), "/Wall: mjc:solref: settings of another program"),
