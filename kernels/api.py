@@ -21,9 +21,9 @@ from types import ModuleType
 import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
-from warpdem.kernels.contact import thread_contact
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.lists import neighbors
 from warpdem.kernels.lists.cells import SizeGrids
@@ -77,11 +77,16 @@ class Grains:
 
     Attributes:
         record: ``wp.array`` of ``Record``, shape (n,).
-        position, radius, velocity, acceleration, spin, angular_acceleration: views of the record's columns, ``wp.array`` of
-            ``wp.vec3d`` (radius: ``wp.float64``), shape (n,), in [m], [m/s], [m/s2], [rad/s], [rad/s2].
+        position: view of the record [m], ``wp.array`` of ``wp.vec3d``, shape (n,); likewise the next four.
+        velocity: [m/s].
+        acceleration: of the last step [m/s2].
+        spin: [rad/s].
+        angular_acceleration: of the last step [rad/s2].
+        radius: view of the record [m], ``wp.array`` of ``wp.float64``, shape (n,).
         mass: [kg], ``wp.array`` of ``wp.float64``, shape (n,).
         load: force [N] and torque [N m] of each grain, ``wp.array`` of six ``wp.float64``, shape (n,).
-        force, torque: views of the load, ``wp.array`` of ``wp.vec3d``, shape (n,).
+        force: view of the load [N], ``wp.array`` of ``wp.vec3d``, shape (n,).
+        torque: view of the load [N m], ``wp.array`` of ``wp.vec3d``, shape (n,).
         steps: how often ``drift`` was called.
 
     Raises:
@@ -138,13 +143,13 @@ class ContactLaw:
         pairs, torsion: bool = False,
     ) -> None:  # fmt: skip
         self.models, self.torsion, self.materials = (normal, tangential, rolling), torsion, len(materials)
-        with_history = rolling is not None and rolling.HISTORY
-        self.history = 6 if with_history else 3 if tangential else 0
-        self.inertia_factor = 3.5 if with_history else 1.0
-        table = np.full((len(materials), len(materials), len(contact_law.COEFFICIENTS)), np.nan)
+        self.history = columns.history(normal, tangential, rolling).width
+        self.inertia_factor = 3.5 if rolling is not None and rolling.HISTORY else 1.0
+        table = np.full((len(materials), len(materials), columns.coefficients(normal).width), np.nan)
         for (a, b), pair in pairs.items():
-            others = (getattr(pair, key, 0.0) for key in ("friction", "rolling_friction", "rolling_damping"))
-            table[a, b] = table[b, a] = (*normal.coefficients(materials[a], materials[b], pair), *others)
+            of_law = normal.coefficients(materials[a], materials[b], pair)
+            others = {key: getattr(pair, key, 0.0) for key in columns.OF_PAIR}
+            table[a, b] = table[b, a] = columns.coefficient_row(of_law, others)
         self.table = table.reshape(-1, table.shape[-1])
 
     def coefficients(self, device) -> wp.array:
@@ -165,21 +170,25 @@ def build(normal, tangential, rolling, torsion: bool, history: int, inertia_fact
         inertia_factor: from a grain's moment of inertia to what the rolling law takes.
     """
     real, rolls = wp.float64, rolling is not None
-    shared = {"spins": True, "rolling": rolls, "history": history, "table": True, "gap": 0.0}
+    shared = {"spins": True, "table": True, "gap": 0.0}
+    met = {"rolling": rolls, "inertia_factor": inertia_factor}
+    stored = columns.stored_constants(normal, rolls)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    constants, wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
-    _, pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
-    packs = pair_contacts.build(real, pair_law, None, around, 1, turning_frame=False, **shared)
+    wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
+    pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
+    packs = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
     evaluate = thread_contact.build(
-        real, constants, packs, around, False, turning_frame=False, lag=inertia_factor, **shared
+        real, pair_law, wall_law.constants, packs, around, False, turning_frame=False, **shared, **met
     )
-    lists = neighbors.build(real, constants, around, 1, lag=inertia_factor, stored=False, **shared)
+    lists = neighbors.build(
+        real, wall_law, around, 1, stored=stored, history=history, inertia_factor=inertia_factor, keep_constants=False,
+        **shared,
+    )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
     Rows, touch = contact.build(
-        wall_law, None, constants, closest, around, seen, turning_frame=False, moving_frame=False, lag=inertia_factor,
-        meshes=True, moving=0, **shared,
+        wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **shared, **met,
     )  # fmt: skip
     beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=0.0, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
@@ -245,7 +254,7 @@ def build(normal, tangential, rolling, torsion: bool, history: int, inertia_fact
 
     return Built(
         lists=lists, beside=beside, Rows=Rows, packs=packs, pair_forces=pair_forces, pair_load=pair_load,
-        wall_forces=wall_forces, Memory=record.memory_type(history), Result=record.result_type(rolls),
+        wall_forces=wall_forces, Memory=record.memory_type(pair_law.history.at), Result=record.result_type(rolls),
     )  # fmt: skip
 
 
@@ -351,7 +360,8 @@ class Pairs(_Listed):
         start: where the row of each grain begins in ``neighbor``, ``wp.array`` of int32, shape (n + 1,).
         count: neighbors of each grain, ``wp.array`` of int32, shape (n,).
         neighbor: indices of the neighbors, each row ascending, ``wp.array`` of int32.
-        owner, partner: the two grains of each listed pair, the lower index first, ``wp.array`` of int32, shape (pairs, 1).
+        owner: the grain of lower index of each listed pair, ``wp.array`` of int32, shape (pairs, 1).
+        partner: the other one, ``wp.array`` of int32, shape (pairs, 1).
         history: contact history of each listed pair: tangential spring [m], then rolling spring [rad], as far as the law
             has them; ``wp.array`` of float64, shape (pairs, 0, 3 or 6, 1).
         rebuilds: how often the list was made.
@@ -400,12 +410,12 @@ class Pairs(_Listed):
     def _make(self) -> None:
         g, lists, n = self.grains, self.kernels.lists, len(self.grains)
         grid = self._grid()
-        self.launch(lists.insert_grains, n, [grid, g.record])
+        self.launch(lists.insert_grains, n, [0, grid, g.record])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._room, device=g.device)
             slot = self.ints(n * self._room)
-            self.launch(lists.near_rows, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
+            self.launch(lists.find_neighbors, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
             longest = int(count.numpy().max())
             if longest <= self._room:
                 break

@@ -16,7 +16,7 @@ LAYERS = (
     "simulation", "drawing", "app", "runner", "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
-KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math"}
+KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math", "dataclasses", "typing", "collections"}
 RESULTS = {"errors", "core.atomic_file", "core.pose", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
 """What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
@@ -26,8 +26,8 @@ HEAVY_OWNERS = {
     "output.write_vtk": {"vtk", "pyvista"},
     "drawing.colours": {"matplotlib"},
     "drawing.legend": {"matplotlib"},
-    "drawing.stage": {"pyvista", "vtk", "matplotlib"},
-    "drawing.show": {"matplotlib"},
+    "drawing.vtk_renderer": {"pyvista", "vtk", "matplotlib"},
+    "drawing.frame_drawer": {"matplotlib"},
     "drawing.rendering": {"imageio", "matplotlib"},
 }
 """Files that own a heavy library and are themselves imported only when they are needed."""

@@ -90,7 +90,7 @@ def inlet(one: Scene, places=None, moves=None):
 
 
 def brought(one: Inlet, step: int):
-    return one.bring(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
+    return one.insert(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
 
 
 PLATE = [-0.008, -0.008, -7.5e-4], [0.008, 0.008, 7.5e-4]

@@ -20,7 +20,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.outputs import cadence
+from warpdem.app.outputs import output_schedule
 from warpdem.app.run import run_scene
 from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
@@ -132,7 +132,7 @@ def test_every_frame_has_a_row_of_its_time(tmp_path, rows):
     assert len(frames) == 18
     assert set(frames) <= set(whole[:, 0])
     sim = Simulation(scene(output=output), device="cpu", threads=1)
-    assert len(whole) == cadence(sim, 6e-3).rows(600)
+    assert len(whole) == output_schedule(sim, 6e-3).rows(600)
     run(scene(output=output), tmp_path / "cut", until=1.01e-3)
     run(scene(output=output), tmp_path / "cut", resume=True)
     cut = history(tmp_path / "cut")[1]
@@ -167,14 +167,19 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim = Simulation(scene(), device="cpu", threads=1)
     assert steps_per_contact(sim) == math.inf
     sim.run(until=6e-3)
-    from warpdem.model.time_step import contact_time, damped_contact_factor
+    from warpdem.kernels.normal import hertz
+
+    from warpdem.model.features import coefficient_table
+    from warpdem.model.time_step import contact_time
 
     met = sim.extremes
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     base = 4 / 3 * 1e7 / (2 * (1 - 0.3**2))
-    pair = contact_time(sim.scene, base, mass / 2, 0.5e-3, met["pair_approach_speed"])
-    wall = contact_time(sim.scene, base, mass, 1e-3, met["wall_approach_speed"])
-    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * damped_contact_factor(0.6) / 1e-5, rel=1e-9)
+    row = coefficient_table(sim.scene)[0]
+    assert row[sim.plan.coefficients.stiffness] == pytest.approx(base, rel=1e-14)
+    pair = contact_time(sim.scene, row, mass / 2, 0.5e-3, met["pair_approach_speed"])
+    wall = contact_time(sim.scene, row, mass, 1e-3, met["wall_approach_speed"])
+    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * hertz.damped_time(0.6) / 1e-5, rel=1e-9)
 
 
 def test_quiet_prints_nothing(tmp_path, capfd):

@@ -233,7 +233,7 @@ class Simulation:
                 continue
             record = self.state.record.numpy()[self.state.here]
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
-            position, radius = inlet.bring(self.step_number, *there, self.domain.nearest)
+            position, radius = inlet.insert(self.step_number, *there, self.domain.nearest)
             n = len(radius)
             if n == 0:
                 continue

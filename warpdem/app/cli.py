@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.core.command import run_command
-from warpdem.drawing.look import Look
+from warpdem.drawing.style import PictureStyle
 
 app = App(
     name="warpdem",
@@ -184,7 +184,7 @@ def render(
     end: float | None = None,
     speed: float | None = None,
     fps: float | None = None,
-    look: Annotated[Look, Parameter(name="*", negative_iterable=())] = Look(),  # noqa: B008
+    style: Annotated[PictureStyle, Parameter(name="*", negative_iterable=())] = PictureStyle(),  # noqa: B008
 ) -> None:
     """Draw the results of a run: a picture (.png) or a film (.mp4).
 
@@ -198,7 +198,7 @@ def render(
         speed: Seconds of the run in a second of the film; each frame is shown once if not given.
         fps: Pictures in a second of the film; 25 if not given, fewer where so few frames are shown that it would last less
             than 2 seconds.
-        look: Camera, colours, cuts and walls.
+        style: Camera, colours, cuts and walls.
     """
     from rich.progress import Progress
 
@@ -218,7 +218,7 @@ def render(
             progress.update(task, completed=done, total=total)
 
         draw(
-            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
+            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(style)
         )  # fmt: skip
     console.print(f"wrote {target}", markup=False)
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from warpdem.app import scene_warnings, summary
 from warpdem.app.final_picture import draw_picture, wants_picture
-from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.app.run_record import record
 from warpdem.core.interrupts import held_back
@@ -144,7 +144,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     A checkpoint comes after all rows and frames up to its instant: a resumed run writes those after it, and no others.
     """
     last = sim.steps_until(end)
-    due = cadence(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
+    due = output_schedule(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
     asked = sim.scene.output.checkpoint_interval
     save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
     path = outputs.folder / CHECKPOINT

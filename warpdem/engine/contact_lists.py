@@ -123,7 +123,7 @@ class ContactLists:
         if features.measures.energy:
             rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
             rows.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.memory), device=device)
+        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.history), device=device)
         return rows
 
     # -- reading --------------------------------------------------------------------------------
@@ -148,7 +148,8 @@ class ContactLists:
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """Wall contacts in ``slot``, and what the last force call made of them, by the names of ``wall.record``."""
-        return wall_record.unpacked(self.rows.place.numpy()[parity, slot], self.rows.result.numpy()[slot])
+        history = self.model.features.contact.history
+        return wall_record.unpacked(history, self.rows.place.numpy()[parity, slot], self.rows.result.numpy()[slot])
 
     @property
     def wall_grains(self) -> np.ndarray:

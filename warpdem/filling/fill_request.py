@@ -70,14 +70,14 @@ def filling(
         raise SceneError(f"{key}: give exactly one of count, solid_fraction and volume")
     generator = np.random.default_rng(seed)
     places = generator.spawn(1)[0]
-    number = count if count is not None else (volume or solid_fraction * space.volume) / sizes.mean_volume
+    wanted = volume if volume is not None else (solid_fraction or 0.0) * space.volume
+    number = count if count is not None else wanted / sizes.mean_volume
     if reason := memory.refusal(number * PACKING_BYTES, f"packing {number:.6g} grains", "ask for fewer or larger grains"):
         _refuse_too_dense(number, number * sizes.mean_volume / space.volume, space, key)
         raise SceneError(f"{key}: {reason}")
     if count is not None:
         diameter = sizes.draw(generator, int(count))
     else:
-        wanted = volume if volume is not None else solid_fraction * space.volume
         _refuse_too_dense(wanted / sizes.mean_volume, wanted / space.volume, space, key)
         diameter = sizes.draw_volume(generator, wanted)
         if len(diameter) == 0:

@@ -1,8 +1,12 @@
 """An inlet: the grains that a stream inserts while a run goes on, how many are due at a step and where they fit."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from warpdem.filling.inlet_walls import InletWalls
+from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
 
 TRIES = 60  # random places looked at for one grain before it has to wait
@@ -28,7 +32,7 @@ class Inlet:
         walls: The walls beside its box; None for none.
     """
 
-    def __init__(self, number: int, scene, dt: float, walls: InletWalls | None = None) -> None:
+    def __init__(self, number: int, scene: Scene, dt: float, walls: InletWalls | None = None) -> None:
         self.number, self.walls = number, walls
         self.stream = stream = scene.streams[number]
         self.dt = dt
@@ -44,7 +48,8 @@ class Inlet:
         smallest, _ = self.sizes.extremes
         self.blocked = False
         mass = self.density * np.pi / 6.0 * smallest**3
-        times = [10.0 / stream.count_rate if stream.count_rate else 10.0 * mass / stream.mass_rate]  # until ten are due
+        # until ten grains are due
+        times = [10.0 / stream.count_rate if stream.count_rate else 10.0 * mass / (stream.mass_rate or np.inf)]
         times += (
             [smallest / speed] if speed else [np.sqrt(2.0 * smallest / fall)] if fall else []
         )  # until there is room
@@ -61,7 +66,9 @@ class Inlet:
         """Whether grains may come in at ``step``."""
         return step >= self.first and (step - self.first) % self.every == 0
 
-    def bring(self, step: int, position: np.ndarray, radius: np.ndarray, nearest) -> tuple[np.ndarray, np.ndarray]:
+    def insert(
+        self, step: int, position: np.ndarray, radius: np.ndarray, nearest: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Centres (k, 3) [m] and radii (k,) [m] of the grains that come in at ``step``.
 
         Args:
@@ -88,7 +95,7 @@ class Inlet:
             due = (
                 stream.count_rate * elapsed - self.count
                 if stream.count_rate
-                else stream.mass_rate * elapsed - self.mass
+                else (stream.mass_rate or 0.0) * elapsed - self.mass
             )
             if due < (1.0 if stream.count_rate else mass):
                 break
@@ -118,7 +125,7 @@ class Inlet:
     def due(self, step: int) -> tuple[float, str]:
         """What should have come in by ``step``, and its unit: grains, or kg."""
         stream, elapsed = self.stream, self._elapsed(step)
-        return (stream.count_rate * elapsed, "grains") if stream.count_rate else (stream.mass_rate * elapsed, "kg")
+        return (stream.count_rate * elapsed, "grains") if stream.count_rate else ((stream.mass_rate or 0.0) * elapsed, "kg")
 
     def shortfall(self, step: int) -> str | None:
         """That it brought less by ``step`` than it should have, in words; None if it kept up from look to look."""
@@ -133,14 +140,14 @@ class Inlet:
             "walls left no room in its box; make it larger or the rate smaller, or give its grains a velocity that clears it"
         )
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a checkpoint must hold of it, as JSON."""
         return {
             "generator": self.generator.bit_generator.state, "count": self.count, "mass": self.mass, "waiting": self.waiting,
             "blocked": self.blocked,
         }  # fmt: skip
 
-    def restore(self, state: dict) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Go on from ``state``."""
         self.generator.bit_generator.state = state["generator"]
         self.count, self.mass, self.waiting = state["count"], state["mass"], state["waiting"]

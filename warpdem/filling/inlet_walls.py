@@ -9,6 +9,9 @@ from warpdem.errors import SceneError
 from warpdem.filling.fill_region import closed_region, sample_points
 from warpdem.filling.fill_space import body_test
 from warpdem.filling.placed_walls import PlacedWall, WallPose, assign_sides, place_walls, smallest_gap
+from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.scene.grains import Stream
+from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
 
 SAMPLES = 4000  # places of a box at which is asked whether walls leave it free
@@ -23,7 +26,7 @@ class InletWalls:
         number: Number of the stream.
         scene: Validated scene.
         meshes: Mesh walls by name.
-        places: Places of the bodies of all walls at a time [s], by the walls' numbers.
+        poses: Poses of the bodies of all walls at a time [s], by the walls' numbers.
         moves: Which walls move in the frame, by their numbers.
 
     Attributes:
@@ -34,17 +37,22 @@ class InletWalls:
     """
 
     def __init__(
-        self, number: int, scene, meshes: dict, places: Callable[[float], list[WallPose]], moves: Sequence[bool]
+        self,
+        number: int,
+        scene: Scene,
+        meshes: dict[str, TriangleMesh],
+        poses: Callable[[float], list[WallPose]],
+        moves: Sequence[bool],
     ) -> None:
         stream = scene.streams[number]
-        self._scene, self._meshes, self._places = scene, meshes, places
+        self._scene, self._meshes, self._poses = scene, meshes, poses
         low, high = np.array(stream.box.min), np.array(stream.box.max)
         self._box, law = np.array([low, high]), size_law(stream.diameter)
         smallest, largest = (0.5 * diameter for diameter in law.extremes)
         self._reach = largest
         self.notes: list[str] = []
         walls = place_walls(
-            scene, meshes, places(stream.start)
+            scene, meshes, poses(stream.start)
         )  # which side is whose is told when the first grains come
         moving = {wall.name for wall, goes in zip(scene.walls, moves, strict=True) if goes}
         # in axes that turn, gravity has no direction to tell a cup by
@@ -57,7 +65,7 @@ class InletWalls:
         self._sides = [wall.side for wall in sided]
         self._look(key, stream, points, smallest)
 
-    def _look(self, key: str, stream, points: np.ndarray, radius: float) -> None:
+    def _look(self, key: str, stream: Stream, points: np.ndarray, radius: float) -> None:
         """Refuse a box that is never free, and note what walls leave of it; of a stream that comes after the end, neither."""
         if stream.start >= self._scene.time.end:
             return
@@ -65,7 +73,8 @@ class InletWalls:
         centres = middle + (points - middle) * (1.0 - radius / half)
         end = min(self._scene.time.end, stream.until or np.inf)
         instants = np.linspace(stream.start, max(stream.start, end), INSTANTS) if self._moving else [stream.start]
-        shares, blame = [], {}
+        shares: list[float] = []
+        blame: dict[str, float] = {}
         for time in instants:
             walls = self.at(time)
             shares.append(float((smallest_gap(walls, centres, radius) >= 0.0).mean()) if walls else 1.0)
@@ -92,6 +101,6 @@ class InletWalls:
         """The walls that may touch a grain in the box at ``time`` [s]."""
         if not self._moving:
             return self._still
-        walls = place_walls(self._scene, self._meshes, self._places(time))
+        walls = place_walls(self._scene, self._meshes, self._poses(time))
         now = [replace(walls[k], side=self._sides[k]) for k in self._moving]
         return [*self._still, *(wall for wall in now if wall.is_near(self._box, self._reach))]

@@ -18,14 +18,16 @@ Fillings whose regions meet are packed together: none overlaps another, in whate
 import numpy as np
 
 from warpdem.core import memory
-from warpdem.filling.fill_region import closed_region
+from warpdem.filling.fill_region import Corners, closed_region
 from warpdem.filling.fill_request import PACKING_BYTES, Filling, filling
 from warpdem.filling.packing_run import Packing, PackingRun
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
 
 
-def pack(fillings: list[Filling], held=None) -> tuple[list[np.ndarray], list[Packing]]:
+def pack(
+    fillings: list[Filling], held: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[list[np.ndarray], list[Packing]]:
     """Places for the grains of all fillings: inside their regions and without overlap.
 
     Fillings whose regions meet are packed together, others by themselves. The same arguments give the same bits, on any
@@ -61,7 +63,7 @@ def pack(fillings: list[Filling], held=None) -> tuple[list[np.ndarray], list[Pac
 
 def fill(
     mesh: TriangleMesh | None,
-    box,
+    box: Corners | None,
     diameter: float | DiameterDistribution,
     seed: int,
     count: int | None = None,

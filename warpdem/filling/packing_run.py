@@ -109,7 +109,7 @@ class PackingRun:
     def __enter__(self) -> "PackingRun":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._threads.close()
 
     def places(self) -> list[np.ndarray]:
@@ -146,7 +146,7 @@ class PackingRun:
 
     def _size_at(self, fraction: float) -> float:
         """Factor on the radii [-] at which the grains would have this solid fraction, at most 1."""
-        return min(1.0, (fraction / self._fraction) ** (1.0 / 3.0))
+        return float(min(1.0, (fraction / self._fraction) ** (1.0 / 3.0)))
 
     def _settle(self, goal: float = 1.0, start: float = 1.0, growing: int = 0) -> float:
         """Heavy-ball steps until nothing overlaps at `goal` times the radii; then 0, else the least overlap found [-].

@@ -8,14 +8,25 @@ import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field, StrictBool, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
+from warpdem.kernels.contact import columns
+from warpdem.kernels.contact.columns import PairKey
 from warpdem.scene import models
 from warpdem.scene.base import FileName, Label, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders, Outlet
@@ -32,7 +43,7 @@ from warpdem.scene.checks import (
 from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
-from warpdem.scene.messages import scene_error
+from warpdem.scene.messages import scene_error, unknown_key
 from warpdem.scene.model_names import ModelName, plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
@@ -40,6 +51,20 @@ from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.walls import Wall
+
+
+def _own_pair_keys(known: Mapping[str, Any]) -> dict[str, PairKey] | None:
+    """Keys of ``[[pairs]]`` that laws of the user declare; None if one of them cannot be loaded."""
+    if "contact" not in known:
+        return None
+    named = [(role, getattr(known["contact"], role)) for role in models.LAWS]
+    found: dict[str, PairKey] = {}
+    for role, name in named:
+        try:
+            found |= columns.pair_keys(user_model(role, name, known)) if models.is_file(name) else {}
+        except SceneError:
+            return None
+    return found
 
 
 class Material(SceneModel):
@@ -56,17 +81,13 @@ class Contact(SceneModel):
     """Contact laws, the same for all contacts of grains with grains and walls."""
 
     normal: Annotated[FileName, ModelName("normal")] = Field(
-        "hertz",
-        description='Normal law: "hertz" (from the moduli; default), "hooke" (linear, stiffness per pair) or a .py file.',
+        models.default("normal"), description=models.choices("normal", models.default("normal"))
     )
     tangential: Annotated[FileName, ModelName("tangential", ("none",))] = Field(
-        "mindlin",
-        description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history), '
-        '"none" or a .py file.',
+        models.default("tangential"), description=models.choices("tangential", models.default("tangential"), "none")
     )
     rolling: Annotated[FileName, ModelName("rolling", ("none",))] = Field(
-        "none",
-        description='Rolling law: "none" (default), "constant" (directional torque), "spring" (EPSD) or a .py file.',
+        "none", description=models.choices("rolling", "none", "none")
     )
     torsion: StrictBool = Field(
         False, description="Whether the rolling law also resists spin about the normal, default false."
@@ -75,13 +96,18 @@ class Contact(SceneModel):
     @model_validator(mode="after")
     def _torsion_has_a_law(self) -> "Contact":
         if self.torsion and self.rolling == "none":
-            reason = 'needs a rolling law: set contact.rolling = "constant" or "spring"'
+            reason = "needs a rolling law: set contact.rolling = " + " or ".join(
+                f'"{name}"' for name in models.model_names("rolling")
+            )
             raise validation_error([(("torsion",), True, reason)])
         return self
 
 
 class Pair(SceneModel):
     """Contact coefficients of two materials (or of one with itself), given once, in either order."""
+
+    # keys of a law of the user's are checked once that is known, and unknown to the schema
+    model_config = ConfigDict(extra="allow", json_schema_extra={"additionalProperties": False})
 
     materials: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(
         description="Names of the two materials, in any order."
@@ -95,16 +121,19 @@ class Pair(SceneModel):
     rolling_friction: Annotated[float, Quantity("-", ge=0)] = Field(
         0.0, description="Coefficient of rolling friction [-], >= 0, default 0."
     )
-    stiffness: Annotated[float, Quantity("N/m", gt=0)] | None = Field(
-        None, description='Normal stiffness [N/m], > 0; only with normal = "hooke", and required there.'
-    )
-    tangential_stiffness_ratio: Annotated[float, Quantity("-", gt=0)] = Field(
-        2.0 / 7.0,
-        description='Tangential over normal stiffness [-], > 0, default 2/7; only with normal = "hooke".',
-    )
-    rolling_damping: Annotated[float, Quantity("-", ge=0)] = Field(
-        0.3, description='Damping of the rolling spring [-], >= 0, default 0.3; only with rolling = "spring".'
-    )
+
+    @classmethod
+    def with_keys(cls, keys: Mapping[str, PairKey]) -> "type[Pair]":
+        """The same with the keys that contact laws declare."""
+        fields: dict[str, Any] = {}
+        for key, entry in keys.items():
+            number = Annotated[float, models.quantity(entry)]
+            fields[key] = (number if entry.default is not None else number | None, Field(entry.default, description=entry.text))
+        return create_model("Pair", __base__=cls, __doc__=cls.__doc__, **fields)
+
+
+if not TYPE_CHECKING:
+    Pair = Pair.with_keys({key: entry for key, (entry, _) in models.pair_keys().items()})
 
 
 class Scene(SceneModel):
@@ -249,6 +278,35 @@ class Scene(SceneModel):
             raise validation_error(problems)
         return checked
 
+    @field_validator("pairs")
+    @classmethod
+    def _keys_fit_the_laws(cls, pairs: list[Pair], info: ValidationInfo) -> list[Pair]:
+        own = _own_pair_keys(info.data)
+        if own is None:  # what is wrong with the law is said of the law
+            return pairs
+        checked, problems = [], []
+        for i, pair in enumerate(pairs):
+            given, values = pair.model_extra or {}, {}
+            for key, value in given.items():
+                if key not in own:
+                    text = unknown_key(("pairs", i, key), cls, list(own))
+                    problems.append(((i, key), value, text))
+                    continue
+                try:
+                    values[key] = models.quantity(own[key]).validate(value)
+                except ValueError as error:
+                    problems.append(((i, key), value, str(error)))
+            for key, entry in own.items():
+                known = key in Pair.model_fields
+                if entry.default is None and key not in given and not (known and getattr(pair, key) is not None):
+                    problems.append(((i, key), None, f"missing: {entry.text}"))
+                elif key not in given and not known:
+                    values[key] = entry.default
+            checked.append(pair.model_copy(update=values) if values else pair)
+        if problems:
+            raise validation_error(problems)
+        return checked
+
     @field_validator("contact")
     @classmethod
     def _laws_may_be_loaded(cls, contact: Contact, info: ValidationInfo) -> Contact:
@@ -371,20 +429,22 @@ def _law_problems(scene: Scene) -> Iterator[Problem]:
         def problem(key: str, text: str, i: int = i, pair: Pair = pair) -> Problem:
             return ("pairs", i, key), getattr(pair, key), text
 
-        if contact.normal == "hooke" and pair.stiffness is None:
-            yield problem("stiffness", 'missing; contact.normal = "hooke" needs a stiffness [N/m], > 0')
-        if contact.normal != "hooke" and not models.is_file(contact.normal):
-            for key in ("stiffness", "tangential_stiffness_ratio"):
-                if getattr(pair, key) != Pair.model_fields[key].default:
-                    yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
+        for key, (entry, laws) in models.pair_keys().items():
+            if any(models.is_file(getattr(contact, role)) for role, _ in laws):
+                continue  # a law of the user's may read any key
+            role, name = next(((r, n) for r, n in laws if getattr(contact, r) == n), laws[0])
+            reads, least = getattr(contact, role) == name, "> 0" if entry.positive else ">= 0"
+            if reads and getattr(pair, key) is None:
+                noun = key.replace("_", " ")
+                yield problem(key, f'missing; contact.{role} = "{name}" needs a {noun} [{entry.unit}], {least}')
+            elif not reads and getattr(pair, key) != entry.default:
+                names = " or ".join(f'"{n}"' for _, n in laws)
+                yield problem(key, f'only for contact.{role} = {names}; it is "{getattr(contact, role)}"')
         if contact.tangential == "none" and pair.friction > 0:
             yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
             reason = f'contact.rolling = "none": set rolling_friction = 0 or choose {_choices("rolling")}'
             yield problem("rolling_friction", reason)
-        damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
-        if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
-            yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')
 
 
 def _own_law_problems(scene: Scene) -> Iterator[Problem]:
@@ -406,6 +466,8 @@ def _own_law_problems(scene: Scene) -> Iterator[Problem]:
             except Exception as error:  # whatever the user's function stumbles over
                 yield ("pairs", i), None, f"coefficients of {name} fails for this pair: {type(error).__name__}: {error}"
                 continue
-            if numbers.shape != (4,) or not np.isfinite(numbers).all():
-                reason = f"coefficients of {name} gives {numbers.tolist()}; four finite numbers are needed"
+            own = columns.own_coefficients(module).names
+            if numbers.shape != (len(columns.OF_NORMAL_LAW) + len(own),) or not np.isfinite(numbers).all():
+                wanted = f"four finite numbers and {', '.join(own)}" if own else "four finite numbers"
+                reason = f"coefficients of {name} gives {numbers.tolist()}; {wanted} are needed"
                 yield ("pairs", i), None, reason
