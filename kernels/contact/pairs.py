@@ -163,7 +163,8 @@ def build(
             spin_predicted = wi_predicted - wj_predicted
         force, moment, now = law.force(
             cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
-            cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted), real(dt), k, radius, inertia, c, history,
+            cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted),
+            real(dt), k, radius, inertia, c, history,
         )  # fmt: skip
         smaller = gi[3] if gi[3] < gj[3] else gj[3]
         ratio = real(overlap / smaller)
@@ -177,7 +178,8 @@ def build(
         if wp.static(parts is not None):
             p = parts(
                 cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
-                cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt), k, radius, inertia, c, history, force, moment, now,
+                cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
+                k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
             for_i = entry(cast_vector(n), real(1.0), real(arm_i), p)
             for_j = entry(cast_vector(n), real(-1.0), real(arm_j), p)
