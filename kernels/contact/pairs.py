@@ -21,7 +21,7 @@ from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT
 
 BLOCK = 16  # packs computed before their shares are copied
 
-ANNOUNCE = """
+PREFETCH = """
 #if !defined(__CUDA_ARCH__)
     for (wp::int32 k = 0; k < wp::int32(sizeof(partner.data[p].c) / sizeof(partner.data[p].c[0])); ++k) {
         const char* record = reinterpret_cast<const char*>(grains.data + partner.data[p].c[k]);
@@ -86,11 +86,11 @@ def build(
     radius_at, inertia_at = (stored.radius, stored.inertia) if with_radius else (0, 0)
 
     @wp.func
-    def narrow(v: vec3d) -> vec3:
+    def cast_vector(v: vec3d) -> vec3:
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
     @wp.func
-    def narrow_turn(m: wp.mat33d) -> Turn:
+    def cast_rotation(m: wp.mat33d) -> Turn:
         """The same matrix in the precision of the law."""
         return Turn(
             real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
@@ -107,7 +107,7 @@ def build(
         )  # fmt: skip
 
     @wp.func
-    def narrow_coefficients(wide: Coefficients) -> Numbers:
+    def cast_coefficients(wide: Coefficients) -> Numbers:
         """The same coefficients in the precision of the law."""
         c = Numbers()
         for f in range(wp.static(law.at.width)):
@@ -162,13 +162,14 @@ def build(
             spin = wi - wj
             spin_predicted = wi_predicted - wj_predicted
         force, moment, now = law.force(
-            narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
-            narrow(turning), narrow(spin), narrow(spin_predicted), real(dt), k, radius, inertia, c, history,
+            cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+            cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted),
+            real(dt), k, radius, inertia, c, history,
         )  # fmt: skip
         smaller = gi[3] if gi[3] < gj[3] else gj[3]
         ratio = real(overlap / smaller)
         approach = real(-wp.dot(velocity, n)) if overlap > wp.float64(0.0) else real(0.0)
-        lever = wp.cross(narrow(n), force)
+        lever = wp.cross(cast_vector(n), force)
         ti = moment - lever * real(arm_i)
         tj = -moment - lever * real(arm_j)
         result = Result(force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2])
@@ -176,11 +177,12 @@ def build(
         for_j = Entry()
         if wp.static(parts is not None):
             p = parts(
-                narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
-                narrow(turning), narrow(spin), real(dt), k, radius, inertia, c, history, force, moment, now,
+                cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+                cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
+                k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
-            for_i = entry(narrow(n), real(1.0), real(arm_i), p)
-            for_j = entry(narrow(n), real(-1.0), real(arm_j), p)
+            for_i = entry(cast_vector(n), real(1.0), real(arm_i), p)
+            for_j = entry(cast_vector(n), real(-1.0), real(arm_j), p)
         return result, now, ratio, approach, for_i, for_j
 
     @wp.func
@@ -252,7 +254,7 @@ def build(
             if wp.static(turning_frame):
                 history = past.rotated(history, turn_rate)
             o, now, ratio, speed, for_i, for_j = contact(
-                gi, gj, numbers, radius, inertia, narrow_coefficients(wide), history, slip_time, dt
+                gi, gj, numbers, radius, inertia, cast_coefficients(wide), history, slip_time, dt
             )
             if wp.static(parts is not None):
                 entry_out[slot_i[p][k]] = for_i
@@ -299,8 +301,8 @@ def build(
                 row_out[i[k]] = Share(fx[k], fy[k], fz[k])
                 row_out[j[k]] = Share(-fx[k], -fy[k], -fz[k])
 
-    @wp.func_native(ANNOUNCE)
-    def announce(
+    @wp.func_native(PREFETCH)
+    def prefetch(
         p: int,
         grains: wp.array(dtype=g.Record),
         partner: wp.array(dtype=LaneInt),
@@ -312,7 +314,7 @@ def build(
         ...
 
     return Built(
-        pack=pack, share=share, announce=announce, contact=contact, narrow_turn=narrow_turn,
-        narrow_coefficients=narrow_coefficients, Share=Share, Entry=Entry, Lane=Lane, LaneInt=LaneInt,
+        pack=pack, share=share, prefetch=prefetch, contact=contact, cast_rotation=cast_rotation,
+        cast_coefficients=cast_coefficients, Share=Share, Entry=Entry, Lane=Lane, LaneInt=LaneInt,
         Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
     )  # fmt: skip

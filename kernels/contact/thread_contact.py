@@ -88,7 +88,7 @@ def build(
         if wp.static(turning_frame):
             history = past.rotated(history, turn_rate)
         o, now, ratio, speed, for_i, for_j = pairs.contact(
-            gi, gj, numbers, real(radius), real(inertia), pairs.narrow_coefficients(wide), history, slip_time, dt
+            gi, gj, numbers, real(radius), real(inertia), pairs.cast_coefficients(wide), history, slip_time, dt
         )
         if wp.static(spins):
             row_out[at_i] = Share(o[0], o[1], o[2], o[3], o[4], o[5])
