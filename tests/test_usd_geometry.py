@@ -231,7 +231,7 @@ def test_what_is_no_surface_at_rest_is_refused(tmp_path):
     UsdGeom.Sphere.Define(stage, "/Ball").CreateRadiusAttr(-1.0)
     assert "/Ball: radius = -1, must be above 0" in refusal(stage, "/Ball")
     UsdGeom.Xform.Define(stage, "/Missing").GetPrim().GetReferences().AddReference("./nowhere.usda")
-    assert "cannot be put together" in refusal(stage, "/Ball")
+    assert "cannot be composed" in refusal(stage, "/Ball")
 
 
 def test_notes_reach_the_run_and_its_record(tmp_path):

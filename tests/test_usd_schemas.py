@@ -135,7 +135,7 @@ def misspelt_over(stage):
 REFUSED = {
     "surface velocity": (
         lambda stage: belt(stage, surfaceVelocity=Gf.Vec3f(0.5, 0, 0)),
-        f"/Belt: {SURFACE} = [0.5, 0.0, 0.0]: PhysxSurfaceVelocityAPI, a surface velocity without motion of the wall, is not supported",
+        f"/Belt: {SURFACE} = [0.5, 0.0, 0.0]: PhysxSurfaceVelocityAPI, a surface velocity without",
     ),
     "turning surface": (
         lambda stage: belt(stage, surfaceAngularVelocity=Gf.Vec3f(0, 0, 9)),
@@ -169,7 +169,7 @@ REFUSED = {
     "nested bodies": (nested_bodies, "/Outer/Inner is a body within the body /Outer, which moves by its velocities"),
     "two motions": (animated_part_of_a_moving_body, "/Body/Wall moves by time samples of transforms, and its body /Body by"),
     "static friction alone": (static_friction_only, "/Looks/g: physics:staticFriction = 0.5: grains have one coefficient"),
-    "collider without a shape": (colliding_group, "/Parts collides (PhysicsCollisionAPI) but is a Xform, which cannot be a wall"),
+    "collider without a shape": (colliding_group, "/Parts collides (PhysicsCollisionAPI) but is a Xform, which cannot"),
     "colliding curves": (
         schema("PhysicsCollisionAPI", on=lambda stage: UsdGeom.BasisCurves.Define(stage, "/Rope")),
         "/Rope collides (PhysicsCollisionAPI) but is a BasisCurves",
@@ -249,14 +249,14 @@ NOTED = {
     "joint that is off": (off_joint, "/Joint: PhysicsFixedJoint, physics:jointEnabled: not taken"),
     "collider that is off": (off_collider, "/Ghost: no walls or grains, since physics:collisionEnabled = false"),
     "grains that are off": (off_grains, "/More: no walls or grains, since physics:collisionEnabled = false"),
-    "mass": (schema("PhysicsMassAPI", physics_mass=2.0), "/Wall: PhysicsMassAPI, physics:mass: not taken: the motion of walls is prescribed"),
+    "mass": (schema("PhysicsMassAPI", physics_mass=2.0), "/Wall: PhysicsMassAPI, physics:mass: not taken: the motion of walls"),
     "settings of PhysX": (
         schema("PhysxCollisionAPI", physxCollision_contactOffset=0.1),
         "/Wall: PhysxCollisionAPI, physxCollision:contactOffset: settings of another program",
     ),
     "distance of PhysX": (
         schema("PhysxCollisionAPI", physxCollision_restOffset=0.1),
-        "/Wall: physxCollision:restOffset: not taken: a wall is where",
+        "/Wall: physxCollision:restOffset: not taken: the surface of a wall",
     ),
     "unknown schema": (schema("NewtonNeverHeardOfAPI"), "/Wall: NewtonNeverHeardOfAPI: settings of another program"),
     "unknown attribute": (schema("PhysicsCollisionAPI", mjc_solref=0.1), "/Wall: mjc:solref: settings of another program"),
