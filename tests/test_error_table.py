@@ -255,7 +255,7 @@ TABLE = {
         ["walls[1].mesh", "tub.stl", "0.002 diameters", "check the scale", "and the unit of the grains' diameters"],
     ),
     "diameters without unit": ("grains.0.radius=1", ["walls[1].mesh", "0.02 diameters", "scale = 1000", 'as in "2 mm"']),
-    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "runs none", "--plugin"]),
+    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "may not load by itself", "--plugin"]),
     "USD of another kind": ("frame={usd='tub.stl', prim='/A'}", ["frame.usd", "ending in .usd, .usda, .usdc, .usdz"]),
     "damaged USD": ("frame={usd='junk.usda', prim='/A'}", ["frame", "junk.usda", "cannot be read"]),
     "no checkpoint": ("start={checkpoint='no.h5'} ;; grains=[]", ["start.checkpoint", "no such file"]),
