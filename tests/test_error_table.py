@@ -145,7 +145,7 @@ TABLE = {
         ["observers[1].name", "observers[0] has this name too"],
     ),
     "name with a blank": ("walls.0.name='the floor'", ["walls[0].name", "letters, digits, _ and -"]),
-    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 comes 2 times"]),
+    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 is given 2 times"]),
     "point of a box": (
         "grains=[{material='glass', fill={box={min=[0, 0, 0], max=[1, 1, 1]}, point=[0, 0, 0], count=1, diameter='2 mm'}}]",
         ["grains[0].fill.point", "a box is filled completely"],
