@@ -32,7 +32,7 @@ MAIN_JOB = Features(
     contact=ContactFeatures(
         normal="hertz", tangential="mindlin", rolling="constant", torsion=False, spins=True, materials=1, table=False, gap=0.0
     ),
-    frame=FrameFeatures(turns=True, moves=True, tracked=True),
+    frame=FrameFeatures(rotates=True, moves=True, tracked=True),
     walls=WallFeatures(meshes=1, planes=0, moving=0),
     domain=DomainFeatures(),
     backend=BackendFeatures(integrator="exact_drift", lanes=WARP_LANES, resident=True),

@@ -18,14 +18,15 @@ Read ``program`` first: the step and the list build, every launch in its order, 
 
 A list build, from the step that asks for it:
 
-1. ``kernels/step/motion.py: travelled``: after each drift, a grain further from its reference position than half the inner skin
+1. ``kernels/step/motion.py: travelled``: after each drift, a grain further from its reference than half the inner skin
    ends the batch (``cpu``), or the body of the graph's loop.
 2. ``kernels/lists/displacement.py: check_lists``: is the outer list out of date, must the host look?
-3. Outer list (``program.ListBuild.build_outer``): ``cells.insert`` and ``neighbors.find_neighbors``, ``wall/candidates.near_features``,
-   ``numbering``, ``neighbors.carry_contacts``, ``displacement.save_reference``. On the host the grains are sorted along a Z-order
-   curve first (``host_build.outer``); in a graph they stay where they are (``lists/rebuild.py``).
-4. Inner list (``program.ListBuild.build_inner``): ``neighbors.select_contacts``, ``wall/candidates.close_features``, ``numbering``,
-   ``neighbors.fill_contacts``, which carries the contact history over, ``displacement.save_reference``.
+3. Outer list (``program.ListBuild.build_outer``): ``cells.insert`` and ``neighbors.find_neighbors``,
+   ``wall/candidates.near_features``, ``numbering``, ``neighbors.carry_contacts``, ``displacement.save_reference``. On the host
+   the grains are sorted along a Z-order curve first (``host_build.outer``); in a graph they stay where they are
+   (``lists/rebuild.py``).
+4. Inner list (``program.ListBuild.build_inner``): ``neighbors.select_contacts``, ``wall/candidates.close_features``,
+   ``numbering``, ``neighbors.fill_contacts``, which carries the contact history over, ``displacement.save_reference``.
 5. Forces of the present positions, and the steps go on.
 
 Neither list changes a bit of the result: pairs are evaluated lower id first and summed in order of partner id.

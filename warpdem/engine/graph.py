@@ -62,11 +62,11 @@ class GraphStorage:
     """Arrays of the lists with capacity to spare; no force is known while lists are built, so their scratch lies there."""
 
     rows_are_counted = True
+    spare: Spare
 
     def __init__(self, device: wp.Device) -> None:
         self._device = device
         self.pool = BufferPool(device, exact=True)
-        self.spare: Spare | None = None
 
     def selection(self, entries: int) -> wp.array:
         """As ``host_build.Storage``."""

@@ -26,15 +26,15 @@ def grown(array: wp.array, rows: int, axis: int = 0) -> wp.array:
         return array
     there = (slice(None),) * axis + (slice(0, shape[axis]),)
     shape[axis] = rows + int(ROOM * rows) + 64
-    out = wp.zeros(tuple(shape), dtype=array.dtype, device=array.device)
+    out: wp.array = wp.zeros(tuple(shape), dtype=array.dtype, device=array.device)
     out.numpy()[there] = array.numpy()
     return out
 
 
 def first_rows(array: wp.array, rows: int) -> wp.array:
     """View of the first ``rows`` of an array, whose memory it holds."""
-    out = wp.array(ptr=array.ptr, shape=(rows, *array.shape[1:]), dtype=array.dtype, device=array.device)
-    out._ref = array  # as in Warp's own views
+    out: wp.array = wp.array(ptr=array.ptr, shape=(rows, *array.shape[1:]), dtype=array.dtype, device=array.device)
+    out._ref = array  # type: ignore[assignment]  # as in Warp's own views
     return out
 
 
@@ -132,6 +132,7 @@ class Newcomers:
     def _beside_walls(self, new: np.ndarray) -> None:
         """Slots of newcomers beside walls, behind those of the others."""
         lists, walls = self.lists, self.model.walls
+        assert walls is not None
         rows, n, used = lists.rows, int(new[-1]) + 1, int(lists.rows.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
         shared = self.state.record, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements

@@ -83,7 +83,7 @@ class FrameFeatures:
     """Motion of the frame."""
 
     rotates: bool
-    """The frame's axes turn."""
+    """The axes of the frame rotate."""
     moves: bool
     """The frame moves at all."""
     tracked: bool
