@@ -145,7 +145,7 @@ TABLE = {
         ["observers[1].name", "observers[0] has this name too"],
     ),
     "name with a blank": ("walls.0.name='the floor'", ["walls[0].name", "letters, digits, _ and -"]),
-    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 comes 2 times"]),
+    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 is given 2 times"]),
     "point of a box": (
         "grains=[{material='glass', fill={box={min=[0, 0, 0], max=[1, 1, 1]}, point=[0, 0, 0], count=1, diameter='2 mm'}}]",
         ["grains[0].fill.point", "a box is filled completely"],
@@ -255,7 +255,7 @@ TABLE = {
         ["walls[1].mesh", "tub.stl", "0.002 diameters", "check the scale", "and the unit of the grains' diameters"],
     ),
     "diameters without unit": ("grains.0.radius=1", ["walls[1].mesh", "0.02 diameters", "scale = 1000", 'as in "2 mm"']),
-    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "runs none", "--plugin"]),
+    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "may not load by itself", "--plugin"]),
     "USD of another kind": ("frame={usd='tub.stl', prim='/A'}", ["frame.usd", "ending in .usd, .usda, .usdc, .usdz"]),
     "damaged USD": ("frame={usd='junk.usda', prim='/A'}", ["frame", "junk.usda", "cannot be read"]),
     "no checkpoint": ("start={checkpoint='no.h5'} ;; grains=[]", ["start.checkpoint", "no such file"]),
