@@ -1,13 +1,13 @@
-"""Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
+"""Which grains may touch: the outer list (cutoff + skin, rarely rebuilt) and the inner list (a thin skin, rebuilt often).
 
-The reach of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
-Near list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on. On a CPU the
-room of a row goes by the size of its grain, for a grain ten times as large as most touches hundreds; a GPU counts first.
-Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
-by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
-whole packs that it can pass over. A thin second list keeps the branch "touching or not" out of the force
-loop and the rows of the summation short; making it costs a tenth of a near list. Neither changes a bit of the result: pairs
-are evaluated lower id first and summed in order of partner id.
+The cutoff of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
+Outer list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on. On a CPU the
+capacity of a row goes by the size of its grain, for a grain ten times as large as most touches hundreds; a GPU counts first.
+Inner list: the pairs of it closer than the inner skin, numbered by the slot of their owner (the grain of the lower id) and then
+by partner id, and laid out in batches of ``lanes``: first those that touch now, then the others, so that the force loop finds
+whole batches that it can pass over. A thin second list keeps the branch "touching or not" out of the force loop and the force
+slots of a grain few; building it costs a tenth of an outer list. Neither changes a bit of the result: pairs are evaluated lower
+id first and summed in order of partner id.
 """
 
 import functools

@@ -137,7 +137,7 @@ class NeighborLists(ContactLists):
         with self._timers.measure("lists"):
             order = self.build.outer()
             if order is not None and len(fast):
-                self.flights.lay_anew(np.flatnonzero(np.isin(order, fast)))
+                self.flights.lay_again(np.flatnonzero(np.isin(order, fast)))
 
     def _rebuild_inner(self) -> None:
         """Build the inner list."""
@@ -171,7 +171,7 @@ class NeighborLists(ContactLists):
     def _insert(self) -> bool:
         """Whether newcomers could be added to the lists as they are.
 
-        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid anew.
+        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid again.
         """
         known, flying = self.known, self.flights.slots
         if not self._newcomers.add():

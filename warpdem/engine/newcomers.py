@@ -1,4 +1,4 @@
-"""Grains that come in are added to the lists as they are: those of the others hold, and need not be made anew.
+"""Inserted grains are appended to the lists as they are: those of the others hold, and need not be rebuilt.
 
 A newcomer has a higher id than all others, so it comes last in the row of each neighbor: where the rows have room for it,
 nothing moves. It gets a row of its own, and slots beside walls, behind all others. All arrays have room for those to come.
@@ -39,7 +39,7 @@ def first_rows(array: wp.array, rows: int) -> wp.array:
 
 
 class Newcomers:
-    """Adds grains to near lists and wall rows, on a CPU.
+    """Appends grains to the outer list and to the wall slots, on a CPU.
 
     Args:
         lists: built for the grains in the first ``lists.known`` slots; those behind were inserted since.
@@ -52,10 +52,10 @@ class Newcomers:
         self._kept: dict[str, wp.array] = {}
 
     def add(self) -> bool:
-        """Whether there was room for them; else the lists are as they were, and must be made anew."""
+        """Whether there was capacity for them; else the lists are as they were, and must be rebuilt."""
         lists, state = self.lists, self.state
         record, known, n = state.record.numpy(), lists.known, state.slots
-        if n == known:  # nobody came: the lists are wanted anew
+        if n == known:  # none was inserted: a rebuild was requested
             return False
         pairs = self._neighbours(record, known)
         start, count, slot, contact = lists.outer
