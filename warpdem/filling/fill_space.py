@@ -82,7 +82,7 @@ def _bound(
     """The closed surface around the space, or None if it has none; and what is to be noted of that."""
     if not is_closed(mesh):
         return None, ()
-    number = [wall.name for wall in scene.walls].index(mesh.name)
+    number = [wall.name for wall in scene.walls].index(str(asked.wall))
     hollows = _hollows(scene, number, mesh)
     if asked.point is not None:
         point = np.asarray(asked.point, float)[None]
