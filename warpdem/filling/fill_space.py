@@ -15,7 +15,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
 
 SIDES = 4000
-"""Points of a region by which is told which closed meshes hold it."""
+"""Points of a region at which is tested which closed meshes hold it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,11 @@ class FillSpace:
     vessels: tuple[str, ...]
     """Closed meshes inside of which it is."""
     notes: tuple[str, ...]
-    """What is to be known of the choice, for people."""
+    """Notes to the user about the choice."""
 
 
 def choose_fill_space(
-    scene: Scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked: Fill, up: np.ndarray, key: str
+    scene: Scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], fill: Fill, up: np.ndarray, key: str
 ) -> FillSpace:
     """The space that a filling asks for.
 
@@ -44,48 +44,48 @@ def choose_fill_space(
     Args:
         scene: Validated scene.
         meshes: Mesh walls by name.
-        walls: All walls where they stand.
-        asked: The filling.
+        walls: All walls at their poses.
+        fill: The filling.
         up: Direction against gravity in frame axes, any length.
         key: Scene key of the filling, for messages.
 
     Raises:
         SceneError: Nothing is left, the grains would run out, or it is not clear which of several spaces is meant.
     """
-    if asked.wall is None:
-        assert asked.box is not None  # the scene says where
-        space = closed_region(None, (asked.box.min, asked.box.max), key, asked.height, up)
+    if fill.wall is None:
+        assert fill.box is not None  # validated: a fill has a wall or a box
+        space = closed_region(None, (fill.box.min, fill.box.max), key, fill.height, up)
         near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
         points = sample_points(space, SIDES)
         sided, vessels = assign_sides(near, points, is_body=body_test(scene, up))
         notes = straddle_notes(sided, points, f"{key.split(': ')[-1]}.box")
         return FillSpace(with_free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
-    mesh = meshes[asked.wall]
-    box = None if asked.region is None else (asked.region.min, asked.region.max)
-    others, vessels = assign_sides([w for w in walls if w.name != asked.wall], mesh.vertices, mesh)
-    own = [w for w in walls if w.name == asked.wall]
-    inner, note = _bound(scene, mesh, asked, up, key)
+    mesh = meshes[fill.wall]
+    box = None if fill.region is None else (fill.region.min, fill.region.max)
+    others, vessels = assign_sides([w for w in walls if w.name != fill.wall], mesh.vertices, mesh)
+    own = [w for w in walls if w.name == fill.wall]
+    inner, note = _bound(scene, mesh, fill, up, key)
     if inner is not None:
-        space = closed_region(inner, box, key, asked.height, up)
+        space = closed_region(inner, box, key, fill.height, up)
         around = others if inner is mesh else [*own, *others]
-        held = (asked.wall,) if inner is mesh else ()
+        held = (fill.wall,) if inner is mesh else ()
         return FillSpace(with_free_volume(space, around, key), around, (*held, *vessels), note)
-    radius = 0.5 * size_law(asked.diameter).extremes[0]
-    point = None if asked.point is None else np.asarray(asked.point, float)
-    space = open_region(mesh, [*own, *others], box, radius, key, asked.height, up, point)
+    radius = 0.5 * size_law(fill.diameter).extremes[0]
+    point = None if fill.point is None else np.asarray(fill.point, float)
+    space = open_region(mesh, [*own, *others], box, radius, key, fill.height, up, point)
     return FillSpace(space, [*own, *others], tuple(vessels), note)
 
 
 def _bound(
-    scene: Scene, mesh: TriangleMesh, asked: Fill, up: np.ndarray, key: str
+    scene: Scene, mesh: TriangleMesh, fill: Fill, up: np.ndarray, key: str
 ) -> tuple[TriangleMesh | None, tuple[str, ...]]:
     """The closed surface around the space, or None if it has none; and what is to be noted of that."""
     if not is_closed(mesh):
         return None, ()
-    number = [wall.name for wall in scene.walls].index(mesh.name)
+    number = [wall.name for wall in scene.walls].index(fill.wall or "")
     hollows = _hollows(scene, number, mesh)
-    if asked.point is not None:
-        point = np.asarray(asked.point, float)[None]
+    if fill.point is not None:
+        point = np.asarray(fill.point, float)[None]
         if signed_distance(mesh, point)[0][0] < 0.0:
             return mesh, ()
         return next((hollow for hollow in hollows if signed_distance(hollow, point)[0][0] < 0.0), None), ()
