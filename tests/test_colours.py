@@ -76,7 +76,7 @@ def test_huge_ranges_and_no_numbers_have_colours():
 
 
 def test_a_given_range_stays_and_sizes_keep_their_ends():
-    assert scale(speeds(), given=(0.2, 0.4)).range == (0.2, 0.4)
+    assert scale(speeds(), given=(0.2, 0.4)).limits == (0.2, 0.4)
     assert scale(speeds(), given=(0.2, 0.4)).beyond == "both"
     radii = np.r_[np.full(1000, 1e-3), 9e-3]
     assert scale(radii, name="size", array="radius").limits[1] == pytest.approx(9e-3)
@@ -85,6 +85,6 @@ def test_a_given_range_stays_and_sizes_keep_their_ends():
 def test_components_have_the_same_reach_both_ways():
     values = speeds() - 0.5
     values[0] = -80.0
-    low, high = scale(values, name="v.x", component="x").range
+    low, high = scale(values, name="v.x", component="x").limits
     assert low == -high
     assert 0.45 < high < 0.55

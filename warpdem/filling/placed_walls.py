@@ -1,4 +1,4 @@
-"""Walls that fillings and streams keep clear of: how far grains are from each, and which way leads off it."""
+"""Walls that fillings and streams keep clear of: distance of grains from each, and its gradient."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ WHOLE = 0.999
 FITTING = 0.1
 """Volume over that of a mesh around it below which a body is a fitting of it, not a vessel of its own [-]."""
 STRADDLED = 0.02
-"""Share of a region on the wrong side of a closed mesh above which it is told [-]."""
+"""Share of a region on the wrong side of a closed mesh above which a note is given [-]."""
 PROBES = 200
 """Corners of a mesh that are looked at to tell what it lies in."""
 
@@ -29,7 +29,7 @@ WallPose = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class PlacedWall:
-    """A wall where it stands, with the side of it that grains are on."""
+    """A wall at its pose, with the side of it that grains are on."""
 
     name: str
     """Name of the wall."""
@@ -90,28 +90,28 @@ def wall_poses_at_start(scene: Scene) -> list[WallPose]:
     """Where the body of each wall of a scene is at time 0."""
     begin = np.zeros(1)
     frame = frame_chain(scene).pose(begin)
-    turned, moved = frame.axes[0].astype(float), frame.origin[0].astype(float)
+    rotation, shift = frame.axes[0].astype(float), frame.origin[0].astype(float)
     found = []
     for number, wall in enumerate(scene.walls):
         own = wall_chain(scene, number).pose(begin)
         axes, origin = own.axes[0].astype(float), own.origin[0].astype(float)
         if wall.fixed_to == "laboratory":
-            axes, origin = turned.T @ axes, turned.T @ (origin - moved)
+            axes, origin = rotation.T @ axes, rotation.T @ (origin - shift)
         found.append((axes, origin))
     return found
 
 
-def place_walls(scene: Scene, meshes: dict[str, TriangleMesh], places: Sequence[WallPose]) -> list[PlacedWall]:
+def place_walls(scene: Scene, meshes: dict[str, TriangleMesh], poses: Sequence[WallPose]) -> list[PlacedWall]:
     """All walls of a scene, and the images of meshes across its periodic borders; grains are outside of closed meshes.
 
     Args:
         scene: Validated scene.
         meshes: Mesh walls by name.
-        places: Where the body of each wall is.
+        poses: Where the body of each wall is.
     """
     found = []
     images = _images(scene)
-    for wall, (axes, origin) in zip(scene.walls, places, strict=True):
+    for wall, (axes, origin) in zip(scene.walls, poses, strict=True):
         surface = wall.shape if wall.shape is not None else meshes[wall.name]
         side = int(isinstance(surface, TriangleMesh) and is_closed(surface))
         one = PlacedWall(wall.name, surface, side, axes, origin)
@@ -120,7 +120,7 @@ def place_walls(scene: Scene, meshes: dict[str, TriangleMesh], places: Sequence[
 
 
 def is_closed(mesh: TriangleMesh) -> bool:
-    """Whether a mesh has an inside, whatever its wall says of it."""
+    """Whether a mesh has an inside, whatever the scene says of it."""
     return mesh.is_closed and mesh.mismatched_edges == 0
 
 
