@@ -156,6 +156,7 @@ class GraphExecutor:
             captured.step.forces(0)
         if count:
             self._run(captured)
+        del captured.build  # it refers back: without it old arrays are freed at once
         clock = batch.clock.numpy()
         outer = lists.device_builds_left - int(clock[OUTER_BUILDS_LEFT])
         self.outer_builds += outer
