@@ -54,7 +54,7 @@ PLANS = {
     "relative": switched(MAIN_JOB, backend={"integrator": "scovel"}),
     "bare": switched(
         MAIN_JOB, contact={"normal": "hooke", "tangential": None, "rolling": None, "spins": False},
-        frame={"turns": False, "moves": False}, walls={"meshes": 0},
+        frame={"rotates": False, "moves": False}, walls={"meshes": 0},
     ),
 }  # fmt: skip
 

@@ -110,13 +110,13 @@ def test_no_rolling_equals_rolling_zero(monkeypatch):
 
 def test_frame_at_rest_equals_no_frame(full, monkeypatch):
     resting = run(scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}))
-    assert not resting.plan.frame.turns
+    assert not resting.plan.frame.rotates
     assert_same_motion(full, resting)
     assert full.state_hash() == resting.state_hash()
     computed = with_everything(
-        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, frame={"turns": True}
+        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, frame={"rotates": True}
     )
-    assert computed.plan.frame.turns
+    assert computed.plan.frame.rotates
     assert full.state_hash() == computed.state_hash()
 
 
@@ -215,14 +215,14 @@ def test_explain_names_what_runs():
 
 
 def test_models_are_the_files_of_their_folder():
-    assert models.model_names("normal") == ("hertz", "hooke")
+    assert {"hertz", "hooke"} <= set(models.model_names("normal"))
     for role in models.REQUIRED:
         on_disk = sorted(p.stem for p in (ROOT / "kernels" / role).glob("*.py") if p.stem != "__init__")
         assert list(models.model_names(role)) == on_disk
 
 
 def test_unknown_model_is_answered_with_the_list():
-    with pytest.raises(SceneError, match=r'normal model "herz": must be "hertz" or "hooke".*mean "hertz"'):
+    with pytest.raises(SceneError, match=r'normal model "herz": must be .*"hertz".*mean "hertz"'):
         models.model("normal", "herz")
 
 

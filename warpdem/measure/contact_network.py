@@ -6,7 +6,6 @@ import warp as wp
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.observers import coefficients_of, read_contacts
 
-FRICTION = 4  # column of the table of coefficients
 _ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]
 
 
@@ -25,7 +24,8 @@ def read_network(sim) -> ContactNetwork:
     end[pairs] = start[pairs] - sim.domain.nearest(start[pairs] - partner)
     normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
     friction_force = contacts.force - normal_force[:, None] * contacts.normal
-    limit = coefficients_of(sim, contacts)[:, FRICTION] * np.maximum(normal_force, 0.0)
+    at = sim.plan.contact.coefficients
+    limit = coefficients_of(sim, contacts)[:, at.friction] * np.maximum(normal_force, 0.0)
     reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[sim.plan.backend.real]) * limit
     return ContactNetwork(
         i=contacts.i,
