@@ -95,7 +95,7 @@ class Outputs:
 
     def _write(self, instant: Instant, observed: dict[str, np.ndarray], row: bool, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
-            sim = instant.simulation()
+            sim = instant.simulation()  # type: ignore[no-untyped-call]  # until output.instant is typed
             if row:
                 self.history.write(history_row(self.columns, Readings(sim, observed)))
                 self.turning.add(sim)
