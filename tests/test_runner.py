@@ -176,7 +176,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     base = 4 / 3 * 1e7 / (2 * (1 - 0.3**2))
     row = coefficient_table(sim.scene)[0]
-    assert row[sim.plan.coefficients.stiffness] == pytest.approx(base, rel=1e-14)
+    assert row[sim.plan.contact.coefficients.stiffness] == pytest.approx(base, rel=1e-14)
     pair = contact_time(sim.scene, row, mass / 2, 0.5e-3, met["pair_approach_speed"])
     wall = contact_time(sim.scene, row, mass, 1e-3, met["wall_approach_speed"])
     assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * hertz.damped_time(0.6) / 1e-5, rel=1e-9)

@@ -79,11 +79,14 @@ class SceneModel(BaseModel):
 
 def validation_error(problems: Iterable[Problem]) -> ValidationError:
     """Error with the key path of each problem, so that a message can name the key."""
-    errors = [
+    return ValidationError.from_exception_data("Scene", _details(problems))
+
+
+def _details(problems: Iterable[Problem]) -> list[InitErrorDetails]:
+    return [
         InitErrorDetails(type=PydanticCustomError("scene", "{reason}", {"reason": text}), loc=loc, input=value)
         for loc, value, text in problems
     ]
-    return ValidationError.from_exception_data("Scene", errors)
 
 
 def file_system_name(name: str) -> str:
@@ -98,8 +101,10 @@ def require_unique(values: list[str]) -> list[str]:
     return values
 
 
-def relocated(error: ValidationError, new_key_path: Callable[[KeyPath], KeyPath]) -> ValidationError:
-    """The same problems at other key paths."""
+def relocated(
+    error: ValidationError, new_key_path: Callable[[KeyPath], KeyPath], more: Iterable[Problem] = ()
+) -> ValidationError:
+    """The same problems at other key paths, and the problems ``more``."""
     errors = []
     for detail in error.errors(include_url=False):
         error_type: str | PydanticCustomError = detail["type"]
@@ -110,6 +115,7 @@ def relocated(error: ValidationError, new_key_path: Callable[[KeyPath], KeyPath]
                 type=error_type, loc=new_key_path(detail["loc"]), input=detail["input"], ctx=detail.get("ctx", {})
             )
         )
+    errors += _details(more)
     return ValidationError.from_exception_data("Scene", errors)
 
 

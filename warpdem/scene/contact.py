@@ -1,6 +1,6 @@
 """Materials, contact laws and contact coefficients as scene data."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, create_model, model_validator
@@ -96,6 +96,21 @@ def own_pair_keys(known: Mapping[str, Any]) -> dict[str, PairKey] | None:
         except SceneError:
             return None
     return found
+
+
+def unknown_keys(given: object, known: Mapping[str, Any], root: type[BaseModel]) -> Iterator[Problem]:
+    """Keys of ``[[pairs]]`` that neither a pair nor a law has; of entries that cannot be read otherwise.
+
+    Args:
+        given: The entries as the scene has them.
+        known: As in ``with_own_keys``.
+        root: Model of the whole scene, for messages.
+    """
+    own = own_pair_keys(known)
+    for i, entry in enumerate(given if own is not None and isinstance(given, list) else []):
+        for key in entry if isinstance(entry, Mapping) else ():
+            if key not in own and key not in Pair.model_fields:
+                yield (i, key), entry[key], unknown_key(("pairs", i, key), root, list(own))
 
 
 def with_own_keys(pairs: list[Pair], known: Mapping[str, Any], root: type[BaseModel]) -> list[Pair]:

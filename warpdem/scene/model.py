@@ -9,7 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
@@ -27,7 +34,7 @@ from warpdem.scene.checks import (
     source_problems,
     stream_problems,
 )
-from warpdem.scene.contact import Contact, Material, Pair, with_own_keys
+from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_own_keys
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
 from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains, Stream
@@ -184,9 +191,15 @@ class Scene(SceneModel):
             raise validation_error(problems)
         return checked
 
-    @field_validator("pairs")
+    @field_validator("pairs", mode="wrap")
     @classmethod
-    def _keys_fit_the_laws(cls, pairs: list[Pair], info: ValidationInfo) -> list[Pair]:
+    def _keys_fit_the_laws(
+        cls, given: object, handler: ValidatorFunctionWrapHandler, info: ValidationInfo
+    ) -> list[Pair]:
+        try:
+            pairs = handler(given)
+        except ValidationError as error:
+            raise relocated(error, lambda path: path, unknown_keys(given, info.data, cls)) from None
         return with_own_keys(pairs, info.data, cls)
 
     @field_validator("contact")
