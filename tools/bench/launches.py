@@ -72,7 +72,7 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
     The launches repeat one instant and spoil the run: measure at its end.
     """
     run = activities(sim, steps)
-    sim._prepare()
+    sim.prepare()
     resident, stepper, device = sim.stepper.resident, sim.stepper, sim.device
     grains, _, rows = stepper.arguments()
     launches = Launches(resident, grains, rows, sim.walls.surface if sim.walls else Surface())

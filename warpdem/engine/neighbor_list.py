@@ -14,7 +14,7 @@ from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import share_width
 from warpdem.kernels.lists.flight import BEYOND_NEAR, BEYOND_REACH, OFF_PATH
 from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.wall import record as wall_record
+from warpdem.state.listed_contacts import CONTACT_ARRAYS, ListedContacts
 from warpdem.state.particles import changed
 
 REFRESH_STEPS = (30, 100)  # steps between refreshes that the margin is steered to
@@ -157,7 +157,7 @@ class Lists:
         if not (changed or force_rebuild or due & BEYOND):
             return
         placement = sim.stepper.placements()
-        sim.guards.travel.watch(record, placement)
+        sim.guards.lists_built(record, placement)
         self.force_parity = (sim.step_number - 1) & 1
         force_rebuild |= self.near is None
         fast = self.flights.slots
@@ -473,27 +473,9 @@ class Lists:
 
     # -- reading --------------------------------------------------------------------------------
 
-    def real_lanes(self) -> np.ndarray:
-        """Numbers of the lanes that hold a contact of grains that are there, and do not merely fill a pack."""
-        real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
-        state = self.sim.state
-        if len(state) < state.slots:
-            for side in (self.owner, self.partner):
-                real &= state.here[side.numpy().ravel()]
-        return np.flatnonzero(real)
-
-    def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
-        """What the places in ``slot`` remember and what the last force call made of them, by the names of ``wall.record``."""
-        rows = self.rows
-        return wall_record.unpacked(rows.place.numpy()[parity, slot], rows.result.numpy()[slot])
-
-    @property
-    def wall_grains(self) -> np.ndarray:
-        """Memory slots of the grains that have candidates, shape (wall rows,)."""
-        return self.rows.grain.numpy()[: self.row_count] if self.row_count else np.zeros(0, dtype=np.int32)
-
-    def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slots of the places of the grains in memory slots ``g``, and the grain of each."""
-        count = self.rows.place_count.numpy()[parity, g]
-        slot = np.repeat(self.rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        return slot, np.repeat(g, count)
+    def listed(self) -> ListedContacts:
+        """The contacts, to be read."""
+        arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        return ListedContacts(
+            self.sim.state, self.contact_count, self.row_count, **arrays, constants=self.contact_constants, walls=self.rows
+        )

@@ -153,6 +153,18 @@ class Stepper:
         self._arguments, self._arguments_of = (grains, packs, rows), lists.version
         return self._arguments
 
+    def read(self) -> tuple[wp.array, wp.array, wp.array]:
+        """Contact force [N] and torque [N m] together, velocity [m/s], spin [rad/s], by memory slot."""
+        sim, n = self.sim, self.sim.state.slots
+        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=sim.device)
+        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=sim.device) for _ in range(2))
+        if n:
+            base, _ = self.row()
+            grains, _, rows = self.arguments()
+            inputs = [base, grains, rows, self.control, sim.dt, load, velocity, spin]
+            wp.launch(sim.kernels.loop.read, dim=n, inputs=inputs, device=sim.device)
+        return load, velocity, spin
+
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the plan's budgets have added up per grain up to the present instant, in memory order."""
         sim, n = self.sim, self.sim.state.slots
