@@ -234,17 +234,17 @@ def test_a_stream_brings_what_is_due_and_the_books_balance(tmp_path):
     for skin in ("auto", 2e-4):
         sim = Simulation(chute(engine={"skin": skin}), device="cpu", threads=1)
         sim.step(4000)
-        assert sim.feeders[0].count == pytest.approx(3000 * 0.04, abs=8)
+        assert sim.inlets[0].count == pytest.approx(3000 * 0.04, abs=8)
         if resumed is None:
             sim.save_checkpoint(tmp_path / "c.h5")
             resumed = Simulation.from_checkpoint(tmp_path / "c.h5", threads=2)
         sim.step(3000)
         count, mass = sim.left["hole"]
-        feeder = sim.feeders[0]
-        assert feeder.count == 150
-        assert not feeder.blocked
-        assert len(sim.state) + count == feeder.count
-        assert sim.particles.mass.sum() + mass == pytest.approx(feeder.mass, rel=1e-12)
+        inlet = sim.inlets[0]
+        assert inlet.count == 150
+        assert not inlet.blocked
+        assert len(sim.state) + count == inlet.count
+        assert sim.particles.mass.sum() + mass == pytest.approx(inlet.mass, rel=1e-12)
         assert count > 10
         hashes.add(sim.state_hash())
     resumed.step(3000)
@@ -314,8 +314,8 @@ def test_a_grain_that_leaves_does_not_put_the_lists_in_question(threads, monkeyp
     places = np.array([[0.0199, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]])
     border = {"x": {"max": 0.02, "kind": "open"}}
     sim = simulated(places, grain={"velocities": [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]]}, borders=border, threads=threads)
-    told, advance = [], sim.stepper.advance
-    monkeypatch.setattr(sim.stepper, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
+    told, advance = [], sim.engine.advance
+    monkeypatch.setattr(sim.engine, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
     sim.step(80)
     assert sim.left["x max"][0] == 1
     assert [moved for _, moved in told if moved][-1] == LEFT  # before it, its way was too far for the contact list
@@ -343,8 +343,8 @@ def test_a_stream_by_mass_waits_where_there_is_no_room(device):
     sim.step(2000)
     assert 30 < len(sim.state) < 90
     assert sim.extremes["pair_overlap_share"] == 0.0
-    assert sim.feeders[0].blocked
-    assert sim.feeders[0].waiting == 2e-3
+    assert sim.inlets[0].blocked
+    assert sim.inlets[0].waiting == 2e-3
 
 
 def test_a_scene_needs_grains_or_a_stream():

@@ -74,7 +74,7 @@ def test_a_chute_is_seen_with_its_slope():
     ("axis", "gravity", "forward"), [(Z, UP_Y, Z), (-X, UP_Y, -X), (Y, UP_Y, -Z), (Y, EARTH, Y), (Z, EARTH, Y), (Z, None, Y)]
 )
 def test_auto_looks_along_the_axis_of_the_frame_unless_it_is_upright(axis, gravity, forward):
-    found = seen("auto", gravity, FramePose.turned(axis, np.zeros(3), 0.3, 1.0))
+    found = seen("auto", gravity, FramePose.rotated(axis, np.zeros(3), 0.3, 1.0))
     np.testing.assert_allclose(found[2], forward, rtol=0, atol=1e-15)
     assert found[1] @ (Z if gravity is None else -gravity) > 0
 

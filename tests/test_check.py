@@ -12,7 +12,7 @@ import warp as wp
 from rich.console import Console
 
 from warpdem import Scene, Simulation
-from warpdem.app import advice, check
+from warpdem.app import check, scene_warnings
 from warpdem.app.run import run_scene
 from warpdem.model.time_step import damped_contact_factor
 
@@ -45,12 +45,12 @@ def simulation(**changes) -> Simulation:
 
 
 def said(**changes) -> str:
-    return "\n".join(advice.warnings(simulation(**changes)))
+    return "\n".join(scene_warnings.warnings(simulation(**changes)))
 
 
 def test_each_limit_has_its_time_and_the_share_of_the_step():
     sim = simulation(frame={"axis": [0, 0, 1], "rate": -20.0}, fields=FIELDS)
-    rows = {row["key"]: row for row in advice.limit_rows(sim)}
+    rows = {row["key"]: row for row in scene_warnings.limit_rows(sim)}
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     fastest = max(math.sqrt(2.0 / mass), 1e-4 / mass, 1e-3 * 5.0 / mass)
     wanted = {
@@ -72,15 +72,16 @@ def test_each_limit_has_its_time_and_the_share_of_the_step():
 def test_the_packing_of_auto_is_shown_where_auto_chooses():
     """A step given by hand owes nothing to overlaps of impacts everywhere: what a bed bears is another row."""
     for step, shown in ((STEP, False), ("auto", True)):
-        rows = {row["key"]: row for row in advice.limit_rows(simulation(time={"end": 0.01, "step": step, "max_speed": 0.1}))}
+        sim = simulation(time={"end": 0.01, "step": step, "max_speed": 0.1})
+        rows = {row["key"]: row for row in scene_warnings.limit_rows(sim)}
         assert ("packing" in rows) is shown
     assert rows["packing"]["share"] <= rows["packing"]["auto_share"]
 
 
 def test_a_sound_scene_has_no_warnings_and_no_limit_that_is_not_there():
     sim = simulation()
-    assert advice.warnings(sim) == []
-    assert [row["key"] for row in advice.limit_rows(sim) if row["seconds"] is None] == ["frame", "fields", "travel"]
+    assert scene_warnings.warnings(sim) == []
+    assert [row["key"] for row in scene_warnings.limit_rows(sim) if row["seconds"] is None] == ["frame", "fields", "travel"]
 
 
 def pairs(restitution):
@@ -260,7 +261,7 @@ def test_field_without_a_rate_is_a_warning(tmp_path):
     parts = scene(fields=[{"model": str(tmp_path / "pull.py")}])
     sim = simulation()
     sim.scene = parts
-    assert any("states no rate(mass, p)" in text for text in advice.warnings(sim))
+    assert any("states no rate(mass, p)" in text for text in scene_warnings.warnings(sim))
 
 
 def arrays_of(root) -> int:
@@ -308,7 +309,7 @@ def test_estimates_are_those_of_the_run(bed, tmp_path, monkeypatch):
     sim = Simulation(bed, device="cpu", threads=1)
     sim.step(20)
     # the table of what changes with time is long where grains are few, and of no grain
-    assert 0.6 < data["memory_bytes"] / (arrays_of(sim) - arrays_of(sim.stepper.control)) < 1.7
+    assert 0.6 < data["memory_bytes"] / (arrays_of(sim) - arrays_of(sim.engine.batch.control)) < 1.7
     assert data["settled_seconds"] >= data["estimated_seconds"] >= data["seconds_per_step"] * data["steps"]
 
 
@@ -366,16 +367,16 @@ def test_what_warnings_tell_to_take_is_accepted():
     """The step, the skin: with the number of the warning there is none any more."""
     for changes in ({"time": {"end": 0.01, "step": 2e-5, "max_speed": 1.0}}, {"frame": {"axis": [0, 0, 1], "rate": 1e4}}):
         for _ in range(4):
-            steps = [text for text in advice.warnings(simulation(**changes)) if "time.step of at most" in text]
+            steps = [text for text in scene_warnings.warnings(simulation(**changes)) if "time.step of at most" in text]
             if not steps:
                 break
             step = float(steps[0].split("at most ")[-1].split(" s")[0])
             changes["time"] = {**changes.get("time", {"end": 0.01, "max_speed": 0.1}), "step": step}
         assert not steps
     changes = {"engine": {"skin": 1e-6}}
-    [skin] = [text for text in advice.warnings(simulation(**changes)) if "engine.skin" in text]
+    [skin] = [text for text in scene_warnings.warnings(simulation(**changes)) if "engine.skin" in text]
     changes["engine"]["skin"] = float(skin.split("engine.skin = ")[1].split(" m")[0])
-    assert not [text for text in advice.warnings(simulation(**changes)) if "engine.skin" in text]
+    assert not [text for text in scene_warnings.warnings(simulation(**changes)) if "engine.skin" in text]
 
 
 def test_table_of_limits_fits_a_terminal_and_what_is_left_out_comes_after():

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from warpdem import Simulation, load_demo, load_scene
-from warpdem.app import advice, cli, demo
+from warpdem.app import cli, demo, scene_warnings
 from warpdem.errors import OutputError, SceneError
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
@@ -97,7 +97,7 @@ def test_scene_of_the_gallery_is_loaded_by_its_name(tmp_path, monkeypatch):
 def test_scene_that_check_warns_of_says_why(name):
     """Each warning is of the time step or of overlaps; the first comment has a word on it."""
     file = demo.gallery()[name].file
-    warned = advice.warnings(Simulation(load_scene(file), device="cpu"))
+    warned = scene_warnings.warnings(Simulation(load_scene(file), device="cpu"))
     comment = re.match(r"(?:#.*\n)*", file.read_text(encoding="utf-8"))[0]
     assert ("warpdem check warns" in comment) is bool(warned), warned
 

@@ -8,6 +8,7 @@ from warpdem.kernels.step.motion import BEYOND
 
 from warpdem import Scene, Simulation, StabilityError
 from warpdem.app.run import run_scene
+from warpdem.engine import host_build, stops
 from warpdem.guards import stability, watch
 from warpdem.guards.energy import driven
 from warpdem.state import checkpoint
@@ -207,7 +208,8 @@ def test_lists_that_cannot_be_counted_stop_the_run(make_scene, monkeypatch):
     crowd = np.random.default_rng(0).random((40, 3)) * 1e-4
     engine = {"max_overlap": 1.0, "guards": "record"}
     sim = simulate(make_scene, np.arange(40)[:, None] * [5e-3, 0, 0], step=1e-6, engine=engine)
-    monkeypatch.setattr(watch, "LIST_ENTRIES", 1000)
+    monkeypatch.setattr(host_build, "LONGEST", 1000)
+    monkeypatch.setattr(stops, "LONGEST", 1000)
     for number, point in enumerate(crowd):
         put(sim, number, slice(0, 3), point)
     with pytest.raises(StabilityError, match=r"the lists need 1720 entries, more than 1000: grain \d+ at \(.*\) m has 39 n"):
@@ -237,7 +239,7 @@ def test_a_danger_that_was_recorded_is_not_confirmed_again(make_scene, monkeypat
     """With guards that only record, a run in danger goes on, and is not looked at every few steps from then on."""
     looks = looked_at(monkeypatch)
     sim = sheared_pair(make_scene, 1.6 * measured_limit(sheared_pair(make_scene, 1e-7)), spin=1e-15)
-    monkeypatch.setattr(stability.StabilityGuard, "_share", lambda self: (1.6, 1e-5, 0))
+    monkeypatch.setattr(stability, "_share", lambda view: (1.6, 1e-5, 0))
     sim.step(250)
     assert looks == [0, stability.CONFIRM, 100, 200]
 
@@ -291,7 +293,7 @@ def test_an_overlap_that_is_recorded_changes_no_bit(make_scene, monkeypatch, res
     sim.step(400)
     assert "overlap" in sim.noticed
     alone = thrown(make_scene, guards="record")
-    alone.stepper.pass_over_overlaps()
+    alone.engine.ignore_overlaps()
     monkeypatch.setattr(watch.Guards, "steps_done", lambda self: setattr(self, "next_look", 10**9))
     alone.step(400)
     assert sim.state_hash() == alone.state_hash()

@@ -215,7 +215,7 @@ def test_more_than_the_memory_holds_is_refused_with_both_numbers(tmp_path, case)
 
 
 def test_grains_that_fit_are_not_refused_and_told_from_eight_tenths(tmp_path, monkeypatch):
-    from warpdem.app import advice
+    from warpdem.app import scene_warnings
 
     (tmp_path / "scene.toml").write_text(HEAD + FILL.format(0.05, "count = 300", "2 mm"))
     scene = load_scene(tmp_path / "scene.toml")
@@ -224,7 +224,7 @@ def test_grains_that_fit_are_not_refused_and_told_from_eight_tenths(tmp_path, mo
     needed = needs.memory_bytes(scene, each, 300)
     for share, warned in ((0.7, False), (0.9, True)):
         monkeypatch.setattr(memory, "available", lambda share=share: needed / share - 300 * each)
-        assert any("of memory" in text for text in advice.warnings(sim)) == warned
+        assert any("of memory" in text for text in scene_warnings.warnings(sim)) == warned
     monkeypatch.setattr(memory, "available", lambda: 300 * each)
     Simulation(scene, device="cpu", threads=1)
     monkeypatch.setattr(memory, "available", lambda: 300 * each - 1)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation as Turn
 from warpdem import SceneError
 from warpdem.core.rigid_motion import PI
 from warpdem.scene.file import scene_from_dict
-from warpdem.scene.motion import Motions, Sampled, Standing, Translation
+from warpdem.scene.motion import FixedPlacement, Motions, Sampled, Translation
 from warpdem.scene.motion_chain import Chain
 from warpdem.scene.rotation import Rotation
 
@@ -148,7 +148,7 @@ def test_angles_stay_accurate_for_a_million_seconds():
     late = translation.pose(np.array([1e6 + 1 / 4096]), np.array([0.0])).origin[0, 0]
     assert abs(float(late) - 1.0) < 1e-12
     rotation = Rotation(axis=[0, 0, 1], rate=1e4)
-    angle = rotation.turning(np.array([1e6]), np.array([1e6]))[0][0]
+    angle = rotation.angle_and_rates(np.array([1e6]), np.array([1e6]))[0][0]
     assert abs(float(np.sin(angle) - np.sin(np.longdouble(1e10) - 2 * PI * np.floor(np.longdouble(1e10) / (2 * PI))))) < 1e-8
     assert float(angle) == 1e10
 
@@ -172,7 +172,7 @@ def test_a_translation_may_rest():
     assert not still.moves
     assert not chain({"amplitude": [0, 0, 0], "frequency": 1}).moves
     assert chain({"velocity": [0, 0, 1e-9]}).moves
-    assert not chain({"velocity": [0, 0, 1e-9]}).turns
+    assert not chain({"velocity": [0, 0, 1e-9]}).rotates
 
 
 # --- chains ----------------------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ def test_increments_lead_from_pose_to_pose(motions):
         pose, drift = made.pose(times), made.increments(times)
         point = np.array([0.3, -0.7, 0.2], dtype=np.longdouble)
         seen = np.einsum("kji,kj->ki", pose.axes, point - pose.origin)
-        moved = np.einsum("kij,kj->ki", drift.turn, seen[:-1]) + drift.shift
+        moved = np.einsum("kij,kj->ki", drift.rotation, seen[:-1]) + drift.shift
         scale = np.abs(moved).max()
         # the differences of poses lose digits, the increments do not
         np.testing.assert_allclose(moved.astype(float), np.diff(seen, axis=0).astype(float), rtol=0, atol=1e-17 + 1e-15 * scale)
@@ -252,7 +252,7 @@ def test_no_point_is_faster_than_the_bound(motions):
     cloud = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
     pose = made.pose(np.linspace(0.0, 2.0, 4001))
     speed = np.linalg.norm((pose.velocity[:, None] + np.cross(pose.spin[:, None], cloud)).astype(float), axis=2).max()
-    bound = made.speed(cloud, 2.0)
+    bound = made.speed_bound(cloud, 2.0)
     assert 0.3 * bound < speed <= bound
 
 
@@ -359,10 +359,10 @@ def test_elapsed_motion_is_the_motion_later(motion):
         scale = max(1.0, float(np.abs(wanted).max()))
         np.testing.assert_allclose(found.astype(float), wanted.astype(float), rtol=0, atol=1e-14 * scale, err_msg=field)
     found, wanted = later.increments(time), now.increments(time + ahead)
-    np.testing.assert_allclose(found.turn.astype(float), wanted.turn.astype(float), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.rotation.astype(float), wanted.rotation.astype(float), rtol=0, atol=1e-15)
     np.testing.assert_allclose(found.shift.astype(float), wanted.shift.astype(float), rtol=0, atol=1e-15)
     points = np.array([[0.2, 0.1, 0.0]])
-    assert later.speed(points, 1.0) >= now.speed(points, 1.0)
+    assert later.speed_bound(points, 1.0) >= now.speed_bound(points, 1.0)
     assert repr(later.parts(0.4)) == repr(now.parts(1.0))
 
 
@@ -373,12 +373,12 @@ def test_standing_axes_are_turned_then_shifted():
     wanted = Turn.from_euler("z", 90, degrees=True).as_matrix()
     np.testing.assert_allclose(pose.axes.astype(float), [wanted] * 2, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(pose.origin.astype(float), [[1, 2, 3]] * 2)
-    assert not np.any(place.increments(np.array([0.0, 1.0])).turn)
-    assert (place.moves, place.turns, place.displaces, place.speed(np.ones((2, 3)), 1.0)) == (False, False, True, 0.0)
+    assert not np.any(place.increments(np.array([0.0, 1.0])).rotation)
+    assert (place.moves, place.rotates, place.displaces, place.speed_bound(np.ones((2, 3)), 1.0)) == (False, False, True, 0.0)
     assert not chain({"shift": [0, 0, 0]}).displaces
-    standing = Standing(**quarter)
+    standing = FixedPlacement(**quarter)
     np.testing.assert_allclose(standing.inverse(np.array([1.0, 3.0, 3.0])), [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
-    assert Standing(**json.loads(standing.model_dump_json())) == standing
+    assert FixedPlacement(**json.loads(standing.model_dump_json())) == standing
     # innermost in a chain: the body turns about the outer axis from there
     turning = chain({"axis": [0, 0, 1], "rate": 1.0}, quarter).pose(np.array([math.pi / 2]))
     np.testing.assert_allclose(turning.origin[0].astype(float), [-2, 1, 3], rtol=0, atol=1e-15)

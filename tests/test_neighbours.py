@@ -5,7 +5,7 @@ import pytest
 
 from warpdem import Scene, Simulation
 from warpdem.engine.flights import Flights
-from warpdem.engine.neighbor_list import morton_order
+from warpdem.engine.host_build import morton_order
 from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes, starts
 
 
@@ -107,14 +107,14 @@ def test_contacts_stay_those_of_brute_force_while_grains_fly(threads):
     assert sim.lists.rebuilds > 5
 
 
-def test_near_rows_are_complete_and_in_order_of_id():
+def test_outer_rows_are_complete_and_in_order_of_id():
     """Every row, also one of hundreds, against brute force; the room of the rows goes by the size of their grains."""
     rng = np.random.default_rng(12)
     positions, radii = cloud("continuous 1 to 20", rng)
     n, skin = len(radii), 0.3e-3
     sim = simulate(positions, radii, ids=rng.permutation(n), skin=skin)
     sim.contacts()
-    start, count, slot, _ = (a.numpy() for a in sim.lists.near)
+    start, count, slot, _ = (a.numpy() for a in sim.lists.outer)
     record, ids = sim.state.record.numpy(), sim.state.id.numpy()
     way = record[:, None, :3] - record[None, :, :3]
     gap = np.sqrt(np.einsum("ijk,ijk->ij", way, way)) - record[:, None, 3] - record[None, :, 3]

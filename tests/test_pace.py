@@ -60,7 +60,7 @@ def test_bits_do_not_depend_on_it(make_scene, monkeypatch):
         sim = Simulation(scene, device="cpu")
         assert sim.threads.count == 2
         order = iter(counts * 100)
-        monkeypatch.setattr(sim.stepper.pace, "threads", lambda most, order=order: min(most, next(order)))
+        monkeypatch.setattr(sim.engine.executor.pace, "threads", lambda most, order=order: min(most, next(order)))
         for _ in range(20):
             sim.step(20)
         hashes.add(sim.state_hash())
@@ -73,7 +73,7 @@ def test_a_number_that_was_asked_for_is_obeyed(make_scene, monkeypatch):
     used = []
     together = sim.threads.together
     monkeypatch.setattr(sim.threads, "together", lambda jobs: (used.append(len(jobs)), together(jobs)))
-    monkeypatch.setattr(sim.stepper.pace, "threads", lambda most: 1)
+    monkeypatch.setattr(sim.engine.executor.pace, "threads", lambda most: 1)
     sim.step(5)
     assert max(used) == 2
     assert Simulation(make_scene([[0, 0, 0], [0, 0, 3e-3]], step=1e-5), device="cpu").threads.count == 1

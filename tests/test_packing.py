@@ -4,9 +4,11 @@ import trimesh
 
 from warpdem.core.threads import Threads
 from warpdem.errors import SceneError
-from warpdem.filling import packing
-from warpdem.filling.packing import fill, filling, pack, worst_overlaps
-from warpdem.filling.region import region
+from warpdem.filling import fill_request, packing_neighbors, packing_run, packing_walls
+from warpdem.filling.fill_region import closed_region
+from warpdem.filling.fill_request import filling
+from warpdem.filling.packing import fill, pack
+from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.mesh.clipped_volume import clipped_volume
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
@@ -38,7 +40,7 @@ def test_box_is_filled_to_the_solid_fraction_without_overlap(fraction):
     position, radius = fill(None, CUBE, SIZES, 7, solid_fraction=fraction)
     # one grain more or less is the closest that whole grains allow
     assert abs(solid_volume(radius) / 1e-6 - fraction) <= 0.5 * np.pi / 6.0 * LARGEST**3 / 1e-6
-    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(position, radius).max() <= packing_run.OVERLAP
     assert (position >= radius[:, None]).all()
     assert (position <= 0.01 - radius[:, None]).all()
     assert radius.min() > 0.25e-3
@@ -49,16 +51,16 @@ def test_box_is_filled_to_the_solid_fraction_without_overlap(fraction):
 def test_dense_fillings_of_nearly_equal_grains(count, fraction):
     law = size_law(DiameterDistribution(uniform=(0.9, 1.1)))
     side = (count * law.mean_volume / fraction) ** (1.0 / 3.0)
-    asked = filling(region(None, [[0] * 3, [side] * 3], "fill"), law, 1, solid_fraction=fraction)
+    asked = filling(closed_region(None, [[0] * 3, [side] * 3], "fill"), law, 1, solid_fraction=fraction)
     [position], [took] = pack([asked])
     assert abs(asked.solid_fraction - fraction) < 2e-3
-    assert worst_overlaps(position, asked.radius)[0].max() <= packing.OVERLAP
+    assert worst_overlaps(position, asked.radius)[0].max() <= packing_run.OVERLAP
     assert (position >= asked.radius[:, None]).all()
     assert (position <= side - asked.radius[:, None]).all()
     # shaking is what reaches the small one, where walls matter more
     assert (took.shakes > 0) == (count == 500)
     assert (took.keys, took.grains) == (("fill",), len(asked.radius))
-    assert took.steps > packing.GROWING_STEPS
+    assert took.steps > packing_run.GROWING_STEPS
     assert took.rebuilds > 10
 
 
@@ -100,7 +102,7 @@ def test_mesh_clipped_by_a_region_is_filled_within_both():
     position, radius = fill(mesh, box, DiameterDistribution(uniform=(1e-3, 2e-3)), 1, solid_fraction=0.5)
     volume = clipped_volume(mesh, box)
     assert abs(solid_volume(radius) / volume - 0.5) < 1e-3
-    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(position, radius).max() <= packing_run.OVERLAP
     distance, _ = signed_distance(mesh, position)
     assert (distance <= -radius).all()
     assert (position[:, 1] - radius >= -0.004 - 1e-15).all()
@@ -113,7 +115,7 @@ def test_mesh_clipped_by_a_region_is_filled_within_both():
 def test_neighbour_table_grows_to_what_it_must_hold():
     rng = np.random.default_rng(0)
     position, radius = rng.random((300, 3)), rng.uniform(0.01, 0.1, 300)
-    narrow, wide = (packing._Neighbours(position, radius, 300, 0.05, Threads(1), room) for room in (2, 200))
+    narrow, wide = (packing_neighbors.NeighborTable(position, radius, 300, 0.05, Threads(1), room) for room in (2, 200))
     for one, two in zip(narrow.push_apart(1.0), wide.push_apart(1.0), strict=True):
         np.testing.assert_array_equal(one, two)
     np.testing.assert_allclose(narrow.overlap.numpy(), overlap_by_brute_force(position, radius), rtol=0, atol=1e-12)
@@ -122,7 +124,7 @@ def test_neighbour_table_grows_to_what_it_must_hold():
 def test_threads_do_not_change_the_bits(monkeypatch):
     found = []
     for threads in (1, 3):
-        monkeypatch.setattr(packing, "available_threads", lambda threads=threads: threads)
+        monkeypatch.setattr(packing_run, "available_threads", lambda threads=threads: threads)
         found.append(fill(None, CUBE, SIZES, 7, count=1500)[0].tobytes())
     assert found[0] == found[1]
 
@@ -149,7 +151,7 @@ def test_sharp_corners_of_a_mesh_hold(diameter, seed, fraction):
     position, radius = fill(mesh, None, diameter, seed, solid_fraction=fraction)
     distance, _ = signed_distance(mesh, position)
     assert (distance <= -radius).all()
-    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(position, radius).max() <= packing_run.OVERLAP
 
 
 def test_worst_overlaps_agree_with_brute_force():
@@ -172,8 +174,8 @@ def test_more_than_spheres_can_fill_is_refused_at_once():
 
 
 def test_fraction_out_of_reach_is_refused_with_what_was_reached(monkeypatch):
-    monkeypatch.setattr(packing, "PATIENCE", 60)
-    monkeypatch.setattr(packing, "SHAKES", (100,))
+    monkeypatch.setattr(packing_run, "PATIENCE", 60)
+    monkeypatch.setattr(packing_run, "SHAKES", (100,))
     with pytest.raises(
         SceneError, match=r"grains\[0\]\.fill: asked for solid fraction 0\.7\d+ .*reached 0\.(\d+)"
     ) as e:
@@ -210,32 +212,32 @@ def test_open_mesh_cannot_be_filled():
 
 def test_mass_of_grains_is_met_within_half_a_grain():
     law = size_law(SIZES)
-    asked = filling(region(None, CUBE, "fill"), law, 3, volume=2e-7)
+    asked = filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-7)
     assert abs(solid_volume(asked.radius) - 2e-7) <= 0.5 * np.pi / 6.0 * LARGEST**3
     with pytest.raises(SceneError, match="exactly one of count, solid_fraction and volume"):
-        filling(region(None, CUBE, "fill"), law, 3, volume=2e-7, count=3)
+        filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-7, count=3)
     with pytest.raises(SceneError, match=r"fill: asked for \d+ grains .*fraction of 2; .*at most 0\.74"):
-        filling(region(None, CUBE, "fill"), law, 3, volume=2e-6)
+        filling(closed_region(None, CUBE, "fill"), law, 3, volume=2e-6)
 
 
 def test_fillings_of_one_vessel_and_held_grains_keep_clear_of_each_other():
     mesh = ball()
-    large = filling(region(mesh, None, "a"), size_law(2e-3), 1, solid_fraction=0.25, key="a")
-    space = region(mesh, [[-1, -1, -1], [1, 1, 0.004]], "b")
+    large = filling(closed_region(mesh, None, "a"), size_law(2e-3), 1, solid_fraction=0.25, key="a")
+    space = closed_region(mesh, [[-1, -1, -1], [1, 1, 0.004]], "b")
     small = filling(space, size_law(SIZES), 1, solid_fraction=0.15, key="b")
     held = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.03]]), np.array([3e-3, 1e-3])
     places, [took] = pack([large, small], held)
     assert took.keys == ("a", "b")
     position = np.concatenate([*places, held[0]])
     radius = np.concatenate([large.radius, small.radius, held[1]])
-    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(position, radius).max() <= packing_run.OVERLAP
     assert (signed_distance(mesh, np.concatenate(places))[0] <= -radius[:-2]).all()
     assert (places[1][:, 2] + small.radius <= 0.004 + 1e-15).all()
 
 
 def test_fillings_apart_do_not_know_of_each_other():
     def asked(shift, key):
-        return filling(region(None, CUBE + np.array([shift, 0.0, 0.0]), key), size_law(SIZES), 4, count=300, key=key)
+        return filling(closed_region(None, CUBE + np.array([shift, 0.0, 0.0]), key), size_law(SIZES), 4, count=300, key=key)
 
     together, took = pack([asked(0.0, "a"), asked(0.011, "b")])
     alone, _ = pack([asked(0.011, "b")])
@@ -244,13 +246,13 @@ def test_fillings_apart_do_not_know_of_each_other():
     both, took = pack([asked(0.0, "a"), asked(0.005, "b"), asked(0.012, "c")])
     assert [one.keys for one in took] == [("a", "b", "c")]
     radius = np.concatenate([asked(0.0, "a").radius] * 3)
-    assert overlap_by_brute_force(np.concatenate(both), radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(np.concatenate(both), radius).max() <= packing_run.OVERLAP
 
 
 def test_grains_that_do_not_fit_among_others_are_refused(monkeypatch):
-    monkeypatch.setattr(packing, "PATIENCE", 60)
-    monkeypatch.setattr(packing, "SHAKES", ())
-    asked = filling(region(None, CUBE, "grains[1].fill"), size_law(1.5e-3), 0, solid_fraction=0.2, key="grains[1].fill")
+    monkeypatch.setattr(packing_run, "PATIENCE", 60)
+    monkeypatch.setattr(packing_run, "SHAKES", ())
+    asked = filling(closed_region(None, CUBE, "grains[1].fill"), size_law(1.5e-3), 0, solid_fraction=0.2, key="grains[1].fill")
     held = np.full((1, 3), 0.005), np.array([5.8e-3])
     with pytest.raises(SceneError, match=r"grains\[1\]\.fill: asked for .*0\.2.* among 1 grains given by place"):
         pack([asked], held)
@@ -258,17 +260,17 @@ def test_grains_that_do_not_fit_among_others_are_refused(monkeypatch):
 
 def test_grains_that_fit_exactly_in_rows_find_places():
     # ten abreast: a row between two walls touches to the last bit; 7.5 high: a column in an edge must leave it
-    asked = filling(region(None, [[0, 0, 0], [4, 4, 3]], "fill"), size_law(0.4), 0, solid_fraction=0.55)
+    asked = filling(closed_region(None, [[0, 0, 0], [4, 4, 3]], "fill"), size_law(0.4), 0, solid_fraction=0.55)
     [position], _ = pack([asked])
-    assert worst_overlaps(position, asked.radius)[0].max() <= packing.OVERLAP
+    assert worst_overlaps(position, asked.radius)[0].max() <= packing_run.OVERLAP
 
 
 def test_broad_sizes_are_packed_without_overlap():
     """About equal volumes of small and large grains; the table has room for what each size needs, not the largest."""
     radius = np.where(np.arange(2000) < 2, 0.5e-3, 0.05e-3)
     side = (9.0 * (radius**3).sum()) ** (1.0 / 3.0)
-    asked = packing.Filling(region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
-    with packing.Pack([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
+    asked = fill_request.Filling(closed_region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
+    with packing_run.PackingRun([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
         packed.run()
         position, listed = packed.places()[0], packed._neighbours
         way = listed._built_at[:, None] - listed._built_at[None]
@@ -278,7 +280,7 @@ def test_broad_sizes_are_packed_without_overlap():
         np.testing.assert_array_equal(count, (gap < listed._skin).sum(axis=1))
         assert count.max() > 100
         assert listed._table.shape[0] < 0.5 * count.max() * len(radius)
-    assert overlap_by_brute_force(position, radius).max() <= packing.OVERLAP
+    assert overlap_by_brute_force(position, radius).max() <= packing_run.OVERLAP
 
 
 def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkeypatch):
@@ -289,8 +291,8 @@ def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkey
         goals.append(goal)
         return next(left)
 
-    monkeypatch.setattr(packing.Pack, "_settle", settle)
-    monkeypatch.setattr(packing, "SHAKES", ())
+    monkeypatch.setattr(packing_run.PackingRun, "_settle", settle)
+    monkeypatch.setattr(packing_run, "SHAKES", ())
     with pytest.raises(SceneError, match=r"asked for solid fraction 0\.524 .* reached 0\.148 without"):
         fill(None, CUBE, 1e-3, 0, count=1000)
     np.testing.assert_allclose(goals, 0.9 ** np.arange(5))
@@ -299,17 +301,17 @@ def test_overlaps_of_many_small_radii_do_not_shrink_the_grains_to_nothing(monkey
 def test_a_filling_whose_grains_cannot_be_kept_off_a_wall_ends_soon_with_the_place(monkeypatch):
     """Where a grain never gets off a wall no overlap is left that could shrink: not each attempt takes all its steps."""
     mesh = ball()
-    asked = filling(region(mesh, None, "fill"), size_law(1e-3), 0, count=300)
+    asked = filling(closed_region(mesh, None, "fill"), size_law(1e-3), 0, count=300)
 
-    class Stubborn(packing._Wall):
+    class Stubborn(packing_walls.PackingWall):
         def reached(self, position):
             return 0.5
 
-    monkeypatch.setattr(packing, "_Wall", Stubborn)
-    with packing.Pack([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
+    monkeypatch.setattr(packing_walls, "PackingWall", Stubborn)
+    with packing_run.PackingRun([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
         with pytest.raises(SceneError, match=r"not all found a place clear of the walls .* keeps reaching into 'mesh'"):
             packed.run()
-        assert packed._steps < packing.MOST_STEPS // 2
+        assert packed._steps < packing_run.MOST_STEPS // 2
 
 
 def test_what_does_not_fit_is_told_with_what_fits():

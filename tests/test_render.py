@@ -44,7 +44,7 @@ def snapshot(position, radius, *, time=0.0, angle=0.0):
     return Snapshot(
         step=0,
         time=time,
-        frame=FramePose.turned(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
+        frame=FramePose.rotated(np.array([0.0, 1.0, 0.0]), np.zeros(3), angle, 1.0),
         id=np.arange(count),
         type=np.arange(count, dtype=np.int32) % 2,
         group=np.arange(count, dtype=np.int32) % 2,

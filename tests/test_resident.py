@@ -7,6 +7,8 @@ import warp as wp
 
 from warpdem import Scene, SceneError, Simulation
 from warpdem.engine import graph as graph_executor
+from warpdem.engine.cpu import CpuExecutor
+from warpdem.engine.graph import GraphExecutor
 from warpdem.measure.observers import read_contacts
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.instant import Instant, Room
@@ -76,7 +78,7 @@ def test_graph_gives_the_bits_of_the_loop(in_a_box):
 
 def test_contact_lists_are_made_in_the_graph(in_a_box):
     own, graph = in_a_box
-    resident = graph.stepper.resident
+    resident = graph.engine.executor
     assert resident.refreshes > 3
     assert graph.lists.refreshes == graph.lists.version + resident.refreshes
     # not much more often than by the host, which steers the margin at each
@@ -86,7 +88,7 @@ def test_contact_lists_are_made_in_the_graph(in_a_box):
 
 def test_near_lists_are_made_in_the_graph(in_a_box):
     own, graph = in_a_box
-    resident = graph.stepper.resident
+    resident = graph.engine.executor
     assert resident.renewals > 1
     assert graph.lists.rebuilds == graph.lists.version + resident.renewals >= own.lists.rebuilds
 
@@ -94,7 +96,7 @@ def test_near_lists_are_made_in_the_graph(in_a_box):
 def test_nothing_is_allocated_while_a_graph_is_captured(box, monkeypatch):
     """CUDA allows no allocation within a branch of a graph."""
     sim = Simulation(bed([{"name": "box", "material": "glass", "mesh": box}]), device="cpu", threads=1, resident=True)
-    loop, asked, allocator = graph_executor.Launches.loop, [], type(sim.device.get_allocator())
+    loop, asked, allocator = graph_executor.Captured.loop, [], type(sim.device.get_allocator())
     allocate = allocator.allocate
 
     def noted(self, size):
@@ -106,9 +108,9 @@ def test_nothing_is_allocated_while_a_graph_is_captured(box, monkeypatch):
             patch.setattr(allocator, "allocate", noted)
             loop(launches)
 
-    monkeypatch.setattr(graph_executor.Launches, "loop", watched)
+    monkeypatch.setattr(graph_executor.Captured, "loop", watched)
     sim.step(STEPS)
-    assert sim.stepper.resident.captures > 0
+    assert sim.engine.executor.captures > 0
     assert not asked
 
 
@@ -147,7 +149,7 @@ def test_a_checkpoint_goes_from_the_graph_to_the_loop(in_a_box, tmp_path):
     graph.save_checkpoint(tmp_path / "c.h5")
     again = Simulation.from_checkpoint(tmp_path / "c.h5", device="cpu", threads=1)
     assert again.state_hash() == own.state_hash()
-    straight = Simulation(own.given, device="cpu", threads=1)
+    straight = Simulation(own.model.given.scene, device="cpu", threads=1)
     straight.step(3 * STEPS + 40)
     again.step(40)
     assert again.state_hash() == straight.state_hash()
@@ -179,15 +181,15 @@ def test_graph_of_other_plans(case):
     assert graph.extremes["pair_overlap_share"] > 0.0
     if own.budget is not None:
         assert own.left == graph.left and own.left["side"][0] > 0
-        for name, values in own.stepper.read_sums().items():
-            np.testing.assert_array_equal(values[own.state.rank], graph.stepper.read_sums()[name][graph.state.rank])
+        for name, values in own.engine.read_sums().items():
+            np.testing.assert_array_equal(values[own.state.rank], graph.engine.read_sums()[name][graph.state.rank])
 
 
 def test_a_gpu_only_steps_by_graph(device):
     if device == "cpu":
-        assert Simulation(bed([]), device=device, threads=1).stepper.resident is None
+        assert isinstance(Simulation(bed([]), device=device, threads=1).engine.executor, CpuExecutor)
     else:
-        assert Simulation(bed([]), device=device).stepper.resident is not None
+        assert isinstance(Simulation(bed([]), device=device).engine.executor, GraphExecutor)
         with pytest.raises(SceneError, match="no other way"):
             Simulation(bed([]), device=device, resident=False)
 

@@ -10,22 +10,22 @@ from warpdem.core.rigid_motion import WIDE
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
 
 
-def test_turn_increment_is_the_turn_less_one():
+def test_rotation_increment_is_the_rotation_less_one():
     angles = np.array([0.0, 1e-9, -1e-5, 0.3, 3.0, 40.0])
-    for angle, increment in zip(angles, rigid_motion.turn_increment(AXIS, angles), strict=True):
+    for angle, increment in zip(angles, rigid_motion.rotation_increment(AXIS, angles), strict=True):
         np.testing.assert_allclose(increment, Turn.from_rotvec(AXIS * angle).as_matrix() - np.eye(3), rtol=0, atol=1e-14)
     # small angles keep all their digits: the second order of 1e-9 is 5e-19, lost in 1 - cos
-    small = rigid_motion.turn_increment(AXIS, np.array([1e-9]))[0]
+    small = rigid_motion.rotation_increment(AXIS, np.array([1e-9]))[0]
     np.testing.assert_allclose(AXIS @ small, 0.0, rtol=0, atol=1e-25)
     across = np.array([2.0, -1.0, 0.0])
     np.testing.assert_allclose(across @ small @ across, -0.5e-18 * (across @ across), rtol=1e-6)
 
 
-def test_quaternion_turn_increment_is_that_of_the_turn():
+def test_quaternion_rotation_increment_is_that_of_the_rotation():
     for angle in (0.0, 1e-9, -1e-5, 0.3, 3.0):
         quaternion = np.array([[np.cos(angle / 2), *(np.sin(angle / 2) * AXIS)]])
-        wanted = rigid_motion.turn_increment(AXIS, np.array([angle]))
-        np.testing.assert_allclose(rigid_motion.quaternion_turn_increment(quaternion), wanted, rtol=1e-12, atol=1e-30)
+        wanted = rigid_motion.rotation_increment(AXIS, np.array([angle]))
+        np.testing.assert_allclose(rigid_motion.quaternion_rotation_increment(quaternion), wanted, rtol=1e-12, atol=1e-30)
 
 
 def test_cross_is_that_of_numpy():
@@ -81,7 +81,7 @@ def test_velocity_of_the_composed_body_is_that_of_its_points():
     np.testing.assert_allclose(found.astype(float), wanted, rtol=0, atol=1e-14)
 
 
-def test_chained_increments_are_differences_of_places():
+def test_chained_increments_are_differences_of_poses():
     rng = np.random.default_rng(5)
     g1, h1, g2, h2 = (random_pose(rng) for _ in range(4))
 
@@ -91,7 +91,7 @@ def test_chained_increments_are_differences_of_places():
 
     wanted = increment(rigid_motion.compose(g1, h1), rigid_motion.compose(g2, h2))
     found = rigid_motion.chained(increment(g1, g2), increment(h1, h2), h1, h2)
-    np.testing.assert_allclose(found.turn.astype(float), wanted.turn.astype(float), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.rotation.astype(float), wanted.rotation.astype(float), rtol=0, atol=1e-13)
     np.testing.assert_allclose(found.shift.astype(float), wanted.shift.astype(float), rtol=0, atol=1e-13)
 
 

@@ -20,7 +20,9 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.run import cadence, check_request, default_folder, named_folder, run_scene
+from warpdem.app.outputs import cadence
+from warpdem.app.run import run_scene
+from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
 from warpdem.core.progress import told_if_long
 from warpdem.core.run_lock import FolderLocked, locked
@@ -355,7 +357,7 @@ def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch
     run(scene(output=OFTEN), tmp_path, until=2e-3)
     again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.scene_hash
+    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
 
 
 OTHER_RESULTS = {

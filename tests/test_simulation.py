@@ -278,13 +278,13 @@ def test_an_interrupted_batch_of_steps_is_not_gone_on_with(monkeypatch):
     """Its steps are done but not counted: whatever came after would be at the wrong time."""
     sim = simulate(PAIR)
     sim.step(3)
-    advance = sim.stepper.advance
+    advance = sim.engine.advance
 
     def interrupted(*args, **kwargs):
         advance(*args, **kwargs)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sim.stepper, "advance", interrupted)
+    monkeypatch.setattr(sim.engine, "advance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         sim.step(5)
     monkeypatch.undo()

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.scene.motion import Standing
+from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
 from warpdem.state import checkpoint
 
@@ -346,6 +346,6 @@ def test_later_moves_the_clock_of_motions_and_streams():
     motion = [{"axis": [0, 0, 1], "rate": 1.0, "elapsed": 0.5}, {"shift": [1, 0, 0]}]
     was = scene(frame=motion, streams=[stream | {"until": 1.0}, stream | {"start": 3.0}, stream | {"until": 4.0}])
     then = was.later(2.0)
-    assert [type(motion) for motion in then.frame] == [Rotation, Standing]
+    assert [type(motion) for motion in then.frame] == [Rotation, FixedPlacement]
     assert then.frame[0].elapsed == 2.5
     assert [(s.start, s.until) for s in then.streams] == [(1.0, None), (0.0, 2.0)]

@@ -8,7 +8,7 @@ from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 
 from warpdem import Scene, SceneError
-from warpdem.filling.grain_source import load_grains
+from warpdem.filling.initial_grains import load_grains
 from warpdem.model import time_step
 from warpdem.model.features import coefficient_table
 from warpdem.model.impact import impact

@@ -76,7 +76,7 @@ def test_places_are_those_of_the_prim_relative_to_time_0(file):
     np.testing.assert_array_equal(pose.axes[0], np.eye(3))
     np.testing.assert_array_equal(pose.origin[0], 0.0)
     assert motion.max_rate == pytest.approx(np.pi / 2, rel=1e-12)
-    assert motion.turns
+    assert motion.rotates
     assert motion.moves
 
 
@@ -111,7 +111,7 @@ def test_increments_lead_from_place_to_place(file):
         pose, drift = motion.pose(times, times), motion.increments(times)
         point = np.array([0.3, -0.7, 0.2], dtype=np.longdouble)
         seen = np.einsum("kji,kj->ki", pose.axes, point - pose.origin)
-        moved = np.einsum("kij,kj->ki", drift.turn, seen[:-1]) + drift.shift
+        moved = np.einsum("kij,kj->ki", drift.rotation, seen[:-1]) + drift.shift
         np.testing.assert_allclose(moved.astype(float), np.diff(seen, axis=0).astype(float), rtol=0, atol=1e-16)
 
 
@@ -120,7 +120,7 @@ def test_bound_of_the_speed_holds(file):
     cloud = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
     pose = motion.pose(TIMES, TIMES)
     speed = np.linalg.norm((pose.velocity[:, None] + np.cross(pose.spin[:, None], cloud)).astype(float), axis=2).max()
-    assert 0.5 * motion.speed(cloud, 0.0) < speed <= motion.speed(cloud, 0.0)
+    assert 0.5 * motion.speed_bound(cloud, 0.0) < speed <= motion.speed_bound(cloud, 0.0)
 
 
 def test_part_is_the_place(file):

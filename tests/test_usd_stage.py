@@ -33,13 +33,13 @@ def stage_bytes(tmp_path_factory):
 
 def refusal(path, what="geometry", prim="") -> str:
     with pytest.raises(SceneError) as caught:
-        usd_stage.ask(path, what, prim, "walls[0].mesh")
+        usd_stage.read(path, what, prim, "walls[0].mesh")
     return str(caught.value)
 
 
 def test_answer_holds_units_and_arrays(tmp_path, stage_bytes):
     (tmp_path / "a.usdc").write_bytes(stage_bytes)
-    said, arrays = usd_stage.ask(tmp_path / "a.usdc", "motion", "/Arm/Ball", "frame")
+    said, arrays = usd_stage.read(tmp_path / "a.usdc", "motion", "/Arm/Ball", "frame")
     assert (said["metres"], said["up"], said["rate"]) == (0.01, "Y", 24.0)
     assert arrays["codes"].tolist() == [0, 1, 2, 3, 4]
     assert arrays["matrices"][:, 0, 3].tolist() == [0, 1, 2, 3, 4]
@@ -69,7 +69,7 @@ def test_counts_of_a_crate_file_are_not_believed(tmp_path, stage_bytes):
         wrong[at : at + 8] = (2**40).to_bytes(8, "little")
         (tmp_path / "a.usdc").write_bytes(wrong)
         try:
-            said, _ = usd_stage.ask(tmp_path / "a.usdc", "geometry", "/Arm", "mesh")
+            said, _ = usd_stage.read(tmp_path / "a.usdc", "geometry", "/Arm", "mesh")
         except SceneError:
             continue
         assert said["surfaces"]

@@ -294,7 +294,7 @@ def test_wall_that_is_not_made_of_triangles_is_drawn_without_pressure(tmp_path):
     load = WallLoad(np.ones(3), np.ones(3), np.zeros(3), 2.0, np.zeros((0, 3)), np.zeros(0))
     none = {name: np.zeros((0, 3)) for name in ("position", "velocity", "spin", "force")}
     none |= {name: np.zeros(0) for name in ("radius", "mass")} | {name: np.zeros(0, int) for name in ("id", "type", "group")}
-    rest = FramePose.turned(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 0.0)
+    rest = FramePose.rotated(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 0.0)
     place = Placement(np.eye(3), np.zeros(3))
     snapshot = Snapshot(step=0, time=0.0, frame=rest, walls={"drum": place}, loads={"drum": load}, **none)
     for writer in (VtkWriter(tmp_path, [drawn]), UsdWriter(tmp_path, [drawn])):

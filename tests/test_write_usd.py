@@ -28,7 +28,7 @@ SINGLE = 2e-7  # float32 rounding of numbers about 1
 
 
 def turn(axis, angle):
-    return FramePose.turned(np.asarray(axis, dtype=float), np.zeros(3), angle, 0.0).rotation
+    return FramePose.rotated(np.asarray(axis, dtype=float), np.zeros(3), angle, 0.0).rotation
 
 
 def snapshot(k, axis=(0.48, 0.6, 0.64), origin=(0.1, -0.2, 0.3), count=30, seed=0):
@@ -37,7 +37,7 @@ def snapshot(k, axis=(0.48, 0.6, 0.64), origin=(0.1, -0.2, 0.3), count=30, seed=
         step=k,
         time=0.1 * k,
         # almost half a turn per frame: the least that quaternions or matrices would interpolate the wrong way
-        frame=FramePose.turned(np.array(axis, dtype=float), np.array(origin), 3.0 * k, 30.0),
+        frame=FramePose.rotated(np.array(axis, dtype=float), np.array(origin), 3.0 * k, 30.0),
         id=np.arange(count) * 3,
         type=np.zeros(count, dtype=np.int32),
         group=np.zeros(count, dtype=np.int32),
@@ -95,7 +95,7 @@ def nested(k) -> FramePose:
     rotation, translation = np.eye(3), np.zeros(3)
     for part in reversed(parts):
         if isinstance(part, RotationPart):
-            place = FramePose.turned(part.axis, part.origin, part.angle, 0.0)
+            place = FramePose.rotated(part.axis, part.origin, part.angle, 0.0)
             own, shift = place.rotation, place.translation
         elif isinstance(part, TranslationPart):
             own, shift = np.eye(3), part.shift
@@ -181,7 +181,7 @@ def test_frame_angle_is_interpolated_unwrapped(tmp_path):
     frame = snapshot(0).frame
     # at half past frame 6 the frame has turned by 19.5 rad, more than three turns
     [part] = frame.parts
-    half = FramePose.turned(part.axis, part.origin, 19.5, 0.0)
+    half = FramePose.rotated(part.axis, part.origin, 19.5, 0.0)
     points = np.eye(3)
     assert_allclose(laboratory(grains.GetPrim(), points, 650.0), half.to_laboratory(points), rtol=0, atol=1e-12)
 

@@ -30,7 +30,7 @@ def snapshot(k, count=30):
     return Snapshot(
         step=1000 * k,
         time=0.1 * k,
-        frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
+        frame=FramePose.rotated(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=rng.integers(0, 2, count).astype(np.int32),
         group=rng.integers(0, 3, count).astype(np.int32),

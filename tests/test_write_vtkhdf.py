@@ -39,11 +39,11 @@ def snapshot(k, count=None) -> Snapshot:
     count = COUNTS[k] if count is None else count
     rng = np.random.default_rng(k)
     same = np.random.default_rng(count)  # what changes only with the grains themselves
-    turn = FramePose.turned(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.2 * k, 1.0).rotation
+    turn = FramePose.rotated(np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.2 * k, 1.0).rotation
     return Snapshot(
         step=1000 * k,
         time=0.1 * k,
-        frame=FramePose.turned(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
+        frame=FramePose.rotated(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 2.5 * k, 25.0),
         id=np.arange(count) * 3,
         type=same.integers(0, 2, count).astype(np.int32),
         group=same.integers(0, 3, count).astype(np.int32),

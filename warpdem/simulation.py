@@ -6,21 +6,15 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 
 from warpdem.core.device import pick_device
 from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.core.threads import run_threads
 from warpdem.core.timers import Timers
-from warpdem.engine.neighbor_list import Lists
-from warpdem.engine.stepper import Stepper
-from warpdem.errors import SceneError, StabilityError, WarpdemError
+from warpdem.engine.engine import Engine
+from warpdem.errors import SceneError, WarpdemError
 from warpdem.guards.verdict import Verdict
 from warpdem.guards.watch import Guards
-from warpdem.kernels import grain
-from warpdem.kernels.measure.budget import WallEntry
-from warpdem.kernels.wall import record
-from warpdem.kernels.wall.places import Hit
 from warpdem.measure import measures, observation, observers, wall_loads
 from warpdem.measure.budget import Budget
 from warpdem.measure.snapshot import take_snapshot
@@ -33,10 +27,10 @@ from warpdem.scene.model import Scene
 from warpdem.state import checkpoint, contact_history
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
-from warpdem.state.inlets import Inlets
 from warpdem.state.particles import State
 from warpdem.state.restart import read as read_start
 from warpdem.state.restart import started_from
+from warpdem.state.streams import Streams
 from warpdem.state.view import RunView
 
 
@@ -87,18 +81,20 @@ class Simulation:
             self.coefficients = model.coefficients
             self.state, self._clock = State.of(model, grains), Clock(model.dt)
             self.threads = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
-            self.lists = Lists(self)
-            self.engine = self.stepper = Stepper(self)
-        self.left = {name: [0, 0.0] for name in model.domain.names}
+            self.engine = Engine(model, self.state, self._clock, self.threads, self.timers)
+            self.lists, self.left = self.engine.lists, self.engine.leavers.left
         self.steps_done = 0
         self._interrupted = False  # between the first step of a batch and its count
-        self.inlets = Inlets(model, self.state, self._clock)
-        self.feeders = self.inlets.feeders
-        self.notes += self.inlets.notes
+        self.streams = Streams(model, self.state, self._clock)
+        self.inlets = self.streams.inlets
+        self.notes += self.streams.notes
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
-        self.live = RunView(model, self.state, self._clock, self.stepper, totals, self.lists.listed)
-        self.guards = Guards(self.live, self.prepare, self.stepper.pass_over_overlaps)
+        self.live = RunView(model, self.state, self._clock, self.engine, totals, self.lists.view)
+        self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
+        self.lists.watch_travel = self.guards.lists_built
+        if totals is not None:
+            self.engine.leavers.before_leaving = Budget(self.live).left
         if past is not None:
             self._take_over(past)
         self._insert()
@@ -116,7 +112,7 @@ class Simulation:
             contact_history.remember(self.lists, past.data)
         if self.state.orientation is not None and "orientation" in past.data:
             self.state.orientation.assign(past.data["orientation"])
-        self.inlets.take_over(past.feeders)
+        self.streams.take_over(past.inlets)
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
         """Add the time spent inside to ``seconds[stage]``."""
@@ -136,13 +132,7 @@ class Simulation:
 
     def load_kernels(self) -> None:
         """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
-        built = self.kernels
-        if self.plan.backend.resident:  # the graph's are compiled where it is captured
-            return
-        lists = [thing for group in (built.lists, built.walls) if group is not None for thing in vars(group).values()]
-        for thing in (built.loop.run, built.loop.read, built.loop.read_budget, *lists):
-            if isinstance(thing, wp.Kernel):
-                wp.load_module(thing.module, device=self.device)
+        self.engine.load_kernels()
 
     def step(self, count: int = 1) -> None:
         """Advance by ``count`` time steps.
@@ -191,16 +181,16 @@ class Simulation:
         if len(self.state) and not self._clock.forces_evaluated:
             grown = self.state.slots > self.lists.known or not self.lists.rebuilds
             self.lists.update(grown)
-        next_insertion = self.inlets.next_step()
+        next_insertion = self.streams.next_step()
         due = count + 1 if next_insertion is None else next_insertion - self.step_number
         batch = min(count, due)
         if len(self.state) == 0:
             done, moved = batch, 0
         else:
-            batch = min(batch, self.stepper.row()[1])
+            batch = min(batch, self.engine.steps_ahead)
             with self.clock("steps"):
                 self._interrupted = True
-                done, moved = self.stepper.advance(batch, not self._clock.forces_evaluated, hold=batch == due)
+                done, moved = self.engine.advance(batch, not self._clock.forces_evaluated, hold=batch == due)
         self._clock.step_number += done
         self._interrupted = False
         self.steps_done += done
@@ -211,62 +201,10 @@ class Simulation:
 
     def _insert(self) -> None:
         """Insert what the streams bring at the present step."""
-        for slots in self.inlets.insert():
+        for slots in self.streams.insert():
             if self.live.totals is not None:
                 Budget(self.live).inserted(slots)
             self._clock.forces_evaluated = False
-
-    def leaving(self) -> np.ndarray:
-        """Slots [-] of the grains that are not in the domain any more, shape (m,); they are counted.
-
-        Raises:
-            StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
-        """
-        position, here = self.state.record.numpy()[:, grain.POSITION], self.state.here
-        if any(self.domain.period) and (thrown := self.domain.thrown(position) & here).any():
-            i = int(np.flatnonzero(thrown)[0])
-            speed = float(np.linalg.norm(self.state.record.numpy()[i, grain.VELOCITY]))
-            raise StabilityError(
-                f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {self.state.id.numpy()[i]} crossed the "
-                f"whole periodic domain in one step of {self.dt:.3g} s, at {speed:.3g} m/s. Take a smaller time.step."
-            )
-        where = self.domain.left_by(position)
-        gone = (where >= 0) & here
-        if gone.any():
-            ids, mass = self.state.id.numpy(), 1.0 / self.state.inverse.numpy()[:, 0]
-            for number in np.unique(where[gone]):
-                name, through = self.domain.names[number], np.flatnonzero(gone & (where == number))
-                through = through[np.argsort(ids[through])]
-                if self.domain.stops[number]:
-                    first = int(through[0])
-                    place = ", ".join(f"{x:.4g}" for x in position[first])
-                    raise StabilityError(
-                        f"stopped at t = {self.time:.6g} s (step {self.step_number}): grain {ids[first]} at ({place}) m is "
-                        f"beyond the border {name}, which the scene says stops the run"
-                    )
-                self.left[name][0] += len(through)
-                self.left[name][1] += float(mass[through].sum())
-            if self.live.totals is not None:
-                Budget(self.live).left(np.flatnonzero(gone))
-        return np.flatnonzero(gone)
-
-    def new_rows(self, grains: int, slots: int):
-        """Wall rows of ``grains`` grains with ``slots`` slots in all."""
-        rows, device = self.kernels.Rows(), self.device
-        rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
-        rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
-        rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
-        for name in ("feature", "hit_state", "hit_mask"):
-            setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
-        rows.hit = wp.zeros(slots, dtype=Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=record.result_type(bool(self.plan.contact.rolling)), device=device)
-        generations = 2 if len(self.plan.backend.scheme.STAGES) == 1 else 3
-        rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
-        if self.plan.measures.energy:
-            rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
-            rows.power = wp.zeros((grains, self.plan.measures.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=record.memory_type(self.plan.contact.memory), device=device)
-        return rows
 
     # -- checkpoint -----------------------------------------------------------------------------
 

@@ -25,24 +25,13 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.lists.displacement import Watched
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
 BLOCK = 64
 LOOKS = 24  # along one path
-HALFWAY, BEYOND_REACH, NEAR_HALFWAY, BEYOND_NEAR, OFF_PATH = 1, 2, 4, 8, 16
-"""What ``stray`` finds: beyond half of what the contact list allows, and all of it; the same of the near list; off its path."""
-
-
-@wp.struct
-class Watched:
-    """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
-
-    motion: wp.array(dtype=wp.int32)
-    share: wp.array(dtype=wp.float64)  # largest travel per step over the radius [-]
-    low: wp.array(dtype=wp.vec3d)  # [m]
-    high: wp.array(dtype=wp.vec3d)  # [m]
 
 
 @wp.func
@@ -305,41 +294,4 @@ def build(
             k += int(go)
         steps_out[t] = k
 
-    @kernel
-    def stray(
-        first: int,
-        grains: wp.array(dtype=g.Record),
-        reference: wp.array2d(dtype=wp.vec3d),
-        near_reference: wp.array2d(dtype=wp.vec3d),
-        flight: wp.array(dtype=Flight),
-        placements: wp.array2d(dtype=Placement),
-        row: int,
-        now: wp.float64,
-        dt: wp.float64,
-        reach: wp.float64,
-        room: wp.float64,  # how far a grain may be from its reference in the near list [m]
-        out: wp.array(dtype=wp.int32),
-    ):
-        """How far each grain has gone, as a sum of HALFWAY, BEYOND_REACH, NEAR_HALFWAY, BEYOND_NEAR and OFF_PATH."""
-        i = first + wp.tid()
-        state = grains[i]
-        found = int(0)
-        if not g.gone(state):
-            if in_flight(flight, i):
-                if not travel.holds(flight[i], state, now, dt):
-                    found = wp.static(OFF_PATH)
-            else:
-                left = travel.left_of(state, reach, dt)
-                way = travel.way_from(i, state, reference, placements, row)
-                near = travel.way_from(i, state, near_reference, placements, row)
-                if not (way <= wp.float64(0.25) * left * left):
-                    found = found | wp.static(HALFWAY)
-                if not (way <= left * left):
-                    found = found | wp.static(BEYOND_REACH)
-                if not (near <= wp.float64(0.25) * room * room):
-                    found = found | wp.static(NEAR_HALFWAY)
-                if not (near <= room * room):
-                    found = found | wp.static(BEYOND_NEAR)
-        out[i] = found
-
-    return Built(enclose=enclose, lay=lay, stray=stray)
+    return Built(enclose=enclose, lay=lay)

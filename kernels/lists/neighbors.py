@@ -65,13 +65,13 @@ def build(
         return low
 
     @kernel
-    def insert_grains(grids: SizeGrids, grains: wp.array(dtype=g.Record)):
+    def insert_grains(first: int, grids: SizeGrids, grains: wp.array(dtype=g.Record)):
         """Put the grains on the grids; on a CPU one thread does it."""
-        i = wp.tid()
+        i = first + wp.tid()
         insert(grids, i, g.position(grains[i]), grains[i][3])
 
     @kernel
-    def near_rows(
+    def find_neighbors(
         first: int,
         grids: SizeGrids,
         grains: wp.array(dtype=g.Record),
@@ -219,6 +219,32 @@ def build(
             constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
 
     @kernel
+    def clear_contacts(
+        first: int,
+        partner: int,  # a grain that is not grain 0, if there is one
+        filler: int,  # force slot that nobody reads
+        # per lane, written
+        owner_out: wp.array2d(dtype=wp.int32),
+        partner_out: wp.array2d(dtype=wp.int32),
+        kind_out: wp.array2d(dtype=wp.int32),
+        constants_out: wp.array3d(dtype=real),
+        slot_i_out: wp.array2d(dtype=wp.int32),
+        slot_j_out: wp.array2d(dtype=wp.int32),
+    ):
+        """Batches of no contact: what fills the last one of a class is a pair of grains with no stiffness."""
+        p = first + wp.tid()
+        for k in range(wp.static(lanes)):
+            owner_out[p, k] = 0
+            partner_out[p, k] = partner
+            slot_i_out[p, k] = filler
+            slot_j_out[p, k] = filler
+            if wp.static(table):
+                kind_out[p, k] = 0
+            if wp.static(stored):
+                for f in range(wp.static(width)):
+                    constants_out[p, f, k] = real(0.0)
+
+    @kernel
     def fill_contacts(
         first: int,
         grains: wp.array(dtype=g.Record),
@@ -297,10 +323,12 @@ def build(
 
     return Built(
         insert_grains=insert_grains,
-        near_rows=near_rows,
+        find_neighbors=find_neighbors,
         carry_contacts=carry_contacts,
         select_contacts=select_contacts,
+        clear_contacts=clear_contacts,
         fill_contacts=fill_contacts,
         contact_constants=contact_constants,
         constants_width=width,
+        keeps_constants=stored,
     )

@@ -1,15 +1,17 @@
-"""Numbering of contacts, rows and slots on the device: what the host does with prefix sums when it makes the lists.
+"""Numbering of contacts, force slots and wall slots: exclusive prefix sums of what each grain has.
 
-Within a block of grains the contacts that touch fill whole packs first, then the others do; rows of the summation and grains
-beside a wall are numbered straight through. Three launches: sums of each block, starts of the blocks (one thread), starts of
-the grains. Own kernels, because a library's scan asks for memory, which a branch of a captured graph may not.
+Within a block of grains the contacts that touch fill whole contact batches first, then the others do: a batch holds one class,
+and both classes of a block find its grains in the cache. Force slots and grains beside a wall are numbered straight through.
+Three launches: sums of each block, starts of the blocks (one thread), starts of the grains. Own kernels, because the scan of a
+library allocates memory, which a branch of a captured graph may not.
 
-Arrays of size 0 stand for what is not asked for. Sums beyond what 32 bits count stay at their largest number, for which there
-is never room.
+Arrays of size 0 stand for what is not asked for. Sums beyond what 32 bits count stay at their largest number, which no capacity
+reaches.
 """
 
 import warp as wp
 
+BLOCK = 256  # grains whose contacts are sorted by class together
 AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for memory once for all
 Sums = wp.types.vector(4, wp.int32)  # of a block: touching and near contacts, rounded up to packs; shares; grains beside a wall
 Chunk = wp.types.matrix((AT_ONCE, 4), wp.int32)
@@ -23,7 +25,7 @@ def capped(sum: wp.int32) -> wp.int32:
 
 @wp.kernel(enable_backward=False, module="unique")
 def sum_blocks(
-    block: wp.int32,  # grains per block
+    first: wp.int32,
     lanes: wp.int32,
     # per grain, read
     touching: wp.array[wp.int32],
@@ -34,9 +36,9 @@ def sum_blocks(
     sums_out: wp.array[Sums],
 ):
     """Sums of each block."""
-    b = wp.tid()
+    b = first + wp.tid()
     total = Sums()
-    for i in range(b * block, wp.min((b + 1) * block, shares.shape[0])):
+    for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), shares.shape[0])):
         if touching.shape[0] > 0:
             total[0] = total[0] + touching[i]
             total[1] = total[1] + near[i]
@@ -75,7 +77,7 @@ def start_blocks(
 
 @wp.kernel(enable_backward=False, module="unique")
 def start_grains(
-    block: wp.int32,
+    first: wp.int32,
     lanes: wp.int32,
     # per grain, read
     touching: wp.array[wp.int32],
@@ -90,19 +92,20 @@ def start_grains(
     wall_grain_out: wp.array[wp.int32],
 ):
     """Where each grain begins, and which grain each wall row belongs to."""
-    b = wp.tid()
+    b = first + wp.tid()
+    begin = b * wp.static(BLOCK)
     n = shares.shape[0]
     at = starts[b]
     touch = at[0] + at[1]
     row = at[2]
     wall = at[3]
-    last = wp.min((b + 1) * block, n)
+    last = wp.min(begin + wp.static(BLOCK), n)
     other = wp.int32(0)
     if touching.shape[0] > 0:
-        for i in range(b * block, last):
+        for i in range(begin, last):
             other += touching[i]
     other = touch + (other + lanes - 1) // lanes * lanes
-    for i in range(b * block, last):
+    for i in range(begin, last):
         if touching.shape[0] > 0:
             touching_start_out[i] = touch
             near_start_out[i] = other

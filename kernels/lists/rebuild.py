@@ -1,9 +1,9 @@
-"""The near list made anew inside a captured graph, with the grains where they are in memory.
+"""What takes the place of the outer list in a captured graph, with the grains where they are in memory.
 
-Neighbours are counted first, and only when there is room for them are the rows written, beside the old ones; then the
-contacts are carried over and the rows put in their place: so that the host, when it is asked, finds the old lists whole. The
-slots beside walls are numbered anew, and the places that touch move to theirs by way of the generation that the next forces
-will write.
+Neighbors are counted first (``neighbors``, ``numbering``), and only where the arrays can hold them the rows are written, beside
+the old ones; then the contact numbers are carried over and the rows replace the old ones: the host, when it is asked, finds
+the old lists whole. The slots beside walls are numbered again, and the contact points move to theirs by way of the generation
+that the next forces will write.
 """
 
 import functools
@@ -11,9 +11,9 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built
 from warpdem.kernels.lists.path import Flight
-from warpdem.kernels.step.graph import DONE, NEAR, PARITY, RENEWALS, SOON, STALE
+from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, OUTER_BUILDS_LEFT, OUTER_NOT_BEFORE, PARITY, STEPS_DONE
 
-HASTY = 16  # steps between two near lists below which the host is to look for a remedy
+HASTY = 16  # steps between two outer lists below which the host is to look for a remedy
 
 
 @functools.cache
@@ -22,45 +22,46 @@ def build(Rows):
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @kernel
-    def ask(clock_out: wp.array(dtype=wp.int32)):
-        """One thread: whether the near list may be made here, where it is out of date, else the host is asked.
+    def ask_outer(clock_out: wp.array(dtype=wp.int32)):
+        """One thread: whether the outer list may be built here, where it is out of date, else the host is asked.
 
-        As it is before step SOON: a few fast grains may fly along paths (``flight``).
+        As it is before step OUTER_NOT_BEFORE: a few fast grains may fly along paths (``flight``).
         """
-        soon = clock_out[DONE] < clock_out[SOON]
-        if clock_out[NEAR] > 0 and (clock_out[STALE] > 0 or clock_out[RENEWALS] < 1 or soon):
-            clock_out[NEAR] = 0
-            clock_out[STALE] = 1
+        soon = clock_out[STEPS_DONE] < clock_out[OUTER_NOT_BEFORE]
+        if clock_out[BUILD_OUTER] > 0 and (clock_out[ASK_HOST] > 0 or clock_out[OUTER_BUILDS_LEFT] < 1 or soon):
+            clock_out[BUILD_OUTER] = 0
+            clock_out[ASK_HOST] = 1
 
     @kernel
-    def judge_room(
-        entries: wp.array(dtype=wp.int32), entries_room: int, slots: wp.array(dtype=wp.int32), slots_room: int,
+    def check_outer_capacity(
+        entries: wp.array(dtype=wp.int32), entry_capacity: int, slots: wp.array(dtype=wp.int32), slot_capacity: int,
         clock_out: wp.array(dtype=wp.int32),
     ):  # fmt: skip
-        """One thread: whether there is room for ``entries[1]`` neighbours and ``slots[1]`` slots beside walls."""
-        if entries[1] > entries_room or slots[1] > slots_room:
-            clock_out[STALE] = 1
-        clock_out[NEAR] = 1 - clock_out[STALE]
-        clock_out[RENEWALS] = clock_out[RENEWALS] - clock_out[NEAR]
-        if clock_out[NEAR] > 0 and clock_out[SOON] > 0:
-            clock_out[SOON] = clock_out[DONE] + wp.static(HASTY)
+        """One thread: whether the arrays hold ``entries[1]`` neighbors and ``slots[1]`` slots beside walls."""
+        if entries[1] > entry_capacity or slots[1] > slot_capacity:
+            clock_out[ASK_HOST] = 1
+        clock_out[BUILD_OUTER] = 1 - clock_out[ASK_HOST]
+        clock_out[OUTER_BUILDS_LEFT] = clock_out[OUTER_BUILDS_LEFT] - clock_out[BUILD_OUTER]
+        if clock_out[BUILD_OUTER] > 0 and clock_out[OUTER_NOT_BEFORE] > 0:
+            clock_out[OUTER_NOT_BEFORE] = clock_out[STEPS_DONE] + wp.static(HASTY)
 
     @kernel
-    def put_in_place(
+    def replace_outer(
+        first: int,
         # the new rows
         start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         contact: wp.array(dtype=wp.int32),
-        # where the others were
+        # the old rows, replaced
         start_out: wp.array(dtype=wp.int32),
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
         contact_out: wp.array(dtype=wp.int32),
         flight_out: wp.array(dtype=Flight),
     ):
-        """The new rows take the place of the others. The paths were laid against those, and end."""
-        i = wp.tid()
+        """The new rows replace the old ones. Paths of flight were laid against those, and end."""
+        i = first + wp.tid()
         if flight_out.shape[0] > 0:
             path = flight_out[i]
             path[11] = wp.float64(-1.0)
@@ -74,31 +75,31 @@ def build(Rows):
             contact_out[e] = contact[e]
 
     @kernel
-    def move_places(first: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
-        """Copy the places of the last force call to the grain's slots from ``first`` on, in the other generation."""
-        i = wp.tid()
+    def move_wall_contacts(first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
+        """Copy the contact points of the last force call to the grain's slots from ``slots`` on, in the other generation."""
+        i = first + wp.tid()
         new = clock[PARITY]
         old = 1 - new
-        n = wp.min(rows.place_count[old, i], first[i + 1] - first[i])
+        n = wp.min(rows.place_count[old, i], slots[i + 1] - slots[i])
         rows.place_count[new, i] = n
         for k in range(n):
-            rows.place[new, first[i] + k] = rows.place[old, rows.first[i] + k]
+            rows.place[new, slots[i] + k] = rows.place[old, rows.first[i] + k]
 
     @kernel
-    def settle_places(first: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
+    def settle_wall_contacts(first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
         """Copy them back to the generation that the next force call reads."""
-        i = wp.tid()
+        i = first + wp.tid()
         new = clock[PARITY]
         old = 1 - new
-        rows.first[i] = first[i]
+        rows.first[i] = slots[i]
         if i + 1 == rows.place_count.shape[1]:
-            rows.first[i + 1] = first[i + 1]
+            rows.first[i + 1] = slots[i + 1]
         n = rows.place_count[new, i]
         rows.place_count[old, i] = n
         for k in range(n):
-            rows.place[old, first[i] + k] = rows.place[new, first[i] + k]
+            rows.place[old, slots[i] + k] = rows.place[new, slots[i] + k]
 
     return Built(
-        ask=ask, judge_room=judge_room, put_in_place=put_in_place, move_places=move_places,
-        settle_places=settle_places,
+        ask_outer=ask_outer, check_outer_capacity=check_outer_capacity, replace_outer=replace_outer,
+        move_wall_contacts=move_wall_contacts, settle_wall_contacts=settle_wall_contacts,
     )  # fmt: skip

@@ -1,46 +1,44 @@
-"""The step on a GPU: each phase one launch with a thread per contact or grain, many steps in one captured graph.
+"""The step as launches with a thread per contact or grain: what a captured graph is made of (``warpdem.engine.graph``).
 
-The graph is a loop that runs while clock[GO] is set. Its body is a few steps without a look back, then ``tick``; when a grain
-has moved too far the launches that follow in the body do nothing, and a branch of the graph makes the contact list anew (the
-kernels of ``neighbours`` and ``numbering``) and evaluates the forces; where the near list is out of date too, another branch
-makes that first (``renewal``). What changes with time is in device memory: the schedule's rows, and the clock that says which
-of them is now. The host is asked when the steps are done, when there is too little room for a list or the grains want to be
-sorted in memory, when a grain left the domain or is no number, and when its speed beside a mesh is too high.
-
-    GO, NEAR, REFRESH, FRESH   conditions of the loop and of its branches
-    ROW                        of the schedule: the present step
-    LEFT, DONE                 steps to do and done
-    PARITY, HOLD               of the present step; as in ``run``
-    MOVED                      steps of the body after which a grain had moved too far, 0 when none has
-    FAR                        whether it was that, and not only that a grain left the domain
-    DEEP                       1 + steps of the body after which a contact was too deep, 0 when none was
-    STALE                      the host is next
-    LANES, SHARES, ROWS        of the packs, of the rows that are summed, and grains beside a wall
-    REFRESHES, LATEST          contact lists made, and the steps done at the last
-    RENEWALS                   near lists that may still be made before the host sorts the grains
-    SOON                       steps done before which the host wants to be asked for a near list; 0: not at all
+The graph is a loop that runs while clock[RUN] is set. Its body is a few steps without a look back, then ``advance_clock``. When
+a grain has moved too far, the launches that follow in the body do nothing, and a branch of the graph checks the lists, builds
+the outer list if it is out of date, then the inner list, and evaluates the forces. What changes with time is in device memory:
+the rows of the schedule, and the clock (``clock``) that says which of them is now. The host is asked when the steps are done,
+when a list is longer than its arrays or the grains are to be sorted in memory, and when a grain needs it (``displacement``).
 
 The largest overlap and speed are kept by atomic maxima, which are the same in any order; the only other atomics link grains
-into cells, in an order that ``near_rows`` sorts away. So two runs have equal bits. A maximum is compared before it is raised:
-nearly all threads only read.
+into cells, in an order that ``find_neighbors`` sorts away. So two runs have equal bits. A maximum is compared before it is
+raised: nearly all threads only read.
 """
 
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.lists.flight import Watched
-from warpdem.kernels.lists.path import Flight, in_flight
+from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels.step.clock import (
+    ASK_HOST,
+    BEYOND_LISTS,
+    BUILD_INNER,
+    BUILD_OUTER,
+    CHECK_LISTS,
+    CONTACT_LANES,
+    DEEP_AT,
+    FORCE_SLOTS,
+    INNER_BUILDS,
+    LATEST_BUILD,
+    MOVED_AT,
+    PARITY,
+    RUN,
+    SCHEDULE_ROW,
+    STEPS_DONE,
+    STEPS_LEFT,
+    WALL_GRAINS,
+    forces_due,
+)
 from warpdem.kernels.step.loop import too_deep
 from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.step.schedule import Placement, local, past_turn, slip_time, wall_velocity
+from warpdem.kernels.step.schedule import Placement, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
-
-CLOCK = 20
-(
-    GO, NEAR, REFRESH, FRESH, ROW, LEFT, DONE, PARITY, HOLD, MOVED, FAR, DEEP, STALE, LANES, SHARES, ROWS, REFRESHES, LATEST,
-    RENEWALS, SOON,
-) = range(CLOCK)  # fmt: skip
 
 
 @wp.func
@@ -50,21 +48,8 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
         wp.atomic_max(extreme_out, at, value)
 
 
-@wp.func
-def forces_due(clock: wp.array(dtype=wp.int32), ahead: int, stage: int) -> bool:
-    """Whether the forces ``ahead`` steps from now are wanted; those of a stage belong to the step that begins there."""
-    if clock[MOVED] != 0 or clock[DEEP] != 0:
-        return False
-    if stage > 0:
-        return ahead < clock[LEFT]
-    return ahead < clock[LEFT] or (ahead == clock[LEFT] and clock[HOLD] == 0)
-
-
 @functools.cache
-def build(
-    step, pairs, evaluate, Rows, travel, border, real, *, spins: bool, history: int, stages: int, lanes: int, moving: int,
-    table: bool, leave: bool,
-):  # fmt: skip
+def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes: int):
     """Return the kernels of the graph.
 
     Args:
@@ -72,18 +57,11 @@ def build(
         pairs: namespace of ``pairs.build``.
         evaluate: of ``thread_contact.build``.
         Rows: struct of the wall rows.
-        travel: namespace of ``motion.build_travel``.
-        border: periodic images, of ``border.build``.
         real: precision of the contact law.
-        spins: grains spin.
         history: numbers remembered per contact.
         stages: force calls per step.
         lanes: contacts per pack.
-        moving: wall motions relative to the frame.
-        table: coefficients differ between contacts.
-        leave: grains may leave the domain.
     """
-    g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.struct
@@ -101,13 +79,13 @@ def build(
 
     @kernel
     def pair_forces(
-        ahead: int, stage: int, grains: step.Grains, contacts: Contacts, control: step.Control,
+        first: int, ahead: int, stage: int, grains: step.Grains, contacts: Contacts, control: step.Control,
         coefficients: wp.array(dtype=pairs.Coefficients), clock: wp.array(dtype=wp.int32), dt: wp.float64,
     ):  # fmt: skip
-        t = wp.tid()
-        if t >= clock[LANES] or not forces_due(clock, ahead, stage):
+        t = first + wp.tid()
+        if t >= clock[CONTACT_LANES] or not forces_due(clock, ahead, stage):
             return
-        row = control.row[(clock[ROW] + ahead) * wp.static(stages) + stage]
+        row = control.row[(clock[SCHEDULE_ROW] + ahead) * wp.static(stages) + stage]
         memory = contacts.memory
         if stage > 0:
             memory = contacts.trial
@@ -121,14 +99,14 @@ def build(
 
     @kernel
     def wall_forces(
-        ahead: int, stage: int, grains: step.Grains, rows: Rows, surface: Surface, control: step.Control,
+        first: int, ahead: int, stage: int, grains: step.Grains, rows: Rows, surface: Surface, control: step.Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, clock: wp.array(dtype=wp.int32), dt: wp.float64,
     ):  # fmt: skip
-        r = wp.tid()
-        if r >= clock[ROWS] or not forces_due(clock, ahead, stage):
+        r = first + wp.tid()
+        if r >= clock[WALL_GRAINS] or not forces_due(clock, ahead, stage):
             return
         share, approach = step.touch_row(
-            r, clock[ROW] + ahead, stage, grains, rows, surface, control, coefficients, materials,
+            r, clock[SCHEDULE_ROW] + ahead, stage, grains, rows, surface, control, coefficients, materials,
             (clock[PARITY] + ahead) & 1, dt,
         )  # fmt: skip
         raise_to(control.extreme, 2, share)
@@ -136,145 +114,81 @@ def build(
 
     @kernel
     def move(
-        ahead: int, stage: int, grains: step.Grains, rows: Rows, control: step.Control, clock_out: wp.array(dtype=wp.int32),
-        dt: wp.float64, reach: wp.float64,
+        first: int, ahead: int, stage: int, grains: step.Grains, rows: Rows, control: step.Control,
+        clock_out: wp.array(dtype=wp.int32), dt: wp.float64, reach: wp.float64,
     ):  # fmt: skip
-        i = wp.tid()
+        i = first + wp.tid()
         # a thread of this very launch may have seen its grain beyond reach already
-        if ahead >= clock_out[LEFT] or (clock_out[MOVED] != 0 and clock_out[MOVED] <= ahead):
+        if ahead >= clock_out[STEPS_LEFT] or (clock_out[MOVED_AT] != 0 and clock_out[MOVED_AT] <= ahead):
             return
-        if clock_out[DEEP] != 0 and (clock_out[DEEP] <= ahead or stage > 0):
+        if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
             return
         if stage == 0 and too_deep(control.extreme, 0, control.deepest):
-            clock_out[DEEP] = ahead + 1
+            clock_out[DEEP_AT] = ahead + 1
             return
-        moved = step.move_phase(i, i + 1, 1, clock_out[ROW] + ahead, stage, grains, rows, control, dt, reach)
+        moved = step.move_phase(i, i + 1, 1, clock_out[SCHEDULE_ROW] + ahead, stage, grains, rows, control, dt, reach)
         if moved > 0:
-            clock_out[MOVED] = ahead + 1
+            clock_out[MOVED_AT] = ahead + 1
         if (moved & wp.static(BEYOND)) > 0:
-            clock_out[FAR] = 1
+            clock_out[BEYOND_LISTS] = 1
 
     @kernel
-    def tick(
+    def advance_clock(
         count: int, motions: int, control: step.Control, clock_out: wp.array(dtype=wp.int32),
         placement_out: wp.array(dtype=Placement),
     ):  # fmt: skip
-        """One thread: the ``count`` steps of a body, or those before the lists ran out, are done."""
-        done = wp.min(count, clock_out[LEFT])
-        clock_out[REFRESH] = 0
-        clock_out[NEAR] = 0
-        if clock_out[MOVED] > 0:
-            done = clock_out[MOVED]
-            clock_out[REFRESH] = 1
-        if clock_out[DEEP] > 0:
-            done = clock_out[DEEP] - 1
-        clock_out[MOVED] = 0
-        clock_out[ROW] = clock_out[ROW] + done
-        clock_out[DONE] = clock_out[DONE] + done
-        clock_out[LEFT] = clock_out[LEFT] - done
+        """One thread: the ``count`` steps of a body are done, or those before a grain had moved too far."""
+        done = wp.min(count, clock_out[STEPS_LEFT])
+        clock_out[CHECK_LISTS] = 0
+        clock_out[BUILD_OUTER] = 0
+        if clock_out[MOVED_AT] > 0:
+            done = clock_out[MOVED_AT]
+            clock_out[CHECK_LISTS] = 1
+        if clock_out[DEEP_AT] > 0:
+            done = clock_out[DEEP_AT] - 1
+        clock_out[MOVED_AT] = 0
+        clock_out[SCHEDULE_ROW] = clock_out[SCHEDULE_ROW] + done
+        clock_out[STEPS_DONE] = clock_out[STEPS_DONE] + done
+        clock_out[STEPS_LEFT] = clock_out[STEPS_LEFT] - done
         clock_out[PARITY] = (clock_out[PARITY] + done) & 1
-        clock_out[GO] = wp.min(clock_out[LEFT], 1)
-        if clock_out[DEEP] > 0:
-            clock_out[GO] = 0
-        if clock_out[REFRESH] > 0:
+        clock_out[RUN] = wp.min(clock_out[STEPS_LEFT], 1)
+        if clock_out[DEEP_AT] > 0:
+            clock_out[RUN] = 0
+        if clock_out[CHECK_LISTS] > 0:
             for m in range(motions):
-                placement_out[m] = control.placement[(clock_out[ROW] + 1) * wp.static(stages), m]
+                placement_out[m] = control.placement[(clock_out[SCHEDULE_ROW] + 1) * wp.static(stages), m]
 
     @kernel
-    def look(
-        grains: step.Grains, reference: wp.array2d(dtype=wp.vec3d), control: step.Control, watched: Watched,
-        placements: wp.array(dtype=Placement), dt: wp.float64, reach: wp.float64, clock_out: wp.array(dtype=wp.int32),
-    ):  # fmt: skip
-        """Whether the near list is out of date: a grain is further than ``reach`` [m] from where it was made.
-
-        The host must look when a grain is no longer in the domain, is no number, or is fast beside a mesh.
-        """
-        i = wp.tid()
-        state = grains.record[i]
-        if wp.static(leave):
-            if g.gone(state):
-                return
-        q = g.position(state)
-        at = (clock_out[ROW] + 1) * wp.static(stages)
-        moved = travel.travelled(
-            i, state, reference, grains.flight, control.placement, control.outlet, control.origin, at, dt, reach
-        )
-        if (moved & BEYOND) > 0:
-            clock_out[NEAR] = 1
-        stale = travel.left_domain(q, control.outlet)
-        if border.thrown(q) or not wp.isfinite(wp.length_sq(q)):
-            stale = 1
-        for w in range(watched.motion.shape[0]):
-            p = placements[watched.motion[w]]
-            way = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
-            if not (way <= watched.share[w] * state[3]):
-                body = local(p, q)
-                room = state[3] + way
-                low = body - watched.low[w] + wp.vec3d(room, room, room)
-                high = watched.high[w] - body + wp.vec3d(room, room, room)
-                if wp.min(low) > wp.float64(0.0) and wp.min(high) > wp.float64(0.0):
-                    stale = 1
-        if stale > 0:
-            clock_out[STALE] = 1
+    def resume(clock_out: wp.array(dtype=wp.int32)):
+        """One thread: whether the inner list is built here; else all stays as the last forces left it, for the host."""
+        clock_out[BUILD_INNER] = 1 - clock_out[ASK_HOST]
+        if clock_out[ASK_HOST] > 0:
+            clock_out[RUN] = 0
 
     @kernel
-    def go_on(clock_out: wp.array(dtype=wp.int32)):
-        """One thread: whether the contact list is made here; else all is left as the last forces left it, for the host."""
-        clock_out[FRESH] = 1 - clock_out[STALE]
-        if clock_out[STALE] > 0:
-            clock_out[GO] = 0
-
-    @kernel
-    def judge(lanes_room: int, shares_room: int, clock_out: wp.array(dtype=wp.int32)):
-        """One thread: whether the contact list can be made here, else the host is asked."""
-        if clock_out[LANES] > lanes_room or clock_out[SHARES] > shares_room:
-            clock_out[STALE] = 1
-        clock_out[FRESH] = 1 - clock_out[STALE]
-        if clock_out[FRESH] > 0:
-            clock_out[REFRESHES] = clock_out[REFRESHES] + 1
-            clock_out[LATEST] = clock_out[DONE]
-            clock_out[FAR] = 0
+    def check_capacity(lane_capacity: int, slot_capacity: int, clock_out: wp.array(dtype=wp.int32)):
+        """One thread: whether the arrays hold the inner list, else the host is asked."""
+        if clock_out[CONTACT_LANES] > lane_capacity or clock_out[FORCE_SLOTS] > slot_capacity:
+            clock_out[ASK_HOST] = 1
+        clock_out[BUILD_INNER] = 1 - clock_out[ASK_HOST]
+        if clock_out[BUILD_INNER] > 0:
+            clock_out[INNER_BUILDS] = clock_out[INNER_BUILDS] + 1
+            clock_out[LATEST_BUILD] = clock_out[STEPS_DONE]
+            clock_out[BEYOND_LISTS] = 0
         else:
-            clock_out[GO] = 0
+            clock_out[RUN] = 0
 
     @kernel
-    def clear(partner: int, filler: int, contacts: Contacts):
-        """Lanes that no contact fills: their shares would go to a row that nobody reads."""
-        t = wp.tid()
-        p = t // wp.static(lanes)
-        k = t % wp.static(lanes)
-        contacts.owner[p, k] = 0
-        contacts.partner[p, k] = partner
-        contacts.slot_i[p, k] = filler
-        contacts.slot_j[p, k] = filler
-        if wp.static(table):
-            contacts.kind[p, k] = 0
-
-    @kernel
-    def take_over(contacts: Contacts, clock: wp.array(dtype=wp.int32)):
-        """The memory of the new list, where the graph's launches expect it."""
-        t = wp.tid()
-        if t < clock[LANES]:
+    def adopt_history(first: int, contacts: Contacts, clock: wp.array(dtype=wp.int32)):
+        """The contact history of the new list, where the launches of the step expect it."""
+        t = first + wp.tid()
+        if t < clock[CONTACT_LANES]:
             for f in range(wp.static(history)):
                 contacts.memory[t // wp.static(lanes), f, t % wp.static(lanes)] = contacts.next[
                     t // wp.static(lanes), f, t % wp.static(lanes)
                 ]
 
-    @kernel
-    def mark(
-        record: wp.array(dtype=g.Record), placements: wp.array(dtype=Placement), flight: wp.array(dtype=Flight),
-        reference_out: wp.array2d(dtype=wp.vec3d),
-    ):  # fmt: skip
-        """Where grains are now: the place from which their way is counted. Those in flight have none."""
-        i = wp.tid()
-        if in_flight(flight, i):
-            return
-        q = g.position(record[i])
-        reference_out[i, 0] = q
-        for m in range(wp.static(moving)):
-            reference_out[i, m + 1] = local(placements[m], q)
-
     return Built(
-        pair_forces=pair_forces, wall_forces=wall_forces, move=move, tick=tick, look=look, go_on=go_on, judge=judge,
-        clear=clear, take_over=take_over, mark=mark, Contacts=Contacts,
+        pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
+        check_capacity=check_capacity, adopt_history=adopt_history, Contacts=Contacts,
     )  # fmt: skip

@@ -9,11 +9,10 @@ import time
 import numpy as np
 import warp as wp
 from warpdem.kernels.contact.pairs import share_width
-from warpdem.kernels.step.graph import CLOCK, GO, LANES, LEFT, PARITY, ROW, ROWS, SHARES
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.step.clock import RUN, STEPS_LEFT, TOTALS
 
 import warpdem
-from warpdem.engine.graph import Launches
+from warpdem.engine.graph import Captured
 
 COPY = 1 << 28  # numbers of the array that is copied on a GPU: far beyond its caches
 
@@ -73,15 +72,14 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
     """
     run = activities(sim, steps)
     sim.prepare()
-    resident, stepper, device = sim.stepper.resident, sim.stepper, sim.device
-    grains, _, rows = stepper.arguments()
-    launches = Launches(resident, grains, rows, sim.walls.surface if sim.walls else Surface())
-    clock = np.zeros(CLOCK, dtype=np.int32)
-    base, left = stepper.row()
-    clock[[ROW, LEFT, PARITY, GO]] = base, max(left, 1), sim.step_number & 1, 1
-    clock[[LANES, SHARES, ROWS]] = sim.lists.totals[0], sim.lists.totals[1], sim.lists.row_count
-    resident.clock.assign(clock)
-    calls = {"pair_forces": launches.pair_forces, "wall_forces": launches.wall_forces, "move": launches.move}
+    engine, executor, device = sim.engine, sim.engine.executor, sim.device
+    step = Captured(sim.model, sim.state, engine.lists, engine.structs, engine.batch, executor.storage).step
+    engine.batch.set_time()
+    clock = engine.batch.clock.numpy().copy()
+    clock[[STEPS_LEFT, RUN]] = max(engine.steps_ahead, 1), 1
+    clock[TOTALS] = sim.lists.totals
+    engine.batch.clock.assign(clock)
+    calls = {"pair_forces": step.pair_forces, "wall_forces": step.wall_forces, "move": step.move}
     if not sim.plan.walls.present:
         del calls["wall_forces"]
     seconds = {name: seconds_of(lambda call=call: call(0), repeats, device) for name, call in calls.items()}
@@ -94,6 +92,6 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
         "of_copy": {name: b / seconds[name] / copy for name, b in moved.items()},
         "least_bytes_per_grain": {name: b / len(sim.state) for name, b in moved.items()},
         "run": run,
-        "captures": resident.captures,
-        "refreshes_on_device": resident.refreshes,
+        "captures": executor.captures,
+        "refreshes_on_device": executor.refreshes,
     }

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from warpdem import Scene
-from warpdem.app.run import writer_of
+from warpdem.app.outputs import writer_of
 from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import ContactNetwork, Snapshot
 
@@ -47,7 +47,7 @@ def frames(count: int, grains: int, contacts: bool, orientation: bool) -> list[S
         Snapshot(
             step=1000 * k,
             time=0.01 * k,
-            frame=FramePose.turned(np.array([0.0, 1.0, 0.0]), np.zeros(3), 0.1 * k, 10.0),
+            frame=FramePose.rotated(np.array([0.0, 1.0, 0.0]), np.zeros(3), 0.1 * k, 10.0),
             **{name: values.copy() for name, values in same.items()},
             **{name: rng.random((grains, 3)) for name in ("position", "velocity", "spin", "force")},
             orientation=rng.random((grains, 4)) if orientation else None,

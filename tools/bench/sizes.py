@@ -21,8 +21,9 @@ from rich.table import Table
 import warpdem
 from bench.states import Settings, Start, save_state, scene_of
 from bench.window import OtherLoad, Window, spread, window
-from warpdem.filling.packing import Filling, pack
-from warpdem.filling.region import region
+from warpdem.filling.fill_region import closed_region
+from warpdem.filling.fill_request import Filling
+from warpdem.filling.packing import pack
 
 SMALLEST = 0.3e-3  # diameter of the smallest grains [m]
 UNIFORM = 2.0  # ratio of the bed that the others are compared with: Table 2 of the paper, uniform by number
@@ -70,7 +71,7 @@ def bed(count: int, ratio: float, sizes: int, folder: Path, settle: int) -> Bed:
     start = Start(name, folder / f"{name}_{sizes}_{settle}.npz", width=width)
     seconds = None
     if not start.file.exists():
-        box = region(None, ((0.0,) * 3, (width,) * 3), "fill")
+        box = closed_region(None, ((0.0,) * 3, (width,) * 3), "fill")
         [position], [took] = pack([Filling(box, 0.5 * diameter, np.random.default_rng(2), "fill")])
         seconds = took.seconds
         rest = np.zeros_like(position)

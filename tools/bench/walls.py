@@ -29,10 +29,10 @@ AROUND, ALONG = 192, 24  # facets of a tessellated shape
 
 def phases(sim: Simulation, launches: int) -> dict[str, float]:
     """Least time of each phase of the present step [us]."""
-    stepper, loop, lists = sim.stepper, sim.kernels.loop, sim.lists
-    grains, packs, rows = stepper.arguments()
-    base, _ = stepper.row()
-    control, last = stepper.control, len(sim.state)
+    engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
+    grains, packs, rows = engine.structs.arguments()
+    base, _ = engine.batch.row()
+    control, last = engine.batch.control, len(sim.state)
     calls = {
         "pairs": (loop.pair_forces, [1, packs.owner.shape[0], base, 0, grains, packs, control, sim.coefficients, sim.dt]),
         "walls": (
@@ -40,7 +40,7 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
             [1, lists.row_count, base, 0, grains, rows, sim.walls.surface, control, sim.coefficients,
              sim.plan.contact.materials, sim.step_number & 1, sim.dt],
         ),
-        "motion": (loop.move, [1, last, base - 1, 0, grains, rows, control, sim.dt, lists.reach]),
+        "motion": (loop.move, [1, last, base - 1, 0, grains, rows, control, sim.dt, lists.max_displacement]),
     }  # fmt: skip
     out = {}
     for name, (kernel, inputs) in calls.items():

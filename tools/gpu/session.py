@@ -10,7 +10,7 @@ graph on a CPU, on tiny beds.
                 bits of two GPU runs; frames written beside the steps                       equal
     speed       ns per grain and step, time of each launch, bytes moved over a copy's       1.0 (mixed 0.3) at 1e6
     step        microseconds of a step at 10 000 grains, by steps between two looks at      15
-                the clock (`engine.resident.BODY`)
+                the clock (`engine.graph.BODY`)
     hourglass   the paper's hourglass, a stretch; half a turn is 1e6 steps                  60 s to 600 s for 160 000
     memory      bytes per grain of each array, 100 000 grains
     large       10 million grains: they run, memory per grain                               700 B
@@ -83,7 +83,7 @@ def compile(device: str, small: bool, folder: Path) -> dict:
             groups = [numbering, cells, *(group for group in vars(built).values() if isinstance(group, Built))]
             kernels = [thing for group in groups for thing in vars(group).values() if isinstance(thing, wp.Kernel)]
             # the CPU's loop waits at barriers between threads: nothing for a GPU
-            modules |= {id(k.module): k.module for k in kernels if not (built.resident and k is built.loop.run)}
+            modules |= {id(k.module): k.module for k in kernels if not (built.graph and k is built.loop.run)}
         wp.force_load(where, [*modules.values()], max_workers=len(os.sched_getaffinity(0)))
         out[name] = {"modules": len(modules), "s": time.perf_counter() - begin}
     return out
@@ -199,7 +199,7 @@ def step(device: str, small: bool, folder: Path) -> dict:
             "us": 1e6 * (time.perf_counter() - begin) / steps,
             "rebuilds": sim.lists.rebuilds - lists,
             "refreshes": sim.lists.refreshes - refreshes,
-            "captures": sim.stepper.resident.captures,
+            "captures": sim.engine.executor.captures,
         }
     return out
 

@@ -153,7 +153,7 @@ def balance() -> float:
     sim = stream_scene(2000.0, 0.0)
     sim.step(5000)
     assert sim.left["low"][0] > 10
-    return abs(sim.feeders[0].count - sim.left["low"][0] - len(sim.state))
+    return abs(sim.inlets[0].count - sim.left["low"][0] - len(sim.state))
 
 
 @case("grains leave the domain on all sides", "grains at the start - left - there", 0.0, tier="short")

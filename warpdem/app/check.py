@@ -8,10 +8,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from warpdem.app import advice, summary
-from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK, Outputs, cadence
+from warpdem.app import scene_warnings, summary
+from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, told_if_long
-from warpdem.filling.streams import mean_to_come
+from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
 from warpdem.scene.motion_chain import largest_rates
@@ -51,14 +52,14 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
         "largest_rates": rates,
         "time_step": sim.dt,
         "time_step_from": found.binding if scene.time.step == "auto" else "time.step",
-        "limits": advice.limit_rows(sim),
+        "limits": scene_warnings.limit_rows(sim),
         "max_speed": found.max_speed,
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
-        "warnings": advice.warnings(sim),
+        "warnings": scene_warnings.warnings(sim),
     }
     return {**out, **_probed(sim, steps, console)} if probe and most else out
 
@@ -72,7 +73,7 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now
     begin, empty = time.perf_counter(), len(sim.state) == 0
     while not len(sim.state) and time.perf_counter() - begin < PROBE_SECONDS and sim.step_number < steps:
-        sim.step(min(steps - sim.step_number, max(feeder.every for feeder in sim.feeders)))  # steps of nothing cost nothing
+        sim.step(min(steps - sim.step_number, max(inlet.every for inlet in sim.inlets)))  # steps of nothing cost nothing
     begin, first, chunk = time.perf_counter(), sim.step_number, 16
     while (gone := time.perf_counter() - begin) < PROBE_SECONDS and sim.step_number < steps:
         sim.step(min(chunk, steps - sim.step_number))
@@ -84,10 +85,10 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
     size, frame_seconds, row_seconds = _written(sim)
     contacts, here = len(sim.contacts().i), len(sim.state)
     end, density = sim.scene.time.end, {name: material.density for name, material in sim.scene.materials.items()}
-    mean = sum(mean_to_come(stream, density[stream.material], end) for stream in sim.scene.streams)
+    mean = sum(mean_count(stream, density[stream.material], end) for stream in sim.scene.streams)
     mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
     settles = any(sim.scene.gravity) and sim.device.is_cpu
-    to_come = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
+    expected_count = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
     of_a_frame = sum(FRAME_BYTES[name] for name in sim.scene.output.formats)
     size += int(of_a_frame * mean)
     frame_seconds += FRAME_SECONDS * len(sim.scene.output.formats) * mean
@@ -100,7 +101,7 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
         "seconds_per_step": per_step,
         "output_seconds": output,
         "estimated_seconds": estimate,
-        "settled_seconds": estimate + steps * to_come * CONTACT_SECONDS / sim.threads.count,
+        "settled_seconds": estimate + steps * expected_count * CONTACT_SECONDS / sim.threads.count,
         "frames": frames,
         "rows": rows,
         "output_bytes": frames * size,

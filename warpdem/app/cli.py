@@ -70,7 +70,7 @@ def run(
         quiet: Print errors only.
     """
     from warpdem.app.phases import run as run_all
-    from warpdem.app.run import default_folder, named_folder
+    from warpdem.app.run_folder import default_folder, named_folder
     from warpdem.core.file_names import require_usable
     from warpdem.core.run_lock import FolderLocked
     from warpdem.scene.file import load_scene

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from warpdem.app.run import CHECKPOINT
+from warpdem.app.run_folder import CHECKPOINT
 from warpdem.errors import OutputError, SceneError
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene

@@ -11,7 +11,9 @@ from xml.etree import ElementTree
 
 from rich.console import Console
 
-from warpdem.app.run import CHECKPOINT, check_request, draw_picture, refuse_results, run_scene, wants_picture
+from warpdem.app.final_picture import draw_picture, wants_picture
+from warpdem.app.run import run_scene
+from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.core.atomic_file import replaced
 from warpdem.core.run_lock import locked
 from warpdem.errors import WarpdemError

@@ -72,7 +72,7 @@ def speed_text(seconds_per_step: float, grains: int) -> str:
 
 def shortfalls(sim) -> list[str]:
     """Which streams brought less so far than they should have."""
-    found = [feeder.shortfall(sim.step_number) for feeder in sim.feeders]
+    found = [inlet.shortfall(sim.step_number) for inlet in sim.inlets]
     return [words for words in found if words is not None]
 
 
@@ -101,9 +101,9 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
     for packing in sim.expected.packings:
         table.add_row("packing", f"{packing.grains} grains without overlap in {packing.seconds:.1f} s: {packing.steps} steps, "
                                  f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
-    for feeder in sim.feeders:
-        waits = "; the next waits for room" if feeder.blocked else ""
-        table.add_row("came in", f"{feeder.count} grains, {feeder.mass:.4g} kg, of {escape(feeder.stream.material)}{waits}")
+    for inlet in sim.inlets:
+        waits = "; the next waits for room" if inlet.blocked else ""
+        table.add_row("came in", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(inlet.stream.material)}{waits}")
     for words in shortfalls(sim):
         table.add_row("[bold red]warning[/]", escape(words))
     for name, (count, mass) in sim.left.items():

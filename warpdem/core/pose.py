@@ -1,4 +1,4 @@
-"""Where bodies stand at a time: placements in the frame, the parts of a motion, and the pose of the frame itself."""
+"""Poses at one time: placements of bodies in the frame, the single motions of a chain, and the pose of the frame itself."""
 
 from dataclasses import dataclass
 
@@ -7,42 +7,42 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a body stands in the frame axes: x_frame = rotation @ x_body + translation."""
+    """Position and orientation of a body in the frame axes: x_frame = rotation @ x_body + translation."""
 
     rotation: np.ndarray
-    """Turn from body axes to frame axes, shape (3, 3)."""
+    """Rotation from body axes to frame axes [-], shape (3, 3)."""
     translation: np.ndarray
-    """Shift [m], shape (3,)."""
+    """Position of the body's origin in the frame axes [m], shape (3,)."""
 
 
 @dataclass(frozen=True)
 class RotationPart:
-    """A turn about a line: x goes to origin + R (x - origin)."""
+    """A rotation about an axis: x goes to origin + R (x - origin)."""
 
     axis: np.ndarray
     """Unit vector of the axis, shape (3,)."""
     origin: np.ndarray
-    """A point of the axis [m], shape (3,)."""
+    """A point on the axis [m], shape (3,)."""
     angle: float
-    """Angle turned since time 0, not wrapped [rad]."""
+    """Rotation angle since time 0, not wrapped [rad]."""
 
 
 @dataclass(frozen=True)
 class TranslationPart:
-    """A shift: x goes to x + shift."""
+    """A translation: x goes to x + shift."""
 
     shift: np.ndarray
-    """Shift since time 0 [m], shape (3,)."""
+    """Displacement since time 0 [m], shape (3,)."""
 
 
 @dataclass(frozen=True)
 class SampledPart:
-    """A rigid motion without an axis of its own: x goes to R x + shift."""
+    """A rigid motion without a fixed axis: x goes to R x + shift."""
 
     quaternion: np.ndarray
     """Unit quaternion of R, scalar first, shape (4,)."""
     shift: np.ndarray
-    """Shift [m], shape (3,)."""
+    """Displacement [m], shape (3,)."""
 
 
 Part = RotationPart | TranslationPart | SampledPart
@@ -50,28 +50,28 @@ Part = RotationPart | TranslationPart | SampledPart
 
 @dataclass(frozen=True)
 class FramePose:
-    """Where the frame stands in the laboratory and how it moves: x_lab = rotation @ x_frame + translation."""
+    """Pose and velocity of the frame in the laboratory: x_lab = rotation @ x_frame + translation."""
 
     rotation: np.ndarray
-    """Turn from frame axes to laboratory axes, shape (3, 3)."""
+    """Rotation from frame axes to laboratory axes [-], shape (3, 3)."""
     translation: np.ndarray
-    """Place of the frame's origin [m], shape (3,)."""
+    """Position of the frame's origin [m], shape (3,)."""
     spin: np.ndarray
     """Angular velocity in frame axes [rad/s], shape (3,)."""
     velocity: np.ndarray
     """Absolute velocity of the frame's origin in frame axes [m/s], shape (3,)."""
     parts: tuple[Part, ...] = ()
-    """The motions that make up the place, outermost first; none in an inertial frame."""
+    """The single motions of the chain, outermost first; none in an inertial frame."""
 
     @classmethod
-    def turned(cls, axis: np.ndarray, origin: np.ndarray, angle: float, rate: float) -> "FramePose":
-        """A frame turned by ``angle`` [rad] about a unit axis through ``origin`` [m] that turns at ``rate`` [rad/s]."""
+    def rotated(cls, axis: np.ndarray, origin: np.ndarray, angle: float, rate: float) -> "FramePose":
+        """A frame rotated by ``angle`` [rad] about a unit axis through ``origin`` [m], which rotates at ``rate`` [rad/s]."""
         x, y, z = axis
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
+        increment = np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)  # R - I
         spin = rate * np.asarray(axis)
         part = RotationPart(np.asarray(axis), np.asarray(origin), float(angle))
-        return cls(np.eye(3) + turn, -turn @ origin, spin, -np.cross(spin, origin), (part,))
+        return cls(np.eye(3) + increment, -increment @ origin, spin, -np.cross(spin, origin), (part,))
 
     @property
     def angle(self) -> float:

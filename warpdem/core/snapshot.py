@@ -1,4 +1,4 @@
-"""What a run shows at one instant: all that writers and pictures see of it."""
+"""The state of a run at one time, as writers and pictures read it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +9,7 @@ from warpdem.core.pose import FramePose, Placement
 
 @dataclass(frozen=True)
 class WallLoad:
-    """What the grains do to a wall at one instant; vectors in frame axes, or in the laboratory."""
+    """Load of the grains on a wall at one time; vectors in frame axes, or in laboratory axes."""
 
     force: np.ndarray
     """Force [N], shape (3,)."""
@@ -20,22 +20,22 @@ class WallLoad:
     power: float
     """Work that the wall's motion does on the grains in the laboratory, per time [W]: drive power when positive."""
     triangle_force: np.ndarray
-    """Force on each triangle of a mesh [N], shape (t, 3); no rows for other walls."""
+    """Force on each triangle of a mesh [N], shape (t, 3); empty for other walls."""
     pressure: np.ndarray
-    """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive when grains push."""
+    """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
 
     def in_laboratory(self, frame: FramePose) -> "WallLoad":
-        """The same load, vectors turned from frame axes to the laboratory."""
-        turned = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
-        return replace(self, **turned, about=frame.to_laboratory(self.about))
+        """The same load, vectors rotated from frame axes to laboratory axes."""
+        rotated = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
+        return replace(self, **rotated, about=frame.to_laboratory(self.about))
 
 
 @dataclass(frozen=True)
 class ContactNetwork:
-    """The contacts at one instant as lines, grain-grain first, then grain-wall, each by ids; vectors in frame axes.
+    """The contacts at one time as lines, grain-grain first, then grain-wall, each ordered by ids; vectors in frame axes.
 
-    A contact of two grains goes from the centre of i, the one of the lower id, to the centre of j (its nearest image, if the
-    domain is periodic); one with a wall from the centre of i to the contact point.
+    The line of a contact of two grains runs from the centre of i, the grain of the lower id, to the centre of j (its nearest
+    image if the domain is periodic); the line of a contact with a wall runs from the centre of i to the contact point.
     """
 
     i: np.ndarray
@@ -51,9 +51,9 @@ class ContactNetwork:
     force: np.ndarray
     """Force on i [N], shape (c, 3)."""
     normal_force: np.ndarray
-    """Part of the force along the normal [N], positive when it pushes, shape (c,)."""
+    """Component of the force along the normal [N], positive when repulsive, shape (c,)."""
     friction_force: np.ndarray
-    """Rest of the force on i, in the plane of contact [N], shape (c, 3)."""
+    """Tangential force on i, in the contact plane [N], shape (c, 3)."""
     overlap: np.ndarray
     """Overlap [m], shape (c,)."""
     sliding: np.ndarray
@@ -95,12 +95,12 @@ class Snapshot:
     contacts: ContactNetwork | None = None
     """The contacts; None when the scene leaves them out."""
     gravity: np.ndarray | None = None
-    """Gravity in laboratory axes [m/s2], shape (3,); None where results do not tell it."""
+    """Gravity in laboratory axes [m/s2], shape (3,); None where results do not hold it."""
 
 
 @dataclass(frozen=True)
 class WallMesh:
-    """A mesh wall in its body axes; its place at any instant is the snapshot's Placement of that name."""
+    """A mesh wall in its body axes; the snapshot's ``walls`` hold its placement at any time."""
 
     name: str
     vertices: np.ndarray
@@ -108,4 +108,4 @@ class WallMesh:
     triangles: np.ndarray
     """Corner numbers of each triangle, shape (t, 3), int32."""
     infinite: bool = False
-    """Whether this is a patch of a plane without end, cut to what is seen."""
+    """Whether this is a patch of an infinite plane, cut to the part that is drawn."""

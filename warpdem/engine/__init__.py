@@ -1,1 +1,1 @@
-"""From a scene to steps: plan, kernels, time step, state, lists, launches, checkpoint."""
+"""From a scene to steps: features, kernels, time step, state, lists, launches, checkpoint."""

@@ -1,54 +1,48 @@
-"""Device arrays of the lists: their memory is kept from one making of the lists to the next."""
+"""Device arrays of the lists: their memory is kept from one build to the next."""
 
 import numpy as np
 import warp as wp
 
 SPARE = 0.125
-"""Of the room of lists that a device makes anew, for when they get longer [-]."""
+"""Capacity of lists that a device builds itself beyond what they need at present [-]."""
 
 LONGEST = 2**31 - 1
 """Entries of a list: what 32-bit numbers count."""
 
 
-class Rooms:
+class BufferPool:
     """Arrays by name.
 
     Args:
         device: where they are.
-        exact: a device makes lists itself: arrays have the length asked for, and ``capacity`` says what to ask for; else
-            arrays have room for half as much more, and no list is longer than it needs to be.
+        exact: arrays have the length asked for, and ``capacity`` says what to ask for: how a device builds lists itself; else
+            arrays have memory for half as much more, and no list is longer than it needs to be.
     """
 
-    def __init__(self, device, exact: bool) -> None:
+    def __init__(self, device: wp.Device, exact: bool) -> None:
         self._device, self._exact = device, exact
-        self._kept: dict[str, wp.array] = {}
+        self._buffers: dict[str, wp.array] = {}
         self._capacities: dict[str, int] = {}
 
-    def zeros(self, shape, dtype) -> wp.array:
+    def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
         """An array of its own."""
         return wp.zeros(shape, dtype=dtype, device=self._device)
 
-    def upload(self, data: np.ndarray, dtype) -> wp.array:
+    def upload(self, data: np.ndarray, dtype: type) -> wp.array:
         """``data`` in an array of its own."""
         return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._device)
 
-    def room(self, name: str, shape: tuple[int, ...], dtype) -> wp.array:
+    def buffer(self, name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
         """An array whose memory is kept; its content is not set."""
         size = int(np.prod(shape))
-        kept = self._kept.get(name)
+        kept = self._buffers.get(name)
         if kept is None or kept.shape[0] < size:
             more = 0 if self._exact else size // 2 + 64
-            kept = self._kept[name] = wp.empty(size + more, dtype=dtype, device=self._device)
+            kept = self._buffers[name] = wp.empty(size + more, dtype=dtype, device=self._device)
         return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
 
-    def keep(self, name: str, data: np.ndarray) -> wp.array:
-        """``data`` as int32 in an array whose memory is kept."""
-        out = self.room(name, data.shape, wp.int32)
-        out.assign(data)
-        return out
-
     def capacity(self, name: str, need: int) -> int:
-        """Length of a list of ``need`` entries: a device that makes the next ones in the same arrays has some to spare."""
+        """Length of a list of ``need`` entries: a device that builds the next one in the same arrays has some to spare."""
         if not self._exact:
             return need
         if need > self._capacities.get(name, -1):

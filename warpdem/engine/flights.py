@@ -9,8 +9,12 @@ walls act at their periodic images, which paths don't know.
 import numpy as np
 import warp as wp
 
+from warpdem.engine.batch import Batch
+from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.program import Launch
 from warpdem.kernels import grain
-from warpdem.kernels.lists.flight import BEYOND_NEAR, BEYOND_REACH, BLOCK, OFF_PATH
+from warpdem.kernels.lists.displacement import INNER, OFF_PATH, OUTER
+from warpdem.kernels.lists.flight import BLOCK
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.lists.rebuild import HASTY
 from warpdem.kernels.wall.surface import Surface
@@ -26,24 +30,29 @@ LONGEST = 2**17  # steps of a path
 
 
 class Flights:
-    """The grains in flight of a simulation.
+    """The grains in flight; the path of each is in ``ContactLists.flight``.
+
+    Args:
+        lists: the lists that paths are laid against.
+        batch: schedule of the steps ahead.
+        launch: how kernels are launched.
 
     Attributes:
-        path: path of each grain, ``kernels.path.Flight``; of size 0 when nobody flies.
         slots: of those in flight.
         laid: how often paths were laid.
     """
 
-    def __init__(self, lists) -> None:
-        self.lists, self.sim = lists, lists.sim
-        self._none = wp.zeros(0, dtype=Flight, device=self.sim.device)
+    def __init__(self, lists: ContactLists, batch: Batch, launch: Launch) -> None:
+        self.lists, self.batch, self.launch = lists, batch, launch
+        self.model, self.state, self.clock, self.pool = lists.model, lists.state, lists.clock, lists.pool
+        self._none = wp.zeros(0, dtype=Flight, device=self.model.device)
         self._failed = self._wait = 0
         self.laid = 0
         self.land()
 
     def land(self) -> None:
         """Nobody flies any more: the lists are made anew."""
-        self.path, self.slots = self._none, np.zeros(0, dtype=np.int64)
+        self.lists.flight, self.slots = self._none, np.zeros(0, dtype=np.int64)
 
     def wanted_before(self) -> int:
         """Steps before which a device shall not make a near list by itself."""
@@ -51,43 +60,30 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        return self.sim.plan.frame.tracked and not self.sim.plan.walls.images
-
-    def stray(self) -> np.ndarray:
-        """How far each grain that the lists know has gone, sums of what ``kernels.flight.stray`` finds, shape (n,)."""
-        sim, lists, n = self.sim, self.lists, self.lists.known
-        out = lists.rooms.room("stray", (n,), wp.int32)
-        row, now = self._instant()
-        room = max(0.5 * (lists.skin - max(lists.margin, lists.next_margin)), 0.0)
-        inputs = [
-            sim.state.record, lists.reference, lists.near_reference, self.path, sim.stepper.control.placement, row, now, sim.dt,
-            lists.reach, room, out,
-        ]  # fmt: skip
-        sim.threads.split(sim.kernels.paths.stray, n, inputs, sim.device)
-        return out.numpy()
+        return self.model.features.frame.tracked and not self.model.features.walls.images
 
     def _instant(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""
-        base, _ = self.sim.stepper.row()
-        return (base + 1) * self.sim.stepper.stages, float(self.sim.step_number)
+        base, _ = self.batch.row()
+        return (base + 1) * self.batch.stages, float(self.clock.step_number)
 
     def take(self, stray: np.ndarray, hasty: bool) -> tuple[np.ndarray, np.ndarray]:
         """Let those fly that have gone far, if it helps.
 
         Args:
-            stray: what ``stray`` gave, shape (n,).
+            stray: what ``check_lists`` found of each grain that the lists know, shape (n,).
             hasty: whether lists would be made anew sooner than usual.
 
         Returns:
             ``stray`` without those that fly, and the slots of those that had to.
         """
-        must = (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)) > 0
+        must = (stray & (INNER | OUTER | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
         self._wait = max(self._wait - 1, 0)
         nobody = np.zeros(0, dtype=np.int64)
         if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
             return stray, nobody
-        if len(lost) and (self.path.numpy().reshape(-1, 12)[lost, 10] > self.sim.step_number - LEAST_STEPS).any():
+        if len(lost) and (self.lists.flight.numpy().reshape(-1, 12)[lost, 10] > self.clock.step_number - LEAST_STEPS).any():
             self._failed += 1  # not free at all
             self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
@@ -97,7 +93,7 @@ class Flights:
         flying = self.lay(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
-        helped = not (stray & (BEYOND_REACH | BEYOND_NEAR | OFF_PATH)).any()
+        helped = not (stray & (INNER | OUTER | OFF_PATH)).any()
         self._failed = 0 if helped else self._failed + 1
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, np.flatnonzero(must)
@@ -118,7 +114,7 @@ class Flights:
         Returns:
             Slots of those of ``wanted`` that fly now.
         """
-        sim, lists = self.sim, self.lists
+        model, lists, state = self.model, self.lists, self.state
         others = np.setdiff1d(self.slots, wanted)
         nobody = np.zeros(0, dtype=np.int64)
         if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
@@ -126,28 +122,27 @@ class Flights:
         self.laid += 1
         n = lists.known
         path = np.full((n, 12), -1.0)
-        path[: self.path.shape[0]] = self.path.numpy().reshape(-1, 12)  # it has no row for newcomers yet
+        path[: lists.flight.shape[0]] = lists.flight.numpy().reshape(-1, 12)  # it has no row for newcomers yet
         path[wanted] = self._from_here(wanted)
-        self.path = wp.array(path, dtype=Flight, device=sim.device)
+        lists.flight = wp.array(path, dtype=Flight, device=model.device)
         blocks = -(-n // BLOCK)
-        low, high = (lists.rooms.room(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
+        low, high = (self.pool.buffer(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
         row, now = self._instant()
         longest, swiftest = self._walls_ahead()
         walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
-        if sim.plan.walls.present:
-            walls = [sim.walls.surface, *sim.walls.mesh_arrays[:2]]
-        rows = lists.rows if sim.plan.walls.present else sim.kernels.Rows()
-        beside = lists.near_feature if sim.plan.walls.present else wp.zeros(0, dtype=wp.int32)
-        state, split, kernels = sim.state.record, sim.threads.split, sim.kernels.paths
+        rows, beside = model.kernels.Rows(), wp.zeros(0, dtype=wp.int32)
+        if model.walls is not None:
+            walls, rows, beside = [model.walls.surface, *model.walls.mesh_arrays[:2]], lists.rows, lists.near_feature
+        record, kernels = state.record, model.kernels.paths
         for _ in range(ROUNDS):
-            split(kernels.enclose, blocks, [state, lists.near_reference, self.path, low, high], sim.device)
-            slots, all_slots = (lists.rooms.upload(s.astype(np.int32), wp.int32) for s in (wanted, np.union1d(wanted, others)))
-            steps = lists.rooms.zeros(len(wanted), wp.int32)
-            inputs = [
-                slots, all_slots, now, longest, state, lists.near_reference, self.path, low, high, *lists.near[:3], lists.skin,
-                rows, beside, *walls, sim.stepper.control.placement, row, swiftest, sim.guards.travel.watched, sim.dt, steps,
-            ]  # fmt: skip
-            split(kernels.lay, len(wanted), inputs, sim.device)
+            self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
+            slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (wanted, np.union1d(wanted, others)))
+            steps = self.pool.zeros(len(wanted), wp.int32)
+            self.launch(
+                kernels.lay, len(wanted), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight, low,
+                high, *lists.outer[:3], lists.skin, rows, beside, *walls, self.batch.control.placement, row, swiftest,
+                self.batch.watched, model.dt, steps,
+            )  # fmt: skip
             found = steps.numpy()
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
@@ -157,54 +152,53 @@ class Flights:
                 break
             path[wanted[~good], 11] = -1.0
             wanted = wanted[good]
-            self.path = wp.array(path, dtype=Flight, device=sim.device)
+            lists.flight = wp.array(path, dtype=Flight, device=model.device)
             if not len(wanted):
                 break
         else:
             path[wanted, 11] = -1.0
             wanted, found = wanted[:0], found[:0]
         if len(wanted):
-            path[wanted, 11] = now + found - (2 if sim.stepper.stages > 1 else 0)  # its stages look ahead
+            path[wanted, 11] = now + found - (2 if self.batch.stages > 1 else 0)  # its stages look ahead
         self.slots = np.flatnonzero(path[:, 11] >= 0.0)
-        self.path = wp.array(path, dtype=Flight, device=sim.device) if len(self.slots) else self._none
+        lists.flight = wp.array(path, dtype=Flight, device=model.device) if len(self.slots) else self._none
         self.unplace()
         return wanted
 
     def _from_here(self, slots: np.ndarray) -> np.ndarray:
         """Paths of free fall, without end, shape (k, 12)."""
-        sim = self.sim
-        record = sim.state.record.numpy()[slots]
+        dt = self.model.dt
+        record = self.state.record.numpy()[slots]
         place, velocity = record[:, grain.POSITION], record[:, grain.VELOCITY]
-        row = sim.schedule.rows(sim.step_number, 0)[0]
+        row = self.model.schedule.rows(self.clock.step_number, 0)[0]
         fall = np.tile(row[2:5], (len(slots), 1))
-        ahead = place + sim.dt * (velocity + sim.dt * fall)  # its place at the next step, if nothing holds it
+        ahead = place + dt * (velocity + dt * fall)  # its place at the next step, if nothing holds it
         ahead = ahead + ahead @ row[5:14].reshape(3, 3).T + row[14:17]
-        velocity = (ahead - place) / sim.dt - 0.5 * sim.dt * fall
-        numbers = np.tile([ALLOWANCE * self.lists.skin, float(sim.step_number), 1.0e300], (len(slots), 1))
+        velocity = (ahead - place) / dt - 0.5 * dt * fall
+        numbers = np.tile([ALLOWANCE * self.lists.skin, float(self.clock.step_number), 1.0e300], (len(slots), 1))
         return np.concatenate([place, velocity, fall, numbers], axis=1)
 
     def _walls_ahead(self) -> tuple[int, wp.array]:
         """Steps for which the walls' places are known, and how fast each motion is until then."""
-        sim, stages = self.sim, self.sim.stepper.stages
-        speeds, longest = np.zeros((max(len(sim.schedule.motions), 1), 2)), LONGEST
-        if sim.plan.walls.moving:
-            row, _ = self._instant()
-            there = sim.stepper.placements_ahead()[row::stages, : sim.plan.walls.moving]
+        dt, moving = self.model.dt, self.model.features.walls.moving
+        speeds, longest = np.zeros((max(len(self.model.schedule.motions), 1), 2)), LONGEST
+        if moving:
+            there = self.batch.placements_ahead()[:, :moving]
             longest = len(there) - 1
             turn, shift = there[..., :9].reshape(*there.shape[:2], 3, 3), there[..., 9:12]
             step = turn[1:] @ np.swapaxes(turn[:-1], -1, -2)
             spin = np.sqrt(((step - np.eye(3)) ** 2).sum(axis=(-1, -2)))
             way = shift[1:] - (step @ shift[:-1, ..., None])[..., 0]
-            speeds[: sim.plan.walls.moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / sim.dt
-            speeds[: sim.plan.walls.moving, 1] = spin.max(axis=0, initial=0.0) / sim.dt
-        return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=sim.device)
+            speeds[:moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / dt
+            speeds[:moving, 1] = spin.max(axis=0, initial=0.0) / dt
+        return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=self.model.device)
 
     def unplace(self) -> None:
         """Those that fly have no reference but their path."""
         lists, slots = self.lists, self.slots
         if len(slots):
-            for reference in (lists.near_reference, lists.reference):
-                if reference is not None and reference.shape[0] == lists.known:
+            for reference in (lists.outer_reference, lists.reference):
+                if reference.shape[0] == lists.known:
                     with changed(reference) as values:
                         values[slots] = np.inf  # beyond reach of any place, so that it is always the path that is looked at
 
@@ -212,6 +206,6 @@ class Flights:
         """Grains in slots ``gone`` have left the domain."""
         if len(self.slots) and np.isin(gone, self.slots).any():
             self.slots = np.setdiff1d(self.slots, gone)
-            path = self.path.numpy().reshape(-1, 12).copy()
+            path = self.lists.flight.numpy().reshape(-1, 12).copy()
             path[gone, 11] = -1.0
-            self.path.assign(path)
+            self.lists.flight.assign(path)

@@ -1,257 +1,304 @@
-"""Many steps as one captured graph, lists refreshed inside it: how a GPU runs, and a CPU when asked to."""
+"""The executor of a GPU: many steps as one captured graph, with the list builds inside it; a CPU runs it too when asked to.
 
-from collections.abc import Sequence
+The device decides what comes next by the conditions of its clock (``kernels.step.clock``). The host builds the first lists and
+those that the device cannot (``host_build``), and captures the launches of ``program`` over the arrays that these have.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpdem.engine.graph_rebuild import Renewal
-from warpdem.engine.neighbor_list import CLASS_BLOCK
+from warpdem.core.threads import Threads
+from warpdem.engine.batch import Batch
+from warpdem.engine.buffers import BufferPool
+from warpdem.engine.contact_lists import ContactLists, NewOuterList
+from warpdem.engine.host_build import HostLaunch
+from warpdem.engine.neighbor_list import NeighborLists
+from warpdem.engine.program import ListBuild, Step
+from warpdem.engine.structs import Structs
 from warpdem.kernels.lists import numbering
-from warpdem.kernels.step.graph import (
-    CLOCK,
-    DONE,
-    FAR,
-    FRESH,
-    GO,
-    HOLD,
-    LANES,
-    LATEST,
-    LEFT,
-    PARITY,
-    REFRESH,
-    REFRESHES,
-    RENEWALS,
-    ROW,
-    ROWS,
-    SHARES,
-    SOON,
-    STALE,
+from warpdem.kernels.step.clock import (
+    ASK_HOST,
+    BEYOND_LISTS,
+    BUILD_INNER,
+    BUILD_OUTER,
+    CHECK_LISTS,
+    HOLD_FORCES,
+    INNER_BUILDS,
+    LATEST_BUILD,
+    OUTER_BUILDS_LEFT,
+    OUTER_NOT_BEFORE,
+    RUN,
+    STEPS_DONE,
+    STEPS_LEFT,
+    TOTALS,
 )
-from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.step.motion import LEFT as LEFT_DOMAIN
-from warpdem.kernels.step.schedule import Placement
+from warpdem.kernels.step.motion import BEYOND, LEFT
+from warpdem.model.model import Model
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
 
+SCHEDULE_STEPS = 2048  # whose schedule is written to the device at once
 BODY = 4  # steps between two looks at the clock: a look costs about a launch, a step in vain three
-GRAPHS = 2  # kept: the room of a list may grow
+GRAPHS = 2  # kept: a list may get longer
 
 
-class Resident:
-    """Runs batches of steps; the clock is all that goes back and forth.
+@dataclass
+class Spare:
+    """What a device that builds lists carries over from the old ones; it lies where the force slots are."""
+
+    memory: wp.array
+    """Contact history, as ``ContactLists.memory``."""
+    contact: wp.array
+    """Contact of each pair of the outer list; in the same memory, for it is read before the history is copied."""
+    listed: wp.array
+    """What is selected of each entry of the outer list."""
+
+
+class GraphStorage:
+    """Arrays of the lists with capacity to spare; no force is known while lists are built, so their scratch lies there."""
+
+    rows_are_counted = True
+
+    def __init__(self, device: wp.Device) -> None:
+        self._device = device
+        self.pool = BufferPool(device, exact=True)
+        self.spare: Spare | None = None
+
+    def selection(self, entries: int) -> wp.array:
+        """As ``host_build.Storage``."""
+        return self.pool.zeros(entries, wp.int32)
+
+    def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
+        """As ``host_build.Storage``; ``spare`` lies in the same memory."""
+        width, device = wp.types.type_size_in_bytes(real), self._device
+        carried = -(-max(width * int(np.prod(history)), 4 * entries) // 8) * 8
+        memory = self.pool.buffer("row", (max(int(np.prod(shape)), -(-(carried + 4 * entries) // width)),), real)
+        self.spare = Spare(
+            memory=wp.array(ptr=memory.ptr, shape=history, dtype=real, device=device),
+            contact=wp.array(ptr=memory.ptr, shape=entries, dtype=wp.int32, device=device),
+            listed=wp.array(ptr=memory.ptr + carried, shape=entries, dtype=wp.int32, device=device),
+        )
+        return wp.array(ptr=memory.ptr, shape=shape, dtype=real, device=device)
+
+    def next_history(self, shape: tuple[int, int, int], version: int, real: type) -> wp.array:
+        """As ``host_build.Storage``."""
+        return self.spare.memory
+
+    def adopt_history(self, lists: ContactLists) -> None:
+        """As ``host_build.Storage``."""
+        lists.memory = self.pool.buffer("memory", lists.next_memory.shape, lists.real)
+        wp.copy(lists.memory, lists.next_memory)
+        lists.listed = self.spare.listed
+
+
+class GraphLaunch:
+    """Launches that are captured: each over all its indices."""
+
+    def __init__(self, device: wp.Device) -> None:
+        self._device = device
+
+    def __call__(self, kernel: wp.Kernel, count: int, *inputs: Any, split: bool = True) -> None:
+        """As ``program.Launch``."""
+        if count:
+            wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self._device)
+
+    def once(self, kernel: wp.Kernel, *inputs: Any) -> None:
+        """As ``program.Launch``."""
+        wp.launch(kernel, dim=1, inputs=inputs, device=self._device)
+
+
+class GraphExecutor:
+    """Runs batches of steps as a graph; the clock is all that goes back and forth.
 
     Attributes:
-        refreshes: how often the contact list was made on the device.
-        renewals: how often the near list was made there.
+        refreshes: inner lists built on the device.
+        renewals: outer lists built on the device.
         captures: how often a graph was captured.
     """
 
-    def __init__(self, sim, control) -> None:
-        self.sim, self.control = sim, control
-        device = sim.device
-        self.clock = wp.zeros(CLOCK, dtype=wp.int32, device=device)
-        self.placements = wp.zeros(max(len(sim.schedule.motions), 1), dtype=Placement, device=device)
+    slots = 1
+
+    def __init__(self, model: Model, state: State, clock: Clock, threads: Threads) -> None:
+        self._model, self._state, self._clock = model, state, clock
+        self.storage = GraphStorage(model.device)
+        self.launch = HostLaunch(model.device, threads)
         self.refreshes = self.renewals = self.captures = 0
-        self._scratch: Scratch | None = None
         self._graphs: dict[tuple, tuple] = {}
+
+    def steps_ahead(self) -> int:
+        """Steps of the next schedule."""
+        return SCHEDULE_STEPS
+
+    def load_kernels(self) -> None:
+        """Nothing: they are compiled where the graph is captured."""
 
     def forget(self) -> None:
         """Let go of the graphs and their arrays: the host makes others."""
         self._graphs.clear()
 
-    def scratch(self, n: int) -> "Scratch":
-        """Scratch for lists of ``n`` grains."""
-        if self._scratch is None or self._scratch.next_start.shape[0] != n + 1:
-            self._scratch = Scratch.of(n, self.sim.device)
-        return self._scratch
-
-    def advance(self, base, count, forces_first, hold, parity, grains, packs, rows, surface) -> tuple[int, int]:
-        """As ``Stepper.advance``: one launch of the graph, one look at the clock."""
-        lists = self.sim.lists
-        clock = np.zeros(CLOCK, dtype=np.int32)
-        clock[[ROW, LEFT, PARITY, HOLD, GO]] = base, count, parity, hold, count > 0
-        clock[[LANES, SHARES, ROWS]] = lists.totals
-        clock[RENEWALS] = lists.renewals_left
-        clock[SOON] = lists.flights.wanted_before()
-        self.clock.assign(clock)
-        launches = Launches(self, grains, rows, surface)
+    def advance(
+        self, count: int, forces_first: bool, hold: bool, lists: NeighborLists, structs: Structs, batch: Batch
+    ) -> tuple[int, int]:
+        """One launch of the graph, one look at the clock; as ``Engine.advance``."""
+        batch.set_time()
+        clock = batch.clock.numpy().copy()
+        clock[[STEPS_LEFT, HOLD_FORCES, RUN]] = count, hold, count > 0
+        clock[TOTALS] = lists.totals
+        clock[OUTER_BUILDS_LEFT] = lists.device_builds_left
+        clock[OUTER_NOT_BEFORE] = lists.flights.wanted_before()
+        batch.clock.assign(clock)
+        captured = Captured(self._model, self._state, lists, structs, batch, self.storage)
         if forces_first:
-            launches.forces(0)
+            captured.step.forces(0)
         if count:
-            self._run(launches)
-        clock = self.clock.numpy()
-        renewals = lists.renewals_left - int(clock[RENEWALS])
-        self.renewals += renewals
-        lists.renewed_on_device(renewals)
-        if clock[REFRESHES]:
-            self.refreshes += int(clock[REFRESHES])
-            latest, totals = self.sim.step_number + int(clock[LATEST]), clock[[LANES, SHARES, ROWS]].tolist()
-            lists.refreshed_on_device(int(clock[REFRESHES]), latest, totals)
-        # where the host is next for nothing else, a grain has left
-        return int(clock[DONE]), int(clock[STALE] > 0) * (LEFT_DOMAIN | BEYOND * int(clock[FAR] > 0))
+            self._run(captured)
+        clock = batch.clock.numpy()
+        outer = lists.device_builds_left - int(clock[OUTER_BUILDS_LEFT])
+        self.renewals += outer
+        lists.outer_built_on_device(outer)
+        if clock[INNER_BUILDS]:
+            self.refreshes += int(clock[INNER_BUILDS])
+            latest = self._clock.step_number + int(clock[LATEST_BUILD])
+            lists.inner_built_on_device(int(clock[INNER_BUILDS]), latest, clock[TOTALS].tolist())
+        # where the host is asked for nothing else, a grain has left
+        return int(clock[STEPS_DONE]), int(clock[ASK_HOST] > 0) * (LEFT | BEYOND * int(clock[BEYOND_LISTS] > 0))
 
-    def _run(self, launches: "Launches") -> None:
+    def _run(self, captured: "Captured") -> None:
         """Launch the graph of these arrays, captured at first use; step by step where conditional nodes are unknown."""
-        device = self.sim.device
+        device = self._model.device
         if device.is_cuda and not wp.is_conditional_graph_supported():
-            launches.loop()
+            captured.loop()
             return
-        key = launches.key()
+        key = captured.key()
         if key not in self._graphs:
-            launches.load()
+            captured.load()
             with wp.ScopedCapture(device=device) as capture:
-                launches.loop()
+                captured.loop()
             while len(self._graphs) >= GRAPHS:
                 self._graphs.pop(next(iter(self._graphs)))
-            self._graphs[key] = capture.graph, launches  # kept: the arrays that it reads and writes
+            self._graphs[key] = capture.graph, captured.arrays()  # kept: the arrays that it reads and writes
             self.captures += 1
         wp.capture_launch(self._graphs[key][0])
 
 
-@dataclass(frozen=True)
-class Scratch:
-    """What lists are made with on the device, made before a graph is captured: its branches may not ask for memory."""
+class Captured:
+    """The launches of a graph over the present arrays, and the decisions of ``program.ListBuild`` that the device takes."""
 
-    nothing: wp.array
-    sums: wp.array
-    """Of each block of grains."""
-    next_start: wp.array
-    """Of the rows of a new near list."""
-    entries: wp.array
-    """[1]: neighbours in it."""
-    slots: wp.array
-    """[1]: slots beside walls."""
+    def __init__(
+        self, model: Model, state: State, lists: NeighborLists, structs: Structs, batch: Batch, storage: GraphStorage
+    ) -> None:
+        self.model, self.state, self.lists, self.batch, self.storage = model, state, lists, batch, storage
+        self.launch = GraphLaunch(model.device)
+        self.scratch = batch.scratch(state.slots)
+        grains, _, rows = structs.arguments()
+        self.contacts = self._contacts()
+        n, reach = state.slots, lists.max_displacement
+        self.step = Step(model, n, (grains, self.contacts, rows), batch, reach, self.launch)
+        self.build = ListBuild(model, state, lists, batch, self.launch, self)
+        # while the outer list is built it is in arrays that the inner list, built next, writes again
+        nothing = self.scratch.nothing
+        lists.new = NewOuterList(
+            start=self.scratch.start, count=lists.width, slot=storage.spare.listed, contact=storage.spare.contact,
+            capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.close, first=lists.row_start,
+        )  # fmt: skip
 
-    @classmethod
-    def of(cls, n: int, device) -> "Scratch":
-        """Scratch for ``n`` grains."""
-        nothing, next_start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
-        return cls(nothing, wp.zeros(-(-n // CLASS_BLOCK), dtype=numbering.Sums, device=device), next_start, entries, slots)
-
-
-def addresses(*structs) -> tuple[int, ...]:
-    """Where the arrays of structs lie."""
-    arrays = [getattr(one, name) for one in structs for name in one._cls.vars]
-    return tuple(x.ptr or 0 for x in arrays if isinstance(x, wp.array))
-
-
-class Launches:
-    """The launches of a graph over one set of arrays."""
-
-    def __init__(self, resident: Resident, grains, rows, surface) -> None:
-        self.resident, self.sim = resident, resident.sim
-        self.grains, self.rows, self.surface = grains, rows, surface
-        sim, lists = self.sim, self.sim.lists
-        self.kernels = sim.kernels.resident
-        self.n, self.reach = sim.state.slots, lists.reach
-        self.scratch, self.watched = resident.scratch(self.n), self.sim.guards.travel.watched
-        contacts = self.contacts = self.kernels.Contacts()
+    def _contacts(self) -> Any:
+        lists, contacts = self.lists, self.model.kernels.graph.Contacts()
         for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):
             setattr(contacts, name, getattr(lists, name))
-        contacts.trial = lists.trial if len(sim.plan.backend.scheme.STAGES) > 1 else lists.memory
-        contacts.next = lists.spare.memory
-        self.select = {**lists.select_inputs, "flight": lists.flights.path}
-        self.fill = {**lists.fill_inputs, "memory": contacts.memory}
+        contacts.trial = lists.trial if self.batch.stages > 1 else lists.memory
+        contacts.next = self.storage.spare.memory
+        return contacts
 
-    def key(self) -> tuple:
-        """What the graph holds by value, between two near lists made by the host, which forgets all graphs."""
-        control, lists = self.resident.control, self.sim.lists
-        arrays = [*self.select.values(), *self.fill.values(), lists.near_reference]
-        given = [x.ptr if isinstance(x, wp.array) else x for x in arrays]
-        more = [x.shape for x in (self.contacts.owner, self.grains.row)]
-        structs = addresses(control, self.grains, self.rows, self.contacts, lists.grids)
-        return self.n, self.reach, lists.skin, *given, *more, *structs
-
-    def load(self) -> None:
-        """Compile what the graph launches: not possible within a capture on every system."""
-        sim = self.sim
-        for group in (self.kernels, sim.kernels.renewal, sim.kernels.lists, sim.kernels.walls, numbering):
-            for thing in vars(group).values() if group is not None else ():
-                if isinstance(thing, wp.Kernel):
-                    wp.load_module(thing.module, device=sim.device)
-
-    def launch(self, kernel, dim: int, *inputs) -> None:
-        """Launch over ``dim`` threads, if any."""
-        if dim:
-            wp.launch(kernel, dim=dim, inputs=inputs, device=self.sim.device)
-
-    def pair_forces(self, ahead: int, stage: int = 0) -> None:
-        """Forces of the contacts between grains ``ahead`` steps from now."""
-        inputs = ahead, stage, self.grains, self.contacts, self.resident.control, self.sim.coefficients, self.resident.clock
-        self.launch(self.kernels.pair_forces, self.contacts.owner.size, *inputs, self.sim.dt)
-
-    def wall_forces(self, ahead: int, stage: int = 0) -> None:
-        """Forces of the contacts with walls ``ahead`` steps from now."""
-        if self.sim.plan.walls.present:
-            inputs = ahead, stage, self.grains, self.rows, self.surface, self.resident.control, self.sim.coefficients
-            more = self.sim.plan.contact.materials, self.resident.clock, self.sim.dt
-            self.launch(self.kernels.wall_forces, self.n, *inputs, *more)
-
-    def move(self, ahead: int, stage: int = 0) -> None:
-        """The step that begins ``ahead`` steps from now."""
-        inputs = ahead, stage, self.grains, self.rows, self.resident.control, self.resident.clock, self.sim.dt, self.reach
-        self.launch(self.kernels.move, self.n, *inputs)
-
-    def forces(self, ahead: int, stage: int = 0) -> None:
-        """All forces ``ahead`` steps from now."""
-        self.pair_forces(ahead, stage)
-        self.wall_forces(ahead, stage)
+    # -- the loop -------------------------------------------------------------------------------
 
     def loop(self) -> None:
         """All steps that the clock has left, or those until the host is asked."""
-        wp.capture_while(self.resident.clock[GO : GO + 1], self._body)
+        wp.capture_while(self._condition(RUN), self._body)
+
+    def _condition(self, slot: int) -> wp.array:
+        return self.batch.clock[slot : slot + 1]
 
     def _body(self) -> None:
-        sim, control, clock = self.sim, self.resident.control, self.resident.clock
         for ahead in range(BODY):
-            for stage in range(len(sim.plan.backend.scheme.STAGES)):
-                if stage:
-                    self.forces(ahead, stage)
-                self.move(ahead, stage)
-            self.forces(ahead + 1)
-        placements = self.resident.placements
-        self.launch(self.kernels.tick, 1, BODY, len(sim.schedule.motions), control, clock, placements)
-        wp.capture_if(clock[REFRESH : REFRESH + 1], self._select)
+            self.step(ahead)
+        motions, b = len(self.model.schedule.motions), self.batch
+        self.launch.once(self.model.kernels.graph.advance_clock, BODY, motions, b.control, b.clock, b.placements)
+        wp.capture_if(self._condition(CHECK_LISTS), self._build_lists)
 
-    def _select(self) -> None:
-        """Whether lists can be made here; the near list first, where it is out of date."""
-        sim, lists, control, clock = self.sim, self.sim.lists, self.resident.control, self.resident.clock
-        placements = self.resident.placements
-        room = 0.5 * lists.skin - self.reach
-        self.launch(self.kernels.look, self.n, self.grains, lists.near_reference, control, self.watched, placements,
-                     sim.dt, room, clock)  # fmt: skip
-        Renewal(self)()
-        self.launch(self.kernels.go_on, 1, clock)
-        wp.capture_if(clock[FRESH : FRESH + 1], self._list)
+    def _build_lists(self) -> None:
+        """The outer list, if it is out of date and may be built here, then the inner list, unless the host is asked."""
+        lists, clock = self.lists, self.batch.clock
+        self.build.check(self.scratch.nothing, 0.5 * lists.skin - lists.max_displacement)
+        self.launch.once(self.model.kernels.rebuild.ask_outer, clock)
+        wp.capture_if(self._condition(BUILD_OUTER), self.build.build_outer)
+        self.launch.once(self.model.kernels.graph.resume, clock)
+        wp.capture_if(self._condition(BUILD_INNER), self.build.build_inner)
 
-    def _list(self) -> None:
-        """Which contacts and wall rows there will be, and whether there is room for them."""
-        sim, lists, clock, placements = self.sim, self.sim.lists, self.resident.clock, self.resident.placements
-        self.launch(sim.kernels.lists.select_contacts, self.n, 0, *self.select.values())
-        walls = wall_grain = self.scratch.nothing
-        if sim.plan.walls.present:
-            self.launch(sim.kernels.walls.close_features, self.n, *lists.close_inputs(placements))
-            walls, wall_grain = self.rows.candidates, self.rows.grain
-        counts = [self.select[name] for name in ("touching", "close", "width")]
-        starts = [self.fill[name] for name in ("touching_start", "close_start", "row_start")]
-        self.number([*counts, walls], clock[LANES : ROWS + 1], [*starts, wall_grain])
-        self.launch(self.kernels.judge, 1, self.contacts.owner.size, self.grains.row.shape[0] - 1, clock)
-        wp.capture_if(clock[FRESH : FRESH + 1], self._fill)
+    # -- decisions ------------------------------------------------------------------------------
 
-    def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
-        """Number what ``counts`` say that each grain has: how many in all, and where each begins (``kernels.numbering``)."""
-        sums, sizes = self.scratch.sums, (CLASS_BLOCK, self.sim.plan.backend.lanes)
-        self.launch(numbering.sum_blocks, sums.shape[0], *sizes, *counts, sums)
-        self.launch(numbering.start_blocks, 1, sums, total)
-        self.launch(numbering.start_grains, sums.shape[0], *sizes, *counts, sums, *starts)
+    def outer_fits(self, write: Callable[[], None]) -> None:
+        """As ``program.Decisions``."""
+        entries, slots = self.lists.outer.slot.shape[0], 0
+        if self.model.walls is not None:
+            slots = self.lists.near_feature.shape[0]
+        lengths = self.scratch.entries, entries, self.scratch.slots, slots
+        self.launch.once(self.model.kernels.rebuild.check_outer_capacity, *lengths, self.batch.clock)
+        wp.capture_if(self._condition(BUILD_OUTER), write)
 
-    def _fill(self) -> None:
-        """The contact list and the forces of this instant."""
-        sim, n, size = self.sim, self.n, self.contacts.owner.size
-        self.launch(self.kernels.clear, size, min(1, n - 1), self.grains.row.shape[0] - 1, self.contacts)
-        self.launch(sim.kernels.lists.fill_contacts, n, 0, *self.fill.values())
-        if sim.plan.contact.memory:
-            self.launch(self.kernels.take_over, size, self.contacts, self.resident.clock)
-        marked = self.grains.record, self.resident.placements, self.grains.flight, self.grains.reference
-        self.launch(self.kernels.mark, n, *marked)
-        self.forces(0)
+    def replace_outer(self) -> None:
+        """As ``program.Decisions``."""
+        lists = self.lists
+        self.launch(self.model.kernels.rebuild.replace_outer, self.state.slots, *lists.new.rows, *lists.outer, lists.flight)
+
+    def move_wall_contacts(self) -> None:
+        """As ``program.Decisions``."""
+        kernels, lists = self.model.kernels.rebuild, self.lists
+        for kernel in (kernels.move_wall_contacts, kernels.settle_wall_contacts):
+            self.launch(kernel, self.state.slots, lists.new.first, self.batch.clock, lists.rows)
+
+    def inner_fits(self, write: Callable[[], None]) -> None:
+        """As ``program.Decisions``; with the list come the forces of the present positions."""
+
+        def write_and_evaluate() -> None:
+            write()
+            self.step.forces(0)
+
+        lanes, slots = self.contacts.owner.size, self.lists.row.shape[0] - 1
+        self.launch.once(self.model.kernels.graph.check_capacity, lanes, slots, self.batch.clock)
+        wp.capture_if(self._condition(BUILD_INNER), write_and_evaluate)
+
+    def adopt_history(self) -> None:
+        """As ``program.Decisions``."""
+        if self.model.features.contact.memory:
+            kernel = self.model.kernels.graph.adopt_history
+            self.launch(kernel, self.contacts.owner.size, self.contacts, self.batch.clock)
+
+    # -- what was captured ------------------------------------------------------------------------
+
+    def arrays(self) -> list[wp.array]:
+        """All arrays that the launches read and write."""
+        lists, found = self.lists, []
+        for owner in (lists, lists.outer, lists.new, self.state, self.scratch, self.batch):
+            values = owner if isinstance(owner, tuple) else vars(owner).values()
+            found += [value for value in values if isinstance(value, wp.array)]
+        structs = self.batch.control, self.step.grains, self.step.rows, self.contacts, lists.grids
+        return found + [x for one in structs for name in one._cls.vars if isinstance(x := getattr(one, name), wp.array)]
+
+    def key(self) -> tuple:
+        """What the graph holds by value."""
+        lists = self.lists
+        numbers = self.state.slots, self.step.max_displacement, lists.skin, lists.margin
+        return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
+
+    def load(self) -> None:
+        """Compile what the graph launches: not possible within a capture on every system."""
+        k = self.model.kernels
+        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, numbering):
+            for thing in vars(group).values() if group is not None else ():
+                if isinstance(thing, wp.Kernel):
+                    wp.load_module(thing.module, device=self.model.device)

@@ -4,11 +4,16 @@ A newcomer has a higher id than all others, so it comes last in the row of each 
 nothing moves. It gets a row of its own, and slots beside walls, behind all others. All arrays have room for those to come.
 """
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
+from warpdem.engine.batch import Batch
+from warpdem.engine.contact_lists import ContactLists, OuterList
 from warpdem.filling.size_grids import starts
 from warpdem.kernels import grain
+from warpdem.kernels.lists.path import Flight
 
 ROOM = 0.125  # for those to come, of what is there [-]
 ROW = 8  # neighbors that a newcomer's row has room for beyond those it finds
@@ -37,25 +42,23 @@ class Newcomers:
     """Adds grains to near lists and wall rows, on a CPU.
 
     Args:
-        lists: made for the grains in the first ``lists.known`` slots; those behind have come in since.
+        lists: built for the grains in the first ``lists.known`` slots; those behind were inserted since.
+        batch: placements of the wall motions at present.
     """
 
-    def __init__(self, lists) -> None:
-        self.lists, self.sim = lists, lists.sim
+    def __init__(self, lists: ContactLists, batch: Batch) -> None:
+        self.lists, self.batch = lists, batch
+        self.model, self.state, self.pool = lists.model, lists.state, lists.pool
         self._kept: dict[str, wp.array] = {}
 
-    def add(self, placement: np.ndarray) -> bool:
-        """Whether there was room for them; else the lists are as they were, and must be made anew.
-
-        Args:
-            placement: placements of the wall motions at the present step, shape (motions, 18).
-        """
-        lists, sim = self.lists, self.sim
-        record, known, n = sim.state.record.numpy(), lists.known, sim.state.slots
+    def add(self) -> bool:
+        """Whether there was room for them; else the lists are as they were, and must be made anew."""
+        lists, state = self.lists, self.state
+        record, known, n = state.record.numpy(), lists.known, state.slots
         if n == known:  # nobody came: the lists are wanted anew
             return False
         pairs = self._neighbours(record, known)
-        start, count, slot, contact = lists.near
+        start, count, slot, contact = lists.outer
         partner, added = np.unique(pairs[pairs[:, 1] < known, 1], return_counts=True)
         room = np.diff(start.numpy())
         if (count.numpy()[partner] + added > room[partner]).any():
@@ -65,8 +68,8 @@ class Newcomers:
         begin = start.numpy()[-1] + starts(rows + ROW)
         if begin[-1] > slot.shape[0]:
             slot, contact = grown(slot, int(begin[-1])), grown(contact, int(begin[-1]))
-        start = lists.rooms.upload(np.concatenate([start.numpy()[:-1], begin]), wp.int32)
-        count = lists.rooms.upload(np.concatenate([count.numpy(), np.zeros(n - known, dtype=np.int32)]), wp.int32)
+        start = self.pool.upload(np.concatenate([start.numpy()[:-1], begin]), wp.int32)
+        count = self.pool.upload(np.concatenate([count.numpy(), np.zeros(n - known, dtype=np.int32)]), wp.int32)
         contact.numpy()[begin[0] : begin[-1]] = -1
         first, fill, entry, numbers = start.numpy(), count.numpy(), slot.numpy(), contact.numpy()
         for i, j in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]:  # ids ascend with the slots of newcomers
@@ -74,64 +77,70 @@ class Newcomers:
                 entry[first[a] + fill[a]] = b
                 numbers[first[a] + fill[a]] = -1
                 fill[a] += 1
-        ids = sim.state.id.numpy()
+        ids = state.id.numpy()
         for i in new:
             row = slice(first[i], first[i] + fill[i])
             entry[row] = entry[row][np.argsort(ids[entry[row]], kind="stable")]
-        lists.near = (start, count, slot, contact)
-        self._mark(record, new, placement)
-        if sim.plan.walls.present:
-            self._beside_walls(new, placement)
+        lists.outer = OuterList(start, count, slot, contact)
+        self._save_reference(new)
+        if self.model.walls is not None:
+            self._beside_walls(new)
         lists.known = n
         return True
 
     def _neighbours(self, record: np.ndarray, known: int) -> np.ndarray:
         """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named both ways."""
-        sim, beyond = self.sim, self.sim.plan.contact.gap + self.lists.skin
+        model, here, beyond = self.model, self.state.here, self.model.features.contact.gap + self.lists.skin
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
         low, high = position[new].min(axis=0), position[new].max(axis=0)
-        middle, half = 0.5 * (low + high), 0.5 * (high - low) + (radius[new].max() + sim.expected.radius.max() + beyond)
-        close = np.flatnonzero(sim.state.here)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) + (radius[new].max() + model.expected.radius.max() + beyond)
+        close = np.flatnonzero(here)
         for k in (2, 0, 1):
             way = position[close, k] - middle[k]
-            if period := sim.domain.period[k]:
+            if period := model.domain.period[k]:
                 way -= period * np.rint(way / period)
             close = close[np.abs(way) <= half[k]]
         out = [np.zeros((0, 2), dtype=np.int64)]
-        for i in new[sim.state.here[new]]:
-            way = sim.domain.nearest(position[i] - position[close])
+        for i in new[here[new]]:
+            way = model.domain.nearest(position[i] - position[close])
             far = (radius[i] + radius[close] + beyond) * (1.0 + 1.0e-12)
             near = close[(np.einsum("ij,ij->i", way, way) < far * far) & (close != i)]
             out.append(np.stack([np.full(len(near), i), near], axis=1))
         return np.concatenate(out)
 
-    def _mark(self, record: np.ndarray, new: np.ndarray, placement: np.ndarray) -> None:
-        """From where the ways of newcomers count."""
-        lists, position = self.lists, record[new, grain.POSITION]
-        n = int(new[-1]) + 1
-        whole = grown(self._whole("near_reference", lists.near_reference), n)
-        whole.numpy()[new] = np.stack([position, *lists.bodies(position, placement)], axis=1)
-        self._kept["near_reference"], lists.near_reference = whole, first_rows(whole, n)
+    def _save_reference(self, new: np.ndarray) -> None:
+        """Positions from which the displacement of newcomers counts."""
+        lists, n = self.lists, int(new[-1]) + 1
+        whole = grown(self._whole("outer reference", lists.outer_reference), n)
+        self._kept["outer reference"], lists.outer_reference = whole, first_rows(whole, n)
+        nobody = wp.zeros(0, dtype=Flight, device=self.model.device)
+        self._launch_for(
+            new, self.model.kernels.displacement.save_reference, self.state.record, self.batch.placements, nobody,
+            lists.outer_reference,
+        )  # fmt: skip
+
+    def _launch_for(self, new: np.ndarray, kernel: wp.Kernel, *inputs: Any) -> None:
+        """Launch over newcomers alone."""
+        wp.launch(kernel, dim=len(new), inputs=[int(new[0]), *inputs], device=self.model.device)
 
     def _whole(self, name: str, view: wp.array) -> wp.array:
         """The array with room that ``view`` is the first rows of, or itself."""
         kept = self._kept.get(name)
         return kept if kept is not None and kept.ptr == view.ptr else view
 
-    def _beside_walls(self, new: np.ndarray, placement: np.ndarray) -> None:
+    def _beside_walls(self, new: np.ndarray) -> None:
         """Slots of newcomers beside walls, behind those of the others."""
-        lists, sim, device = self.lists, self.sim, self.sim.device
+        lists, walls = self.lists, self.model.walls
         rows, n, used = lists.rows, int(new[-1]) + 1, int(lists.rows.first.numpy()[new[0]])
-        near, nothing = sim.kernels.walls.near_features, lists.rooms.zeros(0, wp.int32)
-        placements = lists.rooms.upload(placement, wp.types.vector(18, wp.float64))
-        shared = [sim.state.record, 0.5 * lists.skin, sim.walls.surface, *sim.walls.mesh_arrays, placements]
-        count = lists.rooms.zeros(n, wp.int32)
-        wp.launch(near, dim=len(new), inputs=[int(new[0]), 0, *shared, nothing, count, nothing], device=device)
+        near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
+        shared = self.state.record, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        count = self.pool.zeros(n, wp.int32)
+        self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])
         for name, axis in WALL_ROWS.items():
             setattr(rows, name, grown(getattr(rows, name), n + 1, axis))
-        if sim.plan.measures.energy:
+        if self.model.features.measures.energy:
             rows.entry, rows.power = grown(rows.entry, n), grown(rows.power, n)
         for name, axis in WALL_SLOTS.items():
             setattr(rows, name, grown(getattr(rows, name), int(begin[-1]), axis))
@@ -139,7 +148,7 @@ class Newcomers:
         rows.first.numpy()[new[0] : n + 1] = begin
         rows.candidates.numpy()[new] = 0
         rows.place_count.numpy()[:, new] = 0
-        wp.launch(near, dim=len(new), inputs=[int(new[0]), 1, *shared, rows.first, count, lists.near_feature], device=device)
+        self._launch_for(new, near, 1, *shared, rows.first, count, lists.near_feature)
 
 
 WALL_ROWS = {"first": 0, "candidates": 0, "load": 0, "place_count": 1}

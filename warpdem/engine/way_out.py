@@ -16,7 +16,7 @@ def way_out(scene, smallest: float) -> list[str]:
     """
     gravity = np.asarray(scene.gravity, float)
     pull = np.linalg.norm(gravity)
-    if not scene.walls or not pull or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).turns:
+    if not scene.walls or not pull or any(wall.mesh is not None for wall in scene.walls) or frame_chain(scene).rotates:
         return []
     down = gravity / pull
     planes = [wall.shape for wall in scene.walls if isinstance(wall.shape, Plane)]

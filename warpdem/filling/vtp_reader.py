@@ -1,4 +1,4 @@
-"""Program that opens a .vtp file and hands back plain arrays; `warpdem.filling.state_file` runs it in a process of its own.
+"""Program that opens a .vtp file and hands back plain arrays; `warpdem.filling.grain_file` runs it in a process of its own.
 
 A damaged file can make VTK end the process, loop or ask for any amount of memory. Run as ``python vtp_reader.py FILE ARRAY
 ...`` with the names of the point arrays that are wanted. The answer on standard output has the form that

@@ -3,14 +3,10 @@
 A grain that goes further in a step than the walls allow always causes a refresh.
 """
 
-from functools import cached_property
-
 import numpy as np
-import warp as wp
 
 from warpdem.guards.verdict import Verdict, at_time
 from warpdem.kernels import grain
-from warpdem.kernels.lists.flight import Watched
 from warpdem.model.model import Model
 from warpdem.model.travel import share
 from warpdem.state.clock import Clock
@@ -24,22 +20,12 @@ class TravelGuard:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self.motion = model.schedule.wall_motion
-        self.meshes = [
+        self._motion = model.schedule.wall_motion
+        self._meshes = [
             (number, wall, model.meshes[wall.name].vertices.min(axis=0), model.meshes[wall.name].vertices.max(axis=0))
             for number, wall in enumerate(model.scene.walls)
             if wall.mesh is not None
         ]
-
-    @cached_property
-    def watched(self) -> Watched:
-        """The meshes for the device."""
-        watched, device, meshes = Watched(), self._model.device, self.meshes
-        watched.motion = wp.array([self.motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
-        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
-        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        return watched
 
     def look(self, record: np.ndarray, placements: np.ndarray, state: State, clock: Clock) -> list[Verdict]:
         """Which grains moved further in the last step than the walls allow, the worst beside each.
@@ -53,11 +39,11 @@ class TravelGuard:
             clock: where the run is in time.
         """
         found: list[Verdict] = []
-        if not self.meshes or not len(record):
+        if not self._meshes or not len(record):
             return found
         position, velocity, radius = record[:, grain.POSITION], record[:, grain.VELOCITY], record[:, grain.RADIUS]
-        for number, wall, low, high in self.meshes:
-            p = placements[self.motion[number]]
+        for number, wall, low, high in self._meshes:
+            p = placements[self._motion[number]]
             relative = velocity - p[15:18] - np.cross(p[12:15], position)
             travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * clock.dt
             allowed = share(wall) * radius

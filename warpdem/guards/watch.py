@@ -26,11 +26,10 @@ from warpdem.guards.overlap import OverlapGuard
 from warpdem.guards.sides import SideGuard
 from warpdem.guards.stability import CONFIRM, StabilityGuard
 from warpdem.guards.travel import TravelGuard
-from warpdem.guards.verdict import Verdict, at_time, grain_at
+from warpdem.guards.verdict import Verdict
 from warpdem.state.view import RunView
 
 LOOKS = (100, 10_000)  # step of the first look after the start, and steps between two later on
-LIST_ENTRIES = 2**31 - 1  # what 32-bit numbers count
 
 
 def look_after(step: int) -> int:
@@ -156,40 +155,3 @@ class Guards:
         self.energy.restore(state["energy"])
         self.stability.restore(state["stability"])
         self.sides.restore(data)
-
-    # -- what stops a run within the engine ------------------------------------------------------
-
-    def stop_not_finite(self) -> None:
-        """Name the first grain whose state is no number.
-
-        Raises:
-            StabilityError: always.
-        """
-        view = self.view
-        bad = ~np.isfinite(view.state.record.numpy()[view.state.rank]).all(axis=1)
-        ids = view.state.ids[bad]
-        raise StabilityError(
-            f"stopped {at_time(view.clock)}: the state of grain {ids[0]} is not finite "
-            f"({len(ids)} of {len(bad)} grains). Largest approach speed met before: "
-            f"{max(view.extremes['pair_approach_speed'], view.extremes['wall_approach_speed']):.3g} m/s; "
-            f"time step {view.clock.dt:.3g} s. Take a smaller time.step."
-        )
-
-    def lists_fit(self, entries: int, count) -> None:
-        """Stop when a list would have more than LIST_ENTRIES, which only grains that lie within each other bring about.
-
-        Args:
-            entries: length of the list.
-            count: neighbours or wall features of each grain, a device array of shape (n,) in memory order.
-
-        Raises:
-            StabilityError: it does not fit.
-        """
-        if entries <= LIST_ENTRIES:
-            return
-        view, most = self.view, int(np.argmax(count.numpy()))
-        row = int(np.flatnonzero(view.state.rank == most)[0])
-        raise StabilityError(
-            f"stopped {at_time(view.clock)}: the lists need {entries} entries, more than {LIST_ENTRIES}: "
-            f"{grain_at(view.state, row)} has {int(count.numpy()[most])} neighbours. Take a smaller time.step, or fewer grains."
-        )

@@ -49,10 +49,10 @@ class Turning:
 def turning_axes(scene) -> tuple[str, list[Chain]] | None:
     """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none turn."""
     frame = frame_chain(scene)
-    if frame.turns:
+    if frame.rotates:
         return "frame", [frame]
     walls = [(wall, wall_chain(scene, number)) for number, wall in enumerate(scene.walls)]
-    turning = [(wall, chain) for wall, chain in walls if chain.turns]
+    turning = [(wall, chain) for wall, chain in walls if chain.rotates]
     if not turning:
         return None
     wall, chain = max(turning, key=lambda item: item[1].max_rate)

@@ -13,7 +13,7 @@ variance of a random mixture of cells with n_c grains is p (1 - p) / n_c. Source
 
 import numpy as np
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.measure.observers import Particles
 
 
@@ -39,7 +39,7 @@ def lacey_index(first: np.ndarray, position: np.ndarray, cell: float) -> float:
     return (apart - variance) / (apart - by_chance) if by_chance < apart else float("nan")
 
 
-def kinds(by: str, p: Particles, start: Grains0) -> tuple[np.ndarray, np.ndarray]:
+def kinds(by: str, p: Particles, start: InitialGrains) -> tuple[np.ndarray, np.ndarray]:
     """Whether each grain is of the first kind, and whether it is of any, by id, shapes (n,).
 
     Args:

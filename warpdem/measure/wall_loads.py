@@ -12,7 +12,7 @@ import numpy as np
 
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
-from warpdem.scene.motion import Standing
+from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
 from warpdem.state.view import RunView
 
@@ -27,7 +27,7 @@ def torque_point(scene, number: int) -> np.ndarray:
     for motion in (*around, *(wall.motion or ())):
         if isinstance(motion, Rotation):
             point = np.array(motion.origin)
-        elif isinstance(motion, Standing):
+        elif isinstance(motion, FixedPlacement):
             point = motion.inverse(point)
     return point
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.rigid_motion import turn_increment, unit
+from warpdem.core.rigid_motion import rotation_increment, unit
 from warpdem.mesh import file as mesh_file
 from warpdem.mesh import usd_geometry
 from warpdem.mesh.grouping import components
@@ -72,5 +72,5 @@ def corners_in_file(path: Path, scale: float, rotate, translate, prim: str, key:
         corners = mesh_file.read_triangles(path, key)
     turn = np.eye(3)
     if rotate is not None:
-        turn = turn + turn_increment(unit(rotate.axis), np.array([rotate.angle]))[0].astype(float)
+        turn = turn + rotation_increment(unit(rotate.axis), np.array([rotate.angle]))[0].astype(float)
     return (np.asarray(corners, float) * float(scale)) @ turn.T + np.asarray(translate, float)

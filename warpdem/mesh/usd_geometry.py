@@ -41,7 +41,7 @@ def read_triangles(
     Raises:
         SceneError: The file cannot be read, there is no such prim, or it holds something that is no surface at rest.
     """
-    said, arrays = usd_stage.ask(path, "geometry", prim, key, folders)
+    said, arrays = usd_stage.read(path, "geometry", prim, key, folders)
     parts = []
     for number, surface in enumerate(said["surfaces"]):
         held = {name.split(".")[1]: a for name, a in arrays.items() if name.split(".")[0] == str(number)}

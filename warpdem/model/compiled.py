@@ -6,7 +6,7 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import flight, neighbors, rebuild
+from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
@@ -25,8 +25,8 @@ def compile_kernels(features: Features, device=None) -> Built:
     before the run.
 
     Returns:
-        Namespace with ``loop`` (the step), ``resident`` and ``renewal`` (the GPU's, or None), ``lists`` (neighbours),
-        ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
+        Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
+        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -36,7 +36,7 @@ def compile_kernels(features: Features, device=None) -> Built:
     with using(names):
         built = _built(features)
         if device is not None and any(is_file(name) for name in names):
-            stepping = vars(built.resident).values() if features.backend.resident else (built.loop.run,)
+            stepping = vars(built.graph).values() if features.backend.resident else (built.loop.run,)
             for thing in (*stepping, built.loop.read_budget):
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
@@ -137,6 +137,9 @@ def _built(features: Features) -> Built:
         travel, images, closest_on_feature, Rows, **spins, moving=walls.moving, meshes=meshes, shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
+    moved = displacement.build(
+        travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
+    )
     graph = again = None
     if backend.resident:
         evaluate = thread_contact.build(
@@ -144,10 +147,10 @@ def _built(features: Features) -> Built:
             lag=laws.inertia_factor,
         )  # fmt: skip
         graph = captured.build(
-            step, pair_pack, evaluate, Rows, travel, images, backend.real, **spins, history=laws.memory, stages=stages,
-            lanes=backend.lanes, moving=walls.moving, table=laws.table, leave=domain.outlets > 0,
-        )  # fmt: skip
+            step, pair_pack, evaluate, Rows, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+        )
         again = rebuild.build(Rows)
     return Built(
-        loop=step, resident=graph, renewal=again, lists=lists, walls=wall_lists, Rows=Rows, pairs=pair_pack, paths=paths
-    )
+        loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, Rows=Rows, pairs=pair_pack, paths=paths,
+        displacement=moved,
+    )  # fmt: skip

@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from warpdem.scene.messages import key_text
+from warpdem.core.key_path import key_text
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.packing import worst_overlaps
-from warpdem.scene.motion import Standing, Translation
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.scene.motion import FixedPlacement, Translation
 from warpdem.scene.motion_chain import Chain
 
 AXES = "xyz"
@@ -111,9 +111,9 @@ def check(scene, start, frame: Chain, gap: float) -> None:
         for motion in scene.frame or ():
             axis = getattr(motion, "axis", None)
             along = axis is not None and math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12)
-            if isinstance(motion, Standing):
+            if isinstance(motion, FixedPlacement):
                 along = np.allclose(np.delete(motion.quaternion[1:], k), 0.0, atol=1e-12)
-            if not (isinstance(motion, Translation) or along) and frame.turns:
+            if not (isinstance(motion, Translation) or along) and frame.rotates:
                 raise SceneError(f"{key}: periodic, but the frame turns about another axis; only the axis of rotation may be")
         for number, wall in enumerate(scene.walls):
             for motion in wall.motion or ():

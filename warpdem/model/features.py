@@ -289,7 +289,7 @@ def choose_features(
     if not orientation:
         left_out["orientation of the grains"] = "output.orientation is false" if spins else "nothing turns a grain"
     frame = frame_chain(scene)
-    if not frame.turns:
+    if not frame.rotates:
         still = "the frame only shifts" if frame.moves else "the frame never moves"
         left_out["turning of the axes"] = "no frame" if scene.frame is None else still
     if not scene.walls:
@@ -327,7 +327,7 @@ def choose_features(
             gap=law_gap(scene),
         ),
         frame=FrameFeatures(
-            turns=frame.turns, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
+            turns=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
         ),
         walls=WallFeatures(
             meshes=sum(w.mesh is not None for w in scene.walls),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import Built
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.digests import Given
@@ -31,7 +31,7 @@ class Model:
     """Mesh walls by name."""
     domain: Domain
     """Borders and outlets."""
-    expected: Grains0
+    expected: InitialGrains
     """Grains at the start, and of each stream those that represent it: what limits and cutoffs are made for."""
     schedule: Schedule
     """Frame, gravity and wall motions against time."""

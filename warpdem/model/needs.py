@@ -9,8 +9,8 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0
-from warpdem.filling.streams import to_come
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.filling.stream_grains import expected_count
 from warpdem.model.time_step import Limits
 
 FRAME_BYTES = 220
@@ -59,7 +59,7 @@ def grid_bytes(scene) -> int:
 
 def grains_to_come(scene) -> list[int]:
     """How many grains each stream of a scene brings at most up to ``time.end``, none of them taken out again."""
-    return [to_come(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
+    return [expected_count(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
 
 
 def memory_bytes(scene, bytes_per_grain: int, grains: int) -> int:
@@ -92,7 +92,7 @@ def check_memory(scene, bytes_per_grain: int, grains: int, free: int) -> None:
         )
 
 
-def check_places(scene, grains: Grains0) -> None:
+def check_places(scene, grains: InitialGrains) -> None:
     """Refuse grains so small, or so far away, that a float64 cannot tell how deep they touch.
 
     Raises:
@@ -112,7 +112,7 @@ def check_places(scene, grains: Grains0) -> None:
         )
 
 
-def check_masses(scene, grains: Grains0) -> None:
+def check_masses(scene, grains: InitialGrains) -> None:
     """Refuse grains whose mass or moment of inertia cannot be computed with or written.
 
     Raises:
@@ -157,7 +157,7 @@ def check_step(scene, found: Limits, step: float) -> None:
         )
 
 
-def entry_of(scene, grains: Grains0, i: int) -> str:
+def entry_of(scene, grains: InitialGrains, i: int) -> str:
     """The entry of the scene that brings grain ``i``, with its id if it has one."""
     if grains.id[i] < 0:
         return "streams"

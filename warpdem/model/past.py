@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.scene.model import Scene
 
 
@@ -14,7 +14,7 @@ class Past:
 
     scene: Scene
     """The scene with frame, walls and streams as they go on."""
-    grains: Grains0
+    grains: InitialGrains
     """The grains at time 0."""
     data: dict[str, np.ndarray]
     """Contact history, as ``contact_history.remember`` takes it; orientation of the grains, if that was kept."""
@@ -22,7 +22,7 @@ class Past:
     """Names of walls that were there with the same geometry."""
     next_id: int
     """Least id that no grain had so far."""
-    feeders: dict[int, dict]
+    inlets: dict[int, dict]
     """State of the random numbers of streams that go on."""
     notes: tuple[str, ...]
     """What was left behind."""

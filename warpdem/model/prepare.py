@@ -7,8 +7,9 @@ import numpy as np
 import warp as wp
 
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains
-from warpdem.filling.streams import representatives
+from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
+from warpdem.filling.start_check import check_start
+from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import domain, needs, time_step
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
@@ -39,7 +40,7 @@ def require_scene(scene: Scene) -> None:
     raise TypeError(f"a Scene is needed, not {type(scene).__name__}: give {remedy}")
 
 
-def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, Grains0]:
+def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
     """The model of a scene, and the grains that it starts with, which move as the integrator holds them.
 
     Args:
@@ -62,7 +63,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
     start = replace(start, position=borders.wrapped(start.position))
-    expected = joined(start, representatives(scene))
+    expected = concatenated(start, extreme_grains(scene))
     needs.check_masses(scene, expected)
     size_warnings(scene, meshes, 2.0 * expected.radius)
     scheme = model("integrator", scene.engine.integrator)
@@ -108,13 +109,13 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
-def absolute(schedule: Schedule, grains: Grains0, time: float = 0.0) -> Grains0:
+def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:
     """Grains with absolute spins [rad/s] and velocities [m/s] in place of those relative to the frame at ``time`` [s]."""
     pose = schedule.pose(time)
     return replace(grains, spin=grains.spin + pose.spin, velocity=grains.velocity + pose.velocity_at(grains.position))
 
 
-def _coefficients(scene: Scene, features: Features, grains: Grains0) -> np.ndarray:
+def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np.ndarray:
     """Coefficients of every pair of materials, or the one row that all contacts share, shape (rows, columns)."""
     table = coefficient_table(scene)
     if features.contact.table:

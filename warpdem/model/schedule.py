@@ -48,7 +48,7 @@ class Schedule:
         self.stages, self.relative = np.array(stages), relative
         self.gravity = np.array(scene.gravity, dtype=float)
         self.frame = frame_chain(scene)
-        self.turning, self.shifting, self.max_rate = self.frame.turns, self.frame.moves, self.frame.max_rate
+        self.turning, self.shifting, self.max_rate = self.frame.rotates, self.frame.moves, self.frame.max_rate
         found: dict[str, WallMotion] = {}
         keys = []
         for number, wall in enumerate(scene.walls):
@@ -86,7 +86,7 @@ class Schedule:
         if self.shifting:
             whole = np.maximum(np.arange(step - 1, step + count + 2), 0) * self.dt  # nothing moved before 0
             drift = self.frame.increments(whole)
-            exact = np.concatenate([drift.turn.reshape(-1, 9), drift.shift], axis=1)
+            exact = np.concatenate([drift.rotation.reshape(-1, 9), drift.shift], axis=1)
             drifts = rounded(exact, np.arange(step - 1, step + count + 1))
             rows[:, 0, 5:17] = drifts[1:]
             rows[:, 0, 17:29] = drifts[:-1]

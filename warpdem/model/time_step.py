@@ -179,8 +179,8 @@ def fall_speed(scene, start, meshes: dict) -> float:
     gravity = np.array(scene.gravity)
     g = float(np.linalg.norm(gravity))
     chains = [frame_chain(scene), *(wall_chain(scene, k) for k in range(len(scene.walls)))]
-    height = float(np.linalg.norm(extent)) if chains[0].turns else float(abs(gravity) @ extent) / g if g else 0.0
-    speed = math.sqrt(2.0 * g * height) + sum(chain.speed(cloud, scene.time.end) for chain in chains)
+    height = float(np.linalg.norm(extent)) if chains[0].rotates else float(abs(gravity) @ extent) / g if g else 0.0
+    speed = math.sqrt(2.0 * g * height) + sum(chain.speed_bound(cloud, scene.time.end) for chain in chains)
     start_speed = float(np.linalg.norm(start.velocity, axis=1).max())
     return max(speed, 0.0) + start_speed
 
@@ -191,7 +191,7 @@ def weight_per_area(scene, start) -> float:
         return 0.0
     gravity, chain = np.array(scene.gravity), frame_chain(scene)
     g = float(np.linalg.norm(gravity))
-    along = start.position @ gravity / g if g and not chain.turns else np.linalg.norm(start.position, axis=1)
+    along = start.position @ gravity / g if g and not chain.rotates else np.linalg.norm(start.position, axis=1)
     height = float(np.ptp(along)) + 2.0 * float(start.radius.max())
     pull = g + chain.max_rate**2 * float(np.linalg.norm(start.position, axis=1).max())
     density = max(list(scene.materials.values())[kind].density for kind in np.unique(start.type))

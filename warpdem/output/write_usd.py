@@ -161,7 +161,7 @@ class UsdWriter:
         if file.suffix.lower() not in MESH_SUFFIXES or file.suffix.lower() in USD_SUFFIXES:
             return relative_to(self._folder)(file)
         kept, count = self._folder / PARTS / file.name, 1
-        while kept.exists() and kept.readbytes_of() != file.readbytes_of():
+        while kept.exists() and kept.read_bytes() != file.read_bytes():
             count += 1
             kept = kept.with_name(f"{file.stem}_{count}{file.suffix}")
         if not kept.exists():

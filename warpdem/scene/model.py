@@ -33,7 +33,7 @@ from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import model_name, plugin_refusal, user_model
-from warpdem.scene.motion import Motions, Sampled, Standing
+from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
@@ -173,7 +173,7 @@ class Scene(SceneModel):
 
         def ahead(motions: tuple | None) -> tuple | None:
             return motions and tuple(
-                m if isinstance(m, Standing) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
+                m if isinstance(m, FixedPlacement) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
             )
 
         walls = [wall.model_copy(update={"motion": ahead(wall.motion)}) for wall in self.walls]

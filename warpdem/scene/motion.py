@@ -1,14 +1,14 @@
-"""Motions as scene data: rotation, translation, the sampled motion of a USD prim, a fixed place, and chains of them.
+"""Motions as scene data: rotation, translation, the sampled motion of a USD prim, a fixed placement, and chains of them.
 
-A motion starts from rest of place: at its time 0 the moving axes and those around them coincide, whatever the phases; its time
-is that of the scene, or ahead of it by ``elapsed``. A frame or a wall takes one motion or a list, outermost first:
-``[revolution, rotation]`` turns about an axis that is itself carried round.
+At time 0 of a motion the moving axes and the axes around them coincide, whatever its phases. Its time is that of the scene, or
+ahead of it by ``elapsed``. A frame or a wall takes one motion or a list, outermost first: ``[revolution, rotation]`` rotates
+about an axis that itself revolves.
 """
 
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, PlainSerializer, Tag, field_validator, model_validator
@@ -24,7 +24,7 @@ from warpdem.usd.stage import USD_SUFFIXES
 
 
 class Translation(Timed):
-    """Shifting without turning: velocity t + amplitude (sin(2 pi frequency t + phase) - sin(phase))."""
+    """Translation by velocity t + amplitude (sin(2 pi frequency t + phase) - sin(phase))."""
 
     velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
         (0.0, 0.0, 0.0), description="Constant velocity [m/s], default 0."
@@ -47,63 +47,63 @@ class Translation(Timed):
         return self
 
     @property
-    def turns(self) -> bool:
-        """It never turns."""
+    def rotates(self) -> bool:
+        """A translation never rotates."""
         return False
 
     @property
     def max_rate(self) -> float:
-        """No angular rate [rad/s]."""
+        """Maximum angular rate [rad/s]: none."""
         return 0.0
 
     @property
     def moves(self) -> bool:
-        """Whether it ever moves."""
+        """Whether the body ever moves."""
         return any(self.velocity) or any(self.amplitude or ())
 
-    def _swing(self) -> tuple[np.ndarray, np.floating, np.floating]:
+    def _oscillation(self) -> tuple[np.ndarray, np.floating, np.floating]:
         """Amplitude [m] (3,), 2 pi f [rad/s] and phase [rad] in long double."""
         amplitude = np.array(self.amplitude or (0.0, 0.0, 0.0), dtype=WIDE)
         return amplitude, 2 * PI * WIDE(self.frequency or 0.0), WIDE(self.phase)
 
-    def _shift(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Way from ``begin`` to ``end`` [s], shape (k, 3): the difference of sines as a product, without cancellation."""
-        amplitude, swing, phase = self._swing()
+    def _displacement(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Displacement [m] from ``begin`` to ``end`` [s], shape (k, 3): without cancellation of sines."""
+        amplitude, pulsation, phase = self._oscillation()
         begin, end = np.asarray(begin, dtype=WIDE), np.asarray(end, dtype=WIDE)
-        rise = 2 * np.cos(swing * (end + begin) / 2 + phase) * np.sin(swing * (end - begin) / 2)
-        return np.outer(end - begin, np.array(self.velocity, dtype=WIDE)) + np.outer(rise, amplitude)
+        change = 2 * np.cos(pulsation * (end + begin) / 2 + phase) * np.sin(pulsation * (end - begin) / 2)
+        return np.outer(end - begin, np.array(self.velocity, dtype=WIDE)) + np.outer(change, amplitude)
 
-    def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
-        """Poses at ``time`` [s], shape (k,); there are no pieces."""
-        amplitude, swing, phase = self._swing()
-        angle = swing * np.asarray(time, dtype=WIDE) + phase
-        velocity = np.array(self.velocity, dtype=WIDE) + np.outer(swing * np.cos(angle), amplitude)
-        acceleration = -np.outer(swing * swing * np.sin(angle), amplitude)
-        return rigid_motion.shifting_by(self._shift(np.zeros_like(time), time), velocity, acceleration)
+    def pose(self, time: np.ndarray, segment_time: np.ndarray) -> Pose:
+        """Poses at ``time`` [s], shape (k,); ``segment_time`` has no effect."""
+        amplitude, pulsation, phase = self._oscillation()
+        angle = pulsation * np.asarray(time, dtype=WIDE) + phase
+        velocity = np.array(self.velocity, dtype=WIDE) + np.outer(pulsation * np.cos(angle), amplitude)
+        acceleration = -np.outer(pulsation * pulsation * np.sin(angle), amplitude)
+        return rigid_motion.translation_by(self._displacement(np.zeros_like(time), time), velocity, acceleration)
 
     def increments(self, time: np.ndarray) -> Increment:
-        """Increments between consecutive instants of ``time`` [s], shape (k + 1,) gives k."""
-        shift = self._shift(time[1:], time[:-1])
+        """Increments between consecutive times [s]; shape (k + 1,) gives k."""
+        shift = self._displacement(time[1:], time[:-1])
         return Increment(np.zeros((len(shift), 3, 3), dtype=WIDE), shift)
 
     def part(self, time: float) -> TranslationPart:
-        """The place at one instant [s], for writers."""
-        return TranslationPart(self._shift(np.zeros(1), np.array([time]))[0].astype(float))
+        """The translation at one time [s], for writers."""
+        return TranslationPart(self._displacement(np.zeros(1), np.array([time]))[0].astype(float))
 
-    def speed(self, points: np.ndarray, slack: float) -> float:
-        """Bound of the speed of any points [m/s]: |velocity| + 2 pi f |amplitude|."""
-        amplitude, swing, _ = self._swing()
-        return float(np.linalg.norm(self.velocity) + swing * np.linalg.norm(amplitude.astype(float)))
+    def speed_bound(self, points: np.ndarray, radius: float) -> float:
+        """Upper bound of the speed of any points [m/s]: |velocity| + 2 pi f |amplitude|."""
+        amplitude, pulsation, _ = self._oscillation()
+        return float(np.linalg.norm(self.velocity) + pulsation * np.linalg.norm(amplitude.astype(float)))
 
-    def swept(self, points: np.ndarray, slack: float, end: float) -> tuple[np.ndarray, float]:
-        """Points and slack [m] that hold the given ones at every time up to ``end`` [s]."""
-        amplitude, _, _ = self._swing()
-        swing = 2.0 * float(np.linalg.norm(amplitude.astype(float)))
-        return points, slack + float(np.linalg.norm(self.velocity)) * end + swing
+    def bounding_balls(self, points: np.ndarray, radius: float, end: float) -> tuple[np.ndarray, float]:
+        """Points and a radius [m]: balls that hold the given balls at every time up to ``end`` [s]."""
+        amplitude, _, _ = self._oscillation()
+        stroke = 2.0 * float(np.linalg.norm(amplitude.astype(float)))
+        return points, radius + float(np.linalg.norm(self.velocity)) * end + stroke
 
 
 class Sampled(Timed):
-    """The motion of a prim of a USD file, relative to its place at time 0; see ``warpdem.usd.motion``."""
+    """The motion of a prim of a USD file, relative to its pose at time 0; see ``warpdem.usd.motion``."""
 
     usd: FileName = Field(description="USD file, relative to the scene file.")
     prim: Annotated[str, Field(pattern=r"^/\S+$")] = Field(description='Path of the prim, such as "/World/Shaker".')
@@ -116,28 +116,28 @@ class Sampled(Timed):
         return value
 
 
-class Standing(SceneModel):
-    """A fixed place: axes that are turned, then shifted, and stay there: x_outer = A x + shift."""
+class FixedPlacement(SceneModel):
+    """A fixed placement: axes that are rotated, then translated, and stay there: x_outer = A x + shift."""
 
     quaternion: Annotated[tuple[float, ...], Vector(Quantity("-"), length=4), AfterValidator(unit_vector)] = Field(
-        (1.0, 0.0, 0.0, 0.0), description="Turn as a quaternion (w, x, y, z) [-], held as a unit one, default none."
+        (1.0, 0.0, 0.0, 0.0), description="Rotation as a quaternion (w, x, y, z) [-], held as a unit quaternion, default none."
     )
-    shift: Point = Field((0.0, 0.0, 0.0), description="Shift [m], default 0.")
+    shift: Point = Field((0.0, 0.0, 0.0), description="Translation [m], default 0.")
 
     @model_validator(mode="after")
-    def _says_something(self) -> "Standing":
+    def _is_not_empty(self) -> "FixedPlacement":
         if not self.model_fields_set:
             raise ValueError("give quaternion, shift or both; found none")
         return self
 
-    turns: ClassVar[bool] = False
+    rotates: ClassVar[bool] = False
     moves: ClassVar[bool] = False
     max_rate: ClassVar[float] = 0.0
 
     @functools.cached_property
     def axes(self) -> np.ndarray:
         """A, shape (3, 3), long double."""
-        return np.eye(3, dtype=WIDE) + rigid_motion.quaternion_turn_increment(rigid_motion.unit(self.quaternion)[None])[0]
+        return np.eye(3, dtype=WIDE) + rigid_motion.quaternion_rotation_increment(rigid_motion.unit(self.quaternion)[None])[0]
 
     @property
     def displaces(self) -> bool:
@@ -145,53 +145,57 @@ class Standing(SceneModel):
         return any(self.quaternion[1:]) or any(self.shift)
 
     def inverse(self, point: np.ndarray) -> np.ndarray:
-        """The point x of the body that is at ``point`` [m], shape (3,)."""
-        return (self.axes.T @ (point - np.array(self.shift))).astype(float)
+        """Body coordinates x of the outer ``point`` [m], shape (3,)."""
+        return np.asarray(self.axes.T @ (point - np.array(self.shift)), dtype=float)
 
-    def pose(self, time: np.ndarray, piece: np.ndarray) -> Pose:
-        """The same pose at each ``time``."""
+    def pose(self, time: np.ndarray, segment_time: np.ndarray) -> Pose:
+        """The same pose at every ``time``."""
         at_rest = rigid_motion.still(len(time))
         axes = np.broadcast_to(self.axes, at_rest.axes.shape)
         return dataclasses.replace(at_rest, axes=axes, origin=at_rest.origin + np.array(self.shift))
 
     def increments(self, time: np.ndarray) -> Increment:
-        """None of k."""
+        """Increments of zero between consecutive times; shape (k + 1,) gives k."""
         return Increment(np.zeros((len(time) - 1, 3, 3), dtype=WIDE), np.zeros((len(time) - 1, 3), dtype=WIDE))
 
     def part(self, time: float) -> SampledPart:
-        """The place, for writers."""
+        """The placement, for writers."""
         return SampledPart(np.array(self.quaternion), np.array(self.shift))
 
-    def speed(self, points: np.ndarray, slack: float) -> float:
-        """Nothing moves [m/s]."""
+    def speed_bound(self, points: np.ndarray, radius: float) -> float:
+        """Upper bound of the speed of any points [m/s]: 0."""
         return 0.0
 
-    def swept(self, points: np.ndarray, slack: float, end: float) -> tuple[np.ndarray, float]:
-        """The points in the outer axes, shape (n, 3) [m]."""
-        return (points @ self.axes.T + np.array(self.shift)).astype(float), slack
+    def bounding_balls(self, points: np.ndarray, radius: float, end: float) -> tuple[np.ndarray, float]:
+        """Points [m] in the outer axes, shape (n, 3), and a radius [m]: balls that hold the given balls at every time."""
+        return np.asarray(points @ self.axes.T + np.array(self.shift), dtype=float), radius
 
 
-def _kind(value: Any) -> str:
-    """The motion that a table describes, by its keys: a misspelt key is answered beside those that are right."""
+def _motion_tag(value: Any) -> str:
+    """Tag of the motion that a table describes, by its known keys, so that a message can name a misspelt one."""
     keys = set(value) if isinstance(value, dict) else set(getattr(type(value), "model_fields", ()))
-    for tag, model in (("~sampled", Sampled), ("~translation", Translation), ("~standing", Standing)):
-        if keys & (set(model.model_fields) - set(Timed.model_fields)) and not keys & _OF_ROTATION:
+    for tag, model in (("~sampled", Sampled), ("~translation", Translation), ("~placement", FixedPlacement)):
+        if keys & (set(model.model_fields) - set(Timed.model_fields)) and not keys & _ROTATION_KEYS:
             return tag
     return "~rotation"
 
 
-_OF_ROTATION = set(Rotation.model_fields) - set(Timed.model_fields)
-Motion = Annotated[
+_ROTATION_KEYS = set(Rotation.model_fields) - set(Timed.model_fields)
+Motion = Rotation | Translation | Sampled | FixedPlacement
+_TaggedMotion = Annotated[
     Annotated[Rotation, Tag("~rotation")]
     | Annotated[Translation, Tag("~translation")]
     | Annotated[Sampled, Tag("~sampled")]
-    | Annotated[Standing, Tag("~standing")],
-    Discriminator(_kind),
+    | Annotated[FixedPlacement, Tag("~placement")],
+    Discriminator(_motion_tag),
 ]
-Motions = Annotated[
-    Annotated[list[Motion], Field(min_length=1), Tag("~list")] | Annotated[Motion, Tag("~one")],
-    Discriminator(lambda value: "~list" if isinstance(value, (list, tuple)) else "~one"),
-    AfterValidator(lambda value: tuple(value) if isinstance(value, list) else (value,)),
-    PlainSerializer(lambda motions: motions, return_type=Any),  # a tuple is neither of the two forms above
-]
+if TYPE_CHECKING:
+    Motions = tuple[Motion, ...]
+else:
+    Motions = Annotated[
+        Annotated[list[_TaggedMotion], Field(min_length=1), Tag("~list")] | Annotated[_TaggedMotion, Tag("~one")],
+        Discriminator(lambda value: "~list" if isinstance(value, (list, tuple)) else "~one"),
+        AfterValidator(lambda value: tuple(value) if isinstance(value, list) else (value,)),
+        PlainSerializer(lambda motions: motions, return_type=Any),  # a tuple is neither of the two forms above
+    ]
 """One motion or a list of them, outermost first; held as a tuple."""

@@ -1,4 +1,4 @@
-"""What all motions of a scene have: a time of their own, frequencies and phases."""
+"""Common parts of the motions of a scene: a time of their own, frequencies and phases."""
 
 from typing import Annotated
 
@@ -12,8 +12,8 @@ Phase = Annotated[float, Quantity("rad")]
 
 
 class Timed(SceneModel):
-    """What all motions have: a time of their own."""
+    """Base of all motions that depend on time."""
 
     elapsed: Annotated[float, Quantity("s", ge=0)] = Field(
-        0.0, description="How long the motion has been going on at time 0 [s], >= 0, default 0: its time is ahead by this."
+        0.0, description="Time of the motion at time 0 of the run [s], >= 0, default 0: the motion is ahead by this."
     )

@@ -18,20 +18,20 @@ RateOrRamp = Annotated[
 
 
 class RateSegment(SceneModel):
-    """One stretch of a rate schedule."""
+    """One segment of a rate schedule."""
 
     until: Duration | None = Field(
-        None, description="End of the stretch [s], > 0 and rising; only the last may omit it and then holds for ever."
+        None, description="End of the segment [s], > 0 and increasing; only the last may omit it and then has no end."
     )
     rate: RateOrRamp = Field(description="Angular rate [rad/s], or [start, end] of a linear ramp.")
 
 
 class Sinusoid(SceneModel):
-    """A rate that swings: mean + amplitude sin(2 pi frequency t + phase)."""
+    """A rate that oscillates: mean + amplitude sin(2 pi frequency t + phase)."""
 
     mean: AngularRate = Field(0.0, description="Mean angular rate [rad/s], default 0.")
     amplitude: AngularRate = Field(description="Amplitude of the angular rate [rad/s].")
-    frequency: Frequency = Field(description="Frequency [1/s], > 0; rpm is refused, since turns are not swings.")
+    frequency: Frequency = Field(description="Frequency [1/s], > 0; rpm is refused, since revolutions are not oscillations.")
     phase: Phase = Field(0.0, description="Phase at time 0 [rad], default 0.")
 
 
@@ -44,36 +44,36 @@ def _time_and_rate(entry: Any) -> Any:
 Knot = Annotated[tuple[Annotated[float, Quantity("s", ge=0)], AngularRate], BeforeValidator(_time_and_rate)]
 
 
-class Pieces(NamedTuple):
-    """A rate that is piecewise linear, arrays (k,) in long double; the last piece has no end."""
+class PiecewiseRate(NamedTuple):
+    """A piecewise linear rate, arrays (k,) in long double; the last segment has no end."""
 
     start: np.ndarray
-    """[s], rising from 0."""
+    """Start of each segment [s], increasing from 0."""
     angle: np.ndarray
     """Angle at the start [rad]."""
     rate: np.ndarray
     """Rate at the start [rad/s]."""
     acceleration: np.ndarray
-    """[rad/s2]."""
+    """Acceleration in each segment [rad/s2]."""
 
     @classmethod
-    def joined(cls, stretches: list[tuple[float, float, float]], last: float) -> "Pieces":
-        """Pieces of stretches (end [s], first and last rate [rad/s]) from time 0 on, then the rate ``last``."""
-        pieces, start, angle = [], WIDE(0), WIDE(0)
-        for end, first, final in stretches:
-            length, first, final = WIDE(end) - start, WIDE(first), WIDE(final)
-            pieces.append((start, angle, first, (final - first) / length))
-            start, angle = WIDE(end), angle + (first + final) / 2 * length
-        pieces.append((start, angle, WIDE(last), WIDE(0)))
-        return cls(*(np.array(column) for column in zip(*pieces, strict=True)))
+    def of(cls, segments: list[tuple[float, float, float]], last: float) -> "PiecewiseRate":
+        """The rate of segments (end [s], initial and final rate [rad/s]) from time 0 on, then constant at ``last``."""
+        rows, start, angle = [], WIDE(0), WIDE(0)
+        for end, *rates in segments:
+            length, initial, final = WIDE(end) - start, WIDE(rates[0]), WIDE(rates[1])
+            rows.append((start, angle, initial, (final - initial) / length))
+            start, angle = WIDE(end), angle + (initial + final) / 2 * length
+        rows.append((start, angle, WIDE(last), WIDE(0)))
+        return cls(*(np.array(column) for column in zip(*rows, strict=True)))
 
-    def at(self, time: np.ndarray, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angle at ``time`` [s], and there rate and acceleration of the pieces that hold ``piece`` [s], shapes (k,)."""
+    def at(self, time: np.ndarray, segment_time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angle at ``time`` [s], and there rate and acceleration of the segments at ``segment_time`` [s], shapes (k,)."""
         start, angle, rate, acceleration = (column[self._number(time)] for column in self)
         since = time - start
-        turned = angle + since * (rate + acceleration * since / 2)
-        start, _, rate, acceleration = (column[self._number(piece)] for column in self)
-        return turned, rate + acceleration * (time - start), acceleration
+        total = angle + since * (rate + acceleration * since / 2)
+        start, _, rate, acceleration = (column[self._number(segment_time)] for column in self)
+        return total, rate + acceleration * (time - start), acceleration
 
     def _number(self, time: np.ndarray) -> np.ndarray:
         return np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)

@@ -1,4 +1,4 @@
-"""Walls as scene data: a mesh file and where it is placed, or one analytic shape."""
+"""Walls as scene data: a mesh file with its scale, rotation and translation, or one analytic shape."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,27 +14,27 @@ from warpdem.usd.stage import USD_SUFFIXES
 MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES)
 
 
-class Turn(SceneModel):
-    """A turn by an angle about an axis through the origin."""
+class FixedRotation(SceneModel):
+    """A rotation by an angle about an axis through the origin."""
 
     axis: Direction = Field(description="Direction of the axis [-], any length but zero; held as a unit vector.")
-    angle: Annotated[float, Quantity("rad")] = Field(description="Angle [rad], by the right hand rule.")
+    angle: Annotated[float, Quantity("rad")] = Field(description="Angle [rad], by the right-hand rule.")
 
 
 class Wall(SceneModel):
-    """Wall: the triangles of a mesh file, placed by scale, then rotate, then translate; or one analytic shape."""
+    """Wall: the triangles of a mesh file after scale, rotate and translate, in this order; or one analytic shape."""
 
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
     material: str = Field(description="Name of the material.")
     mesh: FileName | None = Field(
         None,
         description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file; this or one shape. "
-        "USD comes in metres with z upwards, whatever the stage's own units and upAxis.",
+        "A USD mesh is converted to metres with z upwards, whatever the stage's units and upAxis.",
     )
     prim: Annotated[str, Field(pattern=r"^(/\S+)?$")] = Field(
         "",
         description='With a USD mesh: path of the prim whose surfaces are the wall, such as "/World/Drum"; not needed if the '
-        "file holds one surface only.",
+        "file holds only one surface.",
     )
     plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
     cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
@@ -44,22 +44,24 @@ class Wall(SceneModel):
         1.0,
         description="Factor from the file's lengths to metres [-], > 0, default 1; 0.001 for a mesh in millimetres.",
     )
-    translate: Point = Field((0.0, 0.0, 0.0), description="Shift of the mesh [m], after scale and rotate, default 0.")
-    rotate: Turn | None = Field(None, description="Turn of the mesh about the origin, after scale, default none.")
+    translate: Point = Field((0.0, 0.0, 0.0), description="Translation of the mesh [m], after scale and rotate, default 0.")
+    rotate: FixedRotation | None = Field(
+        None, description="Rotation of the mesh about the origin, after scale, default none."
+    )
     fixed_to: Literal["frame", "laboratory"] = Field(
         "frame", description='What the wall is fixed to: "frame" (default) or "laboratory".'
     )
     motion: Motions | None = Field(
         None,
-        description="The wall's own motion relative to what it is fixed to: one, or a list, outermost first; default none.",
+        description="Motion of the wall relative to what it is fixed to: one motion, or a list, outermost first; default none.",
     )
     torque_about: Point | None = Field(
         None,
-        description="Point that the torque on the wall refers to [m]: of the wall's body, given where it is at time 0, and "
-        "moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to that, else (0, 0, 0).",
+        description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "
+        "0 and moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to it, else (0, 0, 0).",
     )
     open: StrictBool = Field(
-        False, description="Whether the mesh has borders on purpose; a closed mesh is required otherwise, default false."
+        False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."
     )
 
     @field_validator("mesh")
@@ -80,10 +82,10 @@ class Wall(SceneModel):
     def _mesh_or_shape(self) -> "Wall":
         exactly_one(self, "mesh", *SHAPES)
         if self.mesh is None:
-            pose = ("prim", "scale", "translate", "rotate", "open")
-            stray = [key for key in pose if getattr(self, key) != Wall.model_fields[key].default]
+            mesh_keys = ("prim", "scale", "translate", "rotate", "open")
+            stray = [key for key in mesh_keys if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
-                reason = "only for a mesh; a shape is placed by its own keys"
+                reason = "only for a mesh; a shape is positioned by its own keys"
                 raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 

@@ -73,8 +73,8 @@ class Run(Protocol):
         """The same, whether its forces are evaluated or not."""
 
     @property
-    def inlets(self) -> Part:
-        """Streams."""
+    def streams(self) -> Part:
+        """Streams, which insert grains."""
 
     @property
     def guards(self) -> GuardsPart:
@@ -104,7 +104,7 @@ def save(run: Run, path: str | Path) -> None:
     about = {
         **_about(view),
         "left": run.left,
-        "feeders": run.inlets.state(),
+        "feeders": run.streams.state(),
         "next_id": view.state.next_id,
         "budget": view.totals.state() if view.totals is not None else None,
         "guards": run.guards.state(),
@@ -300,7 +300,7 @@ def restore(run: Run, data: dict) -> None:
     view.clock.step_number = data["step"]
     run.engine.restore(data["extreme"])
     run.left.update(data["left"])
-    run.inlets.restore(data["feeders"])
+    run.streams.restore(data["feeders"])
     if view.totals is not None:
         view.totals.restore(data["budget"])
     contact_history.restore(run.lists, data)

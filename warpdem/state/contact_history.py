@@ -66,26 +66,24 @@ def remember(lists, data: dict) -> None:
         data: ids of the grains in their order (``id``), ``pair`` and ``pair_memory``, and where there are walls the
             ``place_*`` of a checkpoint.
     """
-    plan, n = lists.sim.plan, len(lists.sim.state)
-    pair, memory = data["pair"], data["pair_memory"][:, : max(plan.contact.memory, 1)]
+    features, n = lists.model.features, len(lists.state)
+    pair, memory = data["pair"], data["pair_memory"][:, : max(features.contact.memory, 1)]
     owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
     order = np.lexsort((partner, owner))
     count = np.bincount(owner, minlength=n)
-    rows = (starts(count), count, partner[order], order)
-    lists.near = tuple(lists.rooms.upload(a.astype(np.int32), wp.int32) for a in rows)
-    padded = np.concatenate([memory, np.zeros((-len(memory) % plan.backend.lanes, memory.shape[1]))])
-    packs = padded.reshape(-1, plan.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
-    lists.memory = lists.rooms.upload(packs, lists.real)
-    if plan.walls.present and "place_grain" in data:
+    lists.set_outer(starts(count), count, partner[order], order)
+    padded = np.concatenate([memory, np.zeros((-len(memory) % features.backend.lanes, memory.shape[1]))])
+    packs = padded.reshape(-1, features.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
+    lists.memory = lists.pool.upload(packs, lists.real)
+    if features.walls.present and "place_grain" in data:
         _put_places(lists, data, n)
-    lists.known = n
 
 
 def restore(lists, data: dict) -> None:
     """Lists for the present positions with the memory and the forces of a checkpoint."""
-    if len(lists.sim.state) == 0:
+    if len(lists.state) == 0:
         return
-    lists.force_parity = lists.sim.step_number & 1
+    lists.force_parity = lists.clock.step_number & 1
     remember(lists, data)
     lists.make()
     _put_forces(lists, data)
@@ -96,9 +94,9 @@ def _put_places(lists, data: dict, n: int) -> None:
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
     count = np.bincount(grains, minlength=n).astype(np.int32)
-    rows = lists.sim.new_rows(n, len(grains))
-    rows.first = lists.rooms.upload(starts(count), wp.int32)
-    rows.place_count = lists.rooms.upload(np.stack([count, count]), wp.int32)
+    rows = lists.new_rows(n, len(grains))
+    rows.first = lists.pool.upload(starts(count), wp.int32)
+    rows.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
     memory = rows.place.numpy()
     memory[lists.force_parity] = wall_record.packed(wall_record.MEMORY, data, memory.shape[-1])[order]
     rows.place.assign(memory)
@@ -107,8 +105,8 @@ def _put_places(lists, data: dict, n: int) -> None:
 
 def _put_forces(lists, data: dict) -> None:
     """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
-    state = lists.sim.state
-    contacts = lists.listed()
+    state = lists.state
+    contacts = lists.view()
     pair, i, j = _listed(contacts)
     row, entry = np.zeros(lists.row.shape), np.zeros(lists.entry.shape)
     saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
@@ -116,7 +114,7 @@ def _put_forces(lists, data: dict) -> None:
     if known:
         here, there = np.array(known).T
         row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
-        if lists.sim.plan.measures.energy and "pair_entry_i" in data:
+        if lists.model.features.measures.energy and "pair_entry_i" in data:
             entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
     lists.row.assign(row)
     lists.entry.assign(entry)
@@ -125,7 +123,7 @@ def _put_forces(lists, data: dict) -> None:
     load = np.zeros((len(state), 6))
     load[state.rank] = data["wall_load"]
     lists.rows.load.assign(load)
-    for name in ("entry", "power") if lists.sim.plan.measures.energy and "wall_entry" in data else ():
+    for name in ("entry", "power") if lists.model.features.measures.energy and "wall_entry" in data else ():
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
         getattr(lists.rows, name).assign(values)

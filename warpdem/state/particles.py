@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 import warp as wp
 
-from warpdem.filling.grain_source import Grains0
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import grain
 from warpdem.model.model import Model
 
@@ -80,7 +80,7 @@ class State:
         self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
     @classmethod
-    def of(cls, model: Model, start: Grains0) -> "State":
+    def of(cls, model: Model, start: InitialGrains) -> "State":
         """The grains of a model at the start, moving as its integrator holds them."""
         contact, measures = model.features.contact, model.features.measures
         return cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums)

@@ -14,11 +14,12 @@ import numpy as np
 
 from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0, in_body_axes
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
-from warpdem.scene.motion import Standing
+from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
@@ -65,9 +66,9 @@ def read(scene: Scene) -> Past:
         memory["orientation"] = data["orientation"]
     going = "streams" in scene.start.continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
-    feeders = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
+    inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
-    return Past(scene, grains, memory, known, data["next_id"], feeders, (*said, *notes))
+    return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
 
 
 def _end(data: dict) -> float:
@@ -204,10 +205,10 @@ def _continued(motions: tuple | None, resolved: list[dict] | None, given: list[d
     here, there = tuple(motions or ()), tuple(given or ())
     elapsed = [entry.get("elapsed", 0.0) for entry in resolved]
     timed = (
-        motion if isinstance(motion, Standing) else motion.model_copy(update={"elapsed": before + time})
+        motion if isinstance(motion, FixedPlacement) else motion.model_copy(update={"elapsed": before + time})
         for motion, before in zip(here, elapsed, strict=False)
     )
-    return (*timed, *(Standing(**entry) for entry in resolved[len(there) :]))
+    return (*timed, *(FixedPlacement(**entry) for entry in resolved[len(there) :]))
 
 
 def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
@@ -215,7 +216,7 @@ def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
     if np.array_equal(place, np.eye(4)):
         return motions
     quaternion = quaternion_of(place[:3, :3]).astype(float)
-    return (*(motions or ()), Standing(quaternion=quaternion.tolist(), shift=place[:3, 3].tolist()))
+    return (*(motions or ()), FixedPlacement(quaternion=quaternion.tolist(), shift=place[:3, 3].tolist()))
 
 
 def _matrix(rows: list[list[float]]) -> np.ndarray:
@@ -226,12 +227,12 @@ def _matrix(rows: list[list[float]]) -> np.ndarray:
 # --- grains ------------------------------------------------------------------------------------------------------------
 
 
-def _grains(scene: Scene, data: dict, material: list[int]) -> Grains0:
+def _grains(scene: Scene, data: dict, material: list[int]) -> InitialGrains:
     """The grains, their motion relative to the frame as it moves at time 0 of ``scene``."""
     pose: Pose = frame_chain(scene).pose(np.zeros(1))
     spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
     position = data["record"][:, grain.POSITION]
-    return Grains0(
+    return InitialGrains(
         id=data["id"],
         type=np.array(material, dtype=np.int32)[data["kind"]],
         group=np.array([scene.groups.index(name) for name in data["groups"]], dtype=np.int32)[data["group"]],

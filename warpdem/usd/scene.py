@@ -52,7 +52,7 @@ def read(
     Raises:
         SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
     """
-    said, arrays = usd_stage.ask(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
+    said, arrays = usd_stage.read(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
     if said["unsaid"]:
         raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
     notes = unsupported.notes(file, said["physics"])

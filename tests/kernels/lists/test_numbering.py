@@ -1,24 +1,37 @@
-"""Numbering on the device equals that by prefix sums on the host."""
+"""Numbering equals that by prefix sums in NumPy."""
 
 import numpy as np
 import pytest
 import warp as wp
 from warpdem.kernels.lists import numbering
+from warpdem.kernels.lists.numbering import BLOCK
 
-from warpdem.engine.neighbor_list import CLASS_BLOCK, class_starts
 from warpdem.filling.size_grids import starts
 
 
-@pytest.mark.parametrize("n", [1, CLASS_BLOCK, 3 * CLASS_BLOCK + 17])
-def test_numbers_are_those_of_the_host(n, device):
+def class_starts(touching: np.ndarray, near: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Number of the first contact of either class of each grain, and the contact batches in all.
+
+    Within a block of grains the contacts that touch come first and fill whole batches, then the others do.
+    """
+    first, block = np.arange(0, len(touching), BLOCK), np.arange(len(touching)) // BLOCK
+    sums = [np.add.reduceat(count, first) for count in (touching, near)]
+    padded = [-(-s // lanes) * lanes for s in sums]
+    begin = np.concatenate([[0], np.cumsum(padded[0] + padded[1])])
+    inside = [np.cumsum(count) - count - (np.cumsum(s) - s)[block] for count, s in zip((touching, near), sums, strict=True)]
+    return begin[block] + inside[0], begin[block] + padded[0][block] + inside[1], int(begin[-1]) // lanes
+
+
+@pytest.mark.parametrize("n", [1, BLOCK, 3 * BLOCK + 17])
+def test_numbers_are_prefix_sums(n, device):
     rng, lanes = np.random.default_rng(n), 32
     touching, near, shares = (rng.integers(0, 7, n).astype(np.int32) for _ in range(3))
     candidates = rng.integers(0, 2, n).astype(np.int32)
-    blocks = -(-n // CLASS_BLOCK)
+    blocks = -(-n // BLOCK)
     counts = [wp.array(a, dtype=wp.int32, device=device) for a in (touching, near, shares, candidates)]
     sums, total = wp.zeros(blocks, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
     out = [wp.zeros(size, dtype=wp.int32, device=device) for size in (n, n, n + 1, n)]
-    inputs = [CLASS_BLOCK, lanes, *counts]
+    inputs = [0, lanes, *counts]
     wp.launch(numbering.sum_blocks, dim=blocks, inputs=[*inputs, sums], device=device)
     wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
     wp.launch(numbering.start_grains, dim=blocks, inputs=[*inputs, sums, *out], device=device)
@@ -33,11 +46,11 @@ def test_numbers_are_those_of_the_host(n, device):
 
 def test_sums_beyond_32_bits_stay_at_the_largest(device):
     """Grains within each other have so many neighbours: what wrapped around would seem to fit."""
-    n, most = 6 * CLASS_BLOCK, 2**31 - 1
-    counts = wp.full(n, most // (2 * CLASS_BLOCK), dtype=wp.int32, device=device)
+    n, most = 6 * BLOCK, 2**31 - 1
+    counts = wp.full(n, most // (2 * BLOCK), dtype=wp.int32, device=device)
     nothing = wp.zeros(0, dtype=wp.int32, device=device)
     sums, total = wp.zeros(6, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
-    inputs = [CLASS_BLOCK, 32, nothing, nothing, counts, nothing, sums]
+    inputs = [0, 32, nothing, nothing, counts, nothing, sums]
     wp.launch(numbering.sum_blocks, dim=6, inputs=inputs, device=device)
     wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
     assert total.numpy()[1] == most

@@ -5,10 +5,13 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError
-from warpdem.filling.barriers import Barrier, barriers, places_at_start, with_sides
-from warpdem.filling.grain_source import check_start, load_grains
-from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
-from warpdem.filling.pool import find_pool
+from warpdem.filling.fill_request import HEIGHT_FRACTION
+from warpdem.filling.initial_grains import load_grains
+from warpdem.filling.open_space import find_open_space
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import OVERLAP
+from warpdem.filling.placed_walls import PlacedWall, assign_sides, place_walls, wall_poses_at_start
+from warpdem.filling.start_check import check_start
 from warpdem.mesh.triangle_mesh import build_mesh, signed_distance
 from warpdem.model.walls import load_meshes
 
@@ -78,7 +81,7 @@ def loaded(folder, walls, fill, **keys):
 
 def clear(scene, meshes, grains, filled=()):
     """Whether no grain reaches into a wall, nor another grain, in radii: 1e-5 and `OVERLAP`."""
-    walls = [w for w in barriers(scene, meshes, places_at_start(scene)) if w.name not in filled]
+    walls = [w for w in place_walls(scene, meshes, wall_poses_at_start(scene)) if w.name not in filled]
     gap = np.min([wall.gap(grains.position, grains.radius) / grains.radius for wall in walls], axis=0)
     return gap.min() >= -1.001e-5 and worst_overlaps(grains.position, grains.radius)[0].max() <= OVERLAP
 
@@ -95,7 +98,7 @@ def test_a_vessel_is_filled_around_a_blade(tmp_path, blade, amount):
         np.testing.assert_allclose(len(grains) * GRAIN, HEIGHT_FRACTION * (0.06 * 0.06 * 0.03 - metal), rtol=2e-3)
     # and grains are on both sides of it, right up to it
     assert ((grains.position[:, 1] > 0).mean()) == pytest.approx(0.5, abs=0.05)
-    near = barriers(scene, meshes, places_at_start(scene))[1].gap(grains.position, grains.radius)
+    near = place_walls(scene, meshes, wall_poses_at_start(scene))[1].gap(grains.position, grains.radius)
     assert (near < 0.05 * D).sum() > 10
 
 
@@ -127,8 +130,8 @@ def test_which_closed_meshes_hold_a_box(tmp_path):
     points = np.random.default_rng(0).uniform([-0.012, -0.012, -0.008], [0.012, 0.012, 0.008], (2000, 3))
 
     def held(**meshes):
-        walls = [Barrier(name, build_mesh(t), 1, np.eye(3), np.zeros(3)) for name, t in meshes.items()]
-        return with_sides(walls, points)[1]
+        walls = [PlacedWall(name, build_mesh(t), 1, np.eye(3), np.zeros(3)) for name, t in meshes.items()]
+        return assign_sides(walls, points)[1]
 
     block = box([-0.01, -0.01, -0.006], [0.01, 0.01, 0.006])  # takes 52 % of it
     assert held(block=block) == []
@@ -223,11 +226,11 @@ def test_a_filling_that_would_run_out_is_refused_with_the_place(tmp_path):
 
 
 def test_the_space_between_walls_has_the_right_volume_however_the_grid_lies():
-    wall = [Barrier("cup", build_mesh(SHELL), 0, np.eye(3), np.zeros(3))]
+    wall = [PlacedWall("cup", build_mesh(SHELL), 0, np.eye(3), np.zeros(3))]
     leaks = np.array([[True, True, True], [True, True, False]])
     for height in (0.02, 0.025, 0.03, 0.05):
-        pool = find_pool(wall, np.array([[-0.03, -0.03, 0], [0.03, 0.03, height]]), np.eye(3), leaks, 2e-3, "fill")
-        np.testing.assert_allclose(pool.volume, disk(0.03) * height, rtol=2e-3)
+        open_space = find_open_space(wall, np.array([[-0.03, -0.03, 0], [0.03, 0.03, height]]), np.eye(3), leaks, 2e-3, "fill")
+        np.testing.assert_allclose(open_space.volume, disk(0.03) * height, rtol=2e-3)
 
 
 def test_a_box_within_metal_is_refused(tmp_path):

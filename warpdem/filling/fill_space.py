@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, is_closed, straddled, with_sides
-from warpdem.filling.region import Region, free_volume, is_cup, open_region, region, sample_points
+from warpdem.filling.fill_region import FillRegion, closed_region, is_cup, open_region, sample_points, with_free_volume
+from warpdem.filling.placed_walls import PlacedWall, assign_sides, is_closed, straddle_notes
 from warpdem.mesh.shells import cavities, corners_in_file
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.size_distribution import size_law
@@ -17,12 +17,12 @@ SIDES = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class FillSpace:
     """Where a filling goes."""
 
-    region: Region
+    region: FillRegion
     """Its region."""
-    walls: list[Barrier]
+    walls: list[PlacedWall]
     """Walls to keep clear of."""
     vessels: tuple[str, ...]
     """Closed meshes inside of which it is."""
@@ -30,7 +30,9 @@ class Space:
     """What is to be known of the choice, for people."""
 
 
-def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[Barrier], asked, up: np.ndarray, key: str) -> Space:
+def choose_fill_space(
+    scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked, up: np.ndarray, key: str
+) -> FillSpace:
     """The space that a filling asks for.
 
     A closed mesh is filled inside; but of a body with a cavity, as a tank drawn with the thickness of its wall, the cavity is
@@ -49,26 +51,26 @@ def space_of(scene, meshes: dict[str, TriangleMesh], walls: Sequence[Barrier], a
         SceneError: Nothing is left, the grains would run out, or it is not clear which of several spaces is meant.
     """
     if asked.wall is None:
-        space = region(None, (asked.box.min, asked.box.max), key, asked.height, up)
+        space = closed_region(None, (asked.box.min, asked.box.max), key, asked.height, up)
         near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
         points = sample_points(space, SIDES)
-        sided, vessels = with_sides(near, points, is_body=bodies(scene, up))
-        notes = straddled(sided, points, f"{key.split(': ')[-1]}.box")
-        return Space(free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
+        sided, vessels = assign_sides(near, points, is_body=body_test(scene, up))
+        notes = straddle_notes(sided, points, f"{key.split(': ')[-1]}.box")
+        return FillSpace(with_free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
     mesh = meshes[asked.wall]
     box = None if asked.region is None else (asked.region.min, asked.region.max)
-    others, vessels = with_sides([w for w in walls if w.name != asked.wall], mesh.vertices, mesh)
+    others, vessels = assign_sides([w for w in walls if w.name != asked.wall], mesh.vertices, mesh)
     own = [w for w in walls if w.name == asked.wall]
     inner, note = _bound(scene, mesh, asked, up, key)
     if inner is not None:
-        space = region(inner, box, key, asked.height, up)
+        space = closed_region(inner, box, key, asked.height, up)
         around = others if inner is mesh else [*own, *others]
         held = (asked.wall,) if inner is mesh else ()
-        return Space(free_volume(space, around, key), around, (*held, *vessels), note)
+        return FillSpace(with_free_volume(space, around, key), around, (*held, *vessels), note)
     radius = 0.5 * size_law(asked.diameter).extremes[0]
     point = None if asked.point is None else np.asarray(asked.point, float)
     space = open_region(mesh, [*own, *others], box, radius, key, asked.height, up, point)
-    return Space(space, [*own, *others], tuple(vessels), note)
+    return FillSpace(space, [*own, *others], tuple(vessels), note)
 
 
 def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[TriangleMesh | None, tuple[str, ...]]:
@@ -98,7 +100,7 @@ def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[
     return mesh, ()
 
 
-def bodies(scene, up: np.ndarray) -> Callable[[Barrier], bool]:
+def body_test(scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
     """What tells whether a closed mesh wall is a body that holds more than it has inside: a tank or cup of solid walls.
 
     Args:
@@ -106,7 +108,7 @@ def bodies(scene, up: np.ndarray) -> Callable[[Barrier], bool]:
         up: Direction against gravity in frame axes, any length.
     """
 
-    def is_body(wall: Barrier) -> bool:
+    def is_body(wall: PlacedWall) -> bool:
         mesh, number = wall.surface, [one.name for one in scene.walls].index(wall.name)
         held = sum(abs(hollow.volume) for hollow in _hollows(scene, number, mesh))
         return held > abs(mesh.volume) or is_cup(mesh, up @ wall.axes)
@@ -125,7 +127,7 @@ def _hollows(scene, number: int, mesh: TriangleMesh) -> list[TriangleMesh]:
 
 def _point_inside(mesh: TriangleMesh) -> list[float]:
     """A point well inside a closed mesh [m], in few digits."""
-    space = Region(*mesh.bounds, np.eye(3), mesh, abs(mesh.volume))
+    space = FillRegion(*mesh.bounds, np.eye(3), mesh, abs(mesh.volume))
     points = sample_points(space, SIDES)
     deepest = points[np.argmin(signed_distance(mesh, points)[0])]
     return [float(f"{x:.4g}") for x in deepest]

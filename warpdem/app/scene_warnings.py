@@ -7,7 +7,7 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.engine.way_out import way_out
-from warpdem.filling.grain_source import in_body_axes
+from warpdem.filling.placed_walls import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.model import needs
 from warpdem.model.impact import stiffness

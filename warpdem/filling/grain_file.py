@@ -39,7 +39,7 @@ VTP_TIME_LIMIT, VTP_BYTES_PER_SECOND = 60.0, 1e6
 """Time that reading a .vtp file may take [s], with another second for each so many bytes."""
 
 
-def read_state(path: Path, key: str) -> dict[str, np.ndarray | None]:
+def read_grain_file(path: Path, key: str) -> dict[str, np.ndarray | None]:
     """Fields of the grains in a state file: position, radius, velocity, spin (zero when absent), id (or None).
 
     Args:

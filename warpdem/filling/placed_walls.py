@@ -22,12 +22,12 @@ STRADDLED = 0.02
 PROBES = 200
 """Corners of a mesh that are looked at to tell what it lies in."""
 
-Place = tuple[np.ndarray, np.ndarray]
+WallPose = tuple[np.ndarray, np.ndarray]
 """Axes (3, 3) of a wall's body in frame axes [-], and its origin there [m], shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Barrier:
+class PlacedWall:
     """A wall where it stands, with the side of it that grains are on."""
 
     name: str
@@ -79,7 +79,7 @@ class Barrier:
         return np.array([middle - reach, middle + reach])
 
 
-def places_at_start(scene) -> list[Place]:
+def wall_poses_at_start(scene) -> list[WallPose]:
     """Where the body of each wall of a scene is at time 0."""
     begin = np.zeros(1)
     frame = frame_chain(scene).pose(begin)
@@ -94,7 +94,7 @@ def places_at_start(scene) -> list[Place]:
     return found
 
 
-def barriers(scene, meshes: dict[str, TriangleMesh], places: Sequence[Place]) -> list[Barrier]:
+def place_walls(scene, meshes: dict[str, TriangleMesh], places: Sequence[WallPose]) -> list[PlacedWall]:
     """All walls of a scene, and the images of meshes across its periodic borders; grains are outside of closed meshes.
 
     Args:
@@ -107,7 +107,7 @@ def barriers(scene, meshes: dict[str, TriangleMesh], places: Sequence[Place]) ->
     for wall, (axes, origin) in zip(scene.walls, places, strict=True):
         surface = wall.shape if wall.shape is not None else meshes[wall.name]
         side = int(wall.shape is None and is_closed(surface))
-        one = Barrier(wall.name, surface, side, axes, origin)
+        one = PlacedWall(wall.name, surface, side, axes, origin)
         found += [replace(one, origin=origin + shift) for shift in (images if wall.shape is None else images[:1])]
     return found
 
@@ -125,12 +125,12 @@ def _images(scene) -> np.ndarray:
     return np.array(list(itertools.product(*((0.0, p, -p) if p else (0.0,) for p in periods))))
 
 
-def with_sides(
-    walls: Sequence[Barrier],
+def assign_sides(
+    walls: Sequence[PlacedWall],
     points: np.ndarray,
     filled: TriangleMesh | None = None,
-    is_body: Callable[[Barrier], bool] = lambda wall: False,
-) -> tuple[list[Barrier], list[str]]:
+    is_body: Callable[[PlacedWall], bool] = lambda wall: False,
+) -> tuple[list[PlacedWall], list[str]]:
     """The walls, with grains inside those closed meshes that are vessels of a region; and the names of these.
 
     A region without a mesh of its own lies in a closed mesh that holds most of it and reaches as far on all sides: a box may
@@ -161,7 +161,7 @@ def with_sides(
     return [replace(wall, side=-1) if wall in vessels else wall for wall in walls], [wall.name for wall in vessels]
 
 
-def straddled(walls: Sequence[Barrier], points: np.ndarray, key: str) -> list[str]:
+def straddle_notes(walls: Sequence[PlacedWall], points: np.ndarray, key: str) -> list[str]:
     """Notes on closed meshes that hold a part of a region that is not theirs, or lack a part of one that is.
 
     Args:
@@ -178,13 +178,22 @@ def straddled(walls: Sequence[Barrier], points: np.ndarray, key: str) -> list[st
     return notes
 
 
-def _lies_in(inner: Barrier, outer: Barrier) -> bool:
+def _lies_in(inner: PlacedWall, outer: PlacedWall) -> bool:
     """Whether most of the corners of one closed mesh are inside another."""
     corners = inner.surface.vertices
     corners = corners[:: max(1, len(corners) // PROBES)] @ inner.axes.T + inner.origin
     return float((outer.distance(corners)[0] < 0.0).mean()) > 0.5
 
 
-def lowest_gap(walls: Sequence[Barrier], position: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
+def smallest_gap(walls: Sequence[PlacedWall], position: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
     """Smallest gap between grains, (n, 3) [m] and (n,) [m], and any of the walls [m], shape (n,)."""
     return np.min([np.full(len(position), np.inf), *(wall.gap(position, radius) for wall in walls)], axis=0)
+
+
+def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
+    wall, begin = scene.walls[number], np.zeros(1)
+    frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
+    if wall.fixed_to == "laboratory":
+        position = position @ frame.axes[0].T.astype(float) + frame.origin[0].astype(float)
+    return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)

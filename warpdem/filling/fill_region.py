@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.filling.barriers import Barrier, is_closed
-from warpdem.filling.pool import Pool, find_pool, where_it_runs_out
+from warpdem.filling.open_space import OpenSpace, find_open_space, leak_message
+from warpdem.filling.placed_walls import PlacedWall, is_closed
 from warpdem.mesh.clipped_volume import clipped_volume
 from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, inside, require_closed
 
@@ -22,7 +22,7 @@ CUP_NODES = 40_000
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class FillRegion:
     """A box along its own axes, within a closed mesh if there is one."""
 
     low: np.ndarray
@@ -35,7 +35,7 @@ class Region:
     """Closed mesh in frame axes."""
     volume: float
     """Volume of the box within the mesh, less what other walls take up [m3]."""
-    pool: Pool | None = None
+    open_space: OpenSpace | None = None
     """The part of the space between walls that it is limited to."""
 
     @property
@@ -56,8 +56,8 @@ class Region:
 
     def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Random centres (n, 3) [m] in the box shrunk by each grain's radius (n,) [m]; the mesh is not looked at."""
-        if self.pool is not None:
-            points = self.pool.random_points(generator, len(radius))
+        if self.open_space is not None:
+            points = self.open_space.random_points(generator, len(radius))
             self.clamp(points, radius)
             return points
         low, high = self.low + radius[:, None], self.high - radius[:, None]
@@ -65,7 +65,7 @@ class Region:
         return points if (self.axes == np.eye(3)).all() else np.einsum("ij,ni->nj", self.axes, points)
 
 
-def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None, up=(0.0, 0.0, 1.0)) -> Region:
+def closed_region(mesh: TriangleMesh | None, box, key: str, height: float | None = None, up=(0.0, 0.0, 1.0)) -> FillRegion:
     """Region of a closed mesh, a box, or the part of the mesh within the box.
 
     Args:
@@ -97,19 +97,19 @@ def region(mesh: TriangleMesh | None, box, key: str, height: float | None = None
     volume = float(np.prod(high - low)) if mesh is None else clipped_volume(mesh, (low, high))
     if volume <= 0.0:
         raise SceneError(f"{key}: the region {[low.tolist(), high.tolist()]} m holds nothing of the inside of {mesh.name}")
-    return Region(low, high, axes, mesh, volume)
+    return FillRegion(low, high, axes, mesh, volume)
 
 
 def open_region(
     mesh: TriangleMesh,
-    walls: Sequence[Barrier],
+    walls: Sequence[PlacedWall],
     box,
     radius: float,
     key: str,
     height: float | None = None,
     up=(0.0, 0.0, 1.0),
     point=None,
-) -> Region:
+) -> FillRegion:
     """The space that a mesh holds without being closed around it: of a hopper, a cup, a trough, up to their brim or a level.
 
     Args:
@@ -146,13 +146,13 @@ def open_region(
     key = f"{key}: {mesh.name}"
     if height is not None:
         floor = corners[1 - top, k]
-        if is_closed(mesh) and (pool := find_pool(walls, corners, axes, leaks, radius, key, point)) is not None:
-            floor = pool.bounds[1 - top, k]
+        if is_closed(mesh) and (open_space := find_open_space(walls, corners, axes, leaks, radius, key, point)) is not None:
+            floor = open_space.bounds[1 - top, k]
         corners[top, k] = min(corners[1, k], floor + height) if top else max(corners[0, k], floor - height)
-    pool = find_pool(walls, corners, axes, leaks, radius, key, point)
-    if pool is None:
-        raise SceneError(where_it_runs_out(walls, corners, axes, leaks, radius, key))
-    return Region(*corners, axes, None, pool.volume, pool)
+    open_space = find_open_space(walls, corners, axes, leaks, radius, key, point)
+    if open_space is None:
+        raise SceneError(leak_message(walls, corners, axes, leaks, radius, key))
+    return FillRegion(*corners, axes, None, open_space.volume, open_space)
 
 
 def is_cup(mesh: TriangleMesh, up) -> bool:
@@ -164,20 +164,20 @@ def is_cup(mesh: TriangleMesh, up) -> bool:
     size = float((box[1] - box[0]).prod())
     if abs(mesh.volume) > CUP * size:
         return False
-    wall = Barrier(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
+    wall = PlacedWall(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
     leaks = np.array([[True, True, True], [True, True, False]])
-    pool = find_pool([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
-    return pool is not None and pool.volume > abs(mesh.volume)
+    open_space = find_open_space([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
+    return open_space is not None and open_space.volume > abs(mesh.volume)
 
 
-def free_volume(space: Region, walls: Sequence[Barrier], key: str) -> Region:
+def with_free_volume(space: FillRegion, walls: Sequence[PlacedWall], key: str) -> FillRegion:
     """The region with the volume that walls leave of it, measured at `SAMPLES` points; the same where they take nothing.
 
     Raises:
         SceneError: They leave nothing; names them.
     """
     near = [wall for wall in walls if wall.is_near(space.bounds, 0.0)]
-    if not near or space.pool is not None:
+    if not near or space.open_space is not None:
         return space
     points = sample_points(space, SAMPLES)
     taken = np.zeros(len(points), bool)
@@ -194,7 +194,7 @@ def free_volume(space: Region, walls: Sequence[Barrier], key: str) -> Region:
     return replace(space, volume=space.volume * (1.0 - float(taken.mean()))) if taken.any() else space
 
 
-def sample_points(space: Region, count: int) -> np.ndarray:
+def sample_points(space: FillRegion, count: int) -> np.ndarray:
     """Points [m] spread evenly over a region, shape (k, 3): those of ``count`` in its box that are within its mesh."""
     # additive recurrence: its numbers are powers of the root of x^4 = x + 1, which spread best in three dimensions
     share = (0.5 + np.outer(np.arange(1, count + 1), 1.2207440846057596 ** -np.arange(1.0, 4.0))) % 1.0
@@ -230,13 +230,13 @@ def _direction(up, key: str) -> np.ndarray:
     return up / length
 
 
-def _below_slanted_level(mesh: TriangleMesh, up: np.ndarray, height: float) -> Region:
+def _below_slanted_level(mesh: TriangleMesh, up: np.ndarray, height: float) -> FillRegion:
     """The inside of a mesh below a level that is not square to the frame's axes."""
     axes = _level_axes(up)
     turned = build_mesh(mesh.corners, (axes, np.zeros(3)), mesh.name)
     low, high = turned.bounds.copy()
     high[2] = min(high[2], low[2] + height)
-    return Region(low, high, axes, mesh, clipped_volume(turned, (low, high)))
+    return FillRegion(low, high, axes, mesh, clipped_volume(turned, (low, high)))
 
 
 def _level_axes(up: np.ndarray) -> np.ndarray:

@@ -7,8 +7,12 @@ import trimesh
 
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
-from warpdem.filling.grain_source import Grains0, check_start, joined, load_grains, read_state
-from warpdem.filling.packing import HEIGHT_FRACTION, OVERLAP, worst_overlaps
+from warpdem.filling.fill_request import HEIGHT_FRACTION
+from warpdem.filling.grain_file import read_grain_file
+from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
+from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.filling.packing_run import OVERLAP
+from warpdem.filling.start_check import check_start
 from warpdem.mesh.triangle_mesh import build_mesh
 from warpdem.scene.rotation import Rotation
 from warpdem.scene.size_distribution import DiameterDistribution
@@ -64,7 +68,7 @@ def container(low, high):
 
 def test_explicit_arrays_become_float64_grains():
     _, grains = start([[0, 0, 0], [2, 0, 0]], [0.5, 1.0], explicit_spins=[[0, 0, 1], [0, 0, 2]])
-    assert isinstance(grains, Grains0)
+    assert isinstance(grains, InitialGrains)
     assert len(grains) == 2
     assert (grains.id.dtype, grains.type.dtype) == (np.int64, np.int32)
     assert all(getattr(grains, name).dtype == np.float64 for name in ("radius", "position", "velocity", "spin"))
@@ -163,7 +167,7 @@ def test_groups_that_share_a_space_do_not_overlap():
     np.testing.assert_array_equal(grains.radius[first + 2 :], 0.3)
     assert (grains.packings[0].grains, len(grains.packings)) == (len(grains) - 2, 1)
     assert grains.packings[0].keys == ("scene.toml: grains[0].fill", "scene.toml: grains[2].fill")
-    assert len(joined(grains, grains).packings) == 2
+    assert len(concatenated(grains, grains).packings) == 2
     check_start(grains, {}, scene)
 
 
@@ -214,7 +218,7 @@ def test_state_files_of_all_kinds_give_the_same_grains(tmp_path, name, write):
 def test_state_file_may_hold_places_and_radii_only(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("radius, x, y, z\n0.5,1,2,3\n\n0.25,4,5,6\n")
-    fields = read_state(path, "grains[0].file")
+    fields = read_grain_file(path, "grains[0].file")
     np.testing.assert_array_equal(fields["position"], [[1, 2, 3], [4, 5, 6]])
     np.testing.assert_array_equal(fields["velocity"], 0.0)
     assert fields["id"] is None
@@ -239,13 +243,13 @@ def test_bad_state_is_refused_with_row_and_value(tmp_path, changes, message):
     path = tmp_path / "bad.npz"
     write_npz(path, **changes)
     with pytest.raises(SceneError, match=rf"grains\[0\]\.file: bad\.npz: {message}"):
-        read_state(path, "grains[0].file")
+        read_grain_file(path, "grains[0].file")
 
 
 def test_npz_without_radius_names_what_it_has(tmp_path):
     np.savez(tmp_path / "bad.npz", position=np.zeros((1, 3)), size=1.0)
     with pytest.raises(SceneError, match=r"bad\.npz: has no key radius or r; it has position, size"):
-        read_state(tmp_path / "bad.npz", "grains[0].file")
+        read_grain_file(tmp_path / "bad.npz", "grains[0].file")
 
 
 def test_vtp_without_radius_names_what_it_has(tmp_path):
@@ -255,7 +259,7 @@ def test_vtp_without_radius_names_what_it_has(tmp_path):
     cloud.point_data["size"] = STATE["radius"]
     cloud.save(tmp_path / "bad.vtp")
     with pytest.raises(SceneError, match=r"bad\.vtp: has no point array radius; it has size"):
-        read_state(tmp_path / "bad.vtp", "grains[0].file")
+        read_grain_file(tmp_path / "bad.vtp", "grains[0].file")
 
 
 @pytest.mark.parametrize(
@@ -273,18 +277,18 @@ def test_vtp_without_radius_names_what_it_has(tmp_path):
 def test_bad_csv_is_refused(tmp_path, text, message):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(SceneError, match=rf"grains\[0\]\.file: bad\.csv: .*{message}"):
-        read_state(tmp_path / "bad.csv", "grains[0].file")
+        read_grain_file(tmp_path / "bad.csv", "grains[0].file")
 
 
 def test_missing_broken_and_foreign_state_files_are_refused(tmp_path):
     with pytest.raises(SceneError, match=r"grains\[0\]\.file: no such state file: .*none\.npz"):
-        read_state(tmp_path / "none.npz", "grains[0].file")
+        read_grain_file(tmp_path / "none.npz", "grains[0].file")
     (tmp_path / "broken.npz").write_bytes(b"nothing")
     with pytest.raises(SceneError, match=r"broken\.npz: cannot be read"):
-        read_state(tmp_path / "broken.npz", "grains[0].file")
+        read_grain_file(tmp_path / "broken.npz", "grains[0].file")
     (tmp_path / "state.txt").write_text("1 2 3")
     with pytest.raises(SceneError, match=r"state\.txt: a state file ends in one of \.npz, \.csv, \.vtp"):
-        read_state(tmp_path / "state.txt", "grains[0].file")
+        read_grain_file(tmp_path / "state.txt", "grains[0].file")
 
 
 def test_overlapping_start_names_both_grains_and_the_overlap():

@@ -8,7 +8,8 @@ import trimesh
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.app import summary
-from warpdem.filling.streams import Feeder, FeedWalls
+from warpdem.filling.inlet import Inlet
+from warpdem.filling.inlet_walls import InletWalls
 
 R = 1e-3
 BOX = {"min": [-0.01, -0.01, -0.005], "max": [0.01, 0.01, 0.01]}
@@ -71,24 +72,24 @@ def test_a_run_says_what_a_stream_could_not_bring(tmp_path):
     sim = Simulation(crowded, device="cpu", threads=1)
     sim.step(500)
     [words] = summary.shortfalls(sim)
-    assert words.startswith(f"streams[0] brought {sim.feeders[0].count} grains of 5000 grains, ")
-    assert sim.feeders[0].due(500) == (pytest.approx(5000.0), "grains")
+    assert words.startswith(f"streams[0] brought {sim.inlets[0].count} grains of 5000 grains, ")
+    assert sim.inlets[0].due(500) == (pytest.approx(5000.0), "grains")
     kept_up = Simulation(scene(tmp_path, FLOOR, stream={"count_rate": 2000.0}), device="cpu", threads=1)
     kept_up.step(500)
-    assert kept_up.feeders[0].count > 5
+    assert kept_up.inlets[0].count > 5
     assert summary.shortfalls(kept_up) == []
 
 
-def feeder(one: Scene, places=None, moves=None):
-    """The feeder of a scene's stream, with walls that stand at ``places(time)``, without a simulation."""
+def inlet(one: Scene, places=None, moves=None):
+    """The inlet of a scene's stream, with walls that stand at ``places(time)``, without a simulation."""
     from warpdem.model.walls import load_meshes
 
     still = [(np.eye(3), np.zeros(3)) for _ in one.walls]
-    walls = FeedWalls(0, one, load_meshes(one), places or (lambda time: still), moves or [False] * len(one.walls))
-    return Feeder(0, one, 1e-5, walls)
+    walls = InletWalls(0, one, load_meshes(one), places or (lambda time: still), moves or [False] * len(one.walls))
+    return Inlet(0, one, 1e-5, walls)
 
 
-def brought(one: Feeder, step: int):
+def brought(one: Inlet, step: int):
     return one.bring(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
 
 
@@ -98,14 +99,14 @@ BLOCK = [-0.008, -0.008, -0.003], [0.008, 0.008, 0.006]
 
 @pytest.mark.parametrize("body", [PLATE, BLOCK])
 def test_grains_come_in_beside_closed_meshes_thinner_and_thicker_than_a_grain(tmp_path, body):
-    place, radius = brought(feeder(scene(tmp_path, {"body": (body, {})})), 1000)
+    place, radius = brought(inlet(scene(tmp_path, {"body": (body, {})})), 1000)
     assert len(place) > 20
     outside = np.linalg.norm(np.maximum(np.maximum(body[0] - place, place - body[1]), 0.0), axis=1)
     assert (outside >= radius * (1.0 - 1e-7)).all()
 
 
 def test_a_vessel_around_the_box_holds_what_comes_in(tmp_path):
-    vessel = feeder(scene(tmp_path, {"vessel": (([-0.02] * 3, [0.02] * 3), {})}))
+    vessel = inlet(scene(tmp_path, {"vessel": (([-0.02] * 3, [0.02] * 3), {})}))
     assert len(brought(vessel, 1000)[0]) > 60
     assert vessel.walls.notes == ["streams[0].box: is within the closed mesh 'vessel': its grains come in and stay inside"]
 
@@ -116,7 +117,7 @@ def test_a_wall_that_passes_the_box_is_kept_clear_of_while_it_is_there(tmp_path)
     def places(time):
         return [(np.eye(3), np.array([2.0 * time - 0.04, 0.0, 0.0]))]
 
-    swept = feeder(one, places, [True])
+    swept = inlet(one, places, [True])
     blocked = []
     for step in range(0, 4001, 100):
         place, radius = brought(swept, step)
@@ -130,7 +131,7 @@ def test_a_wall_that_passes_the_box_is_kept_clear_of_while_it_is_there(tmp_path)
 
 def test_far_walls_change_no_bit(tmp_path):
     far = {"far": (([0.05] * 3, [0.06] * 3), {}), "under": ({"plane": {"point": [0, 0, -0.02], "normal": [0, 0, 1]}}, {})}
-    with_walls, without = feeder(scene(tmp_path, far)), Feeder(0, scene(tmp_path, {}), 1e-5)
+    with_walls, without = inlet(scene(tmp_path, far)), Inlet(0, scene(tmp_path, {}), 1e-5)
     for step in (200, 400):
         for one, two in zip(brought(with_walls, step), brought(without, step), strict=True):
             assert one.tobytes() == two.tobytes()
@@ -154,7 +155,7 @@ def test_a_box_that_is_never_free_is_refused(tmp_path, walls, message):
 
 def test_a_box_that_a_moving_wall_frees_later_is_not_refused(tmp_path):
     one = scene(tmp_path, {"gate": (FLOOR["floor"][0], {"motion": {"velocity": [0, 0, -1]}})})
-    later = feeder(one, lambda time: [(np.eye(3), np.array([0.0, 0.0, 0.012 - 1.2 * time]))], [True])
+    later = inlet(one, lambda time: [(np.eye(3), np.array([0.0, 0.0, 0.012 - 1.2 * time]))], [True])
     counts = list(itertools.accumulate(len(brought(later, step)[0]) for step in (200, 900, 1500, 2000)))
     assert counts[0] == 0
     assert counts[-1] > 50
@@ -170,11 +171,11 @@ def test_a_rotor_sweeps_its_feed(tmp_path):
     sim = Simulation(one, device="cpu", threads=1)
     sim.step(5500)
     assert sim.extremes["wall_approach_speed"] > 1.0  # it met them
-    assert sim.feeders[0].count > 100
+    assert sim.inlets[0].count > 100
 
 
 def test_a_grain_that_was_placed_in_a_wall_is_not_told_to_take_smaller_steps(tmp_path, monkeypatch):
-    monkeypatch.setattr(FeedWalls, "at", lambda self, time: [])
+    monkeypatch.setattr(InletWalls, "at", lambda self, time: [])
     sim = Simulation(scene(tmp_path, FLOOR), device="cpu", threads=1)
     with pytest.raises(StabilityError, match="Nothing moved as far as that: it was so when the grain was placed") as error:
         sim.step(1000)

@@ -1,0 +1,146 @@
+"""How far grains have moved since the lists were built, and whether they are still what the lists assume.
+
+A list holds as long as no grain has moved further than it allows from its reference, the position at which the list was built.
+The inner list is checked at every step (``step.motion``); this kernel checks both when that finds a grain too far, and sorts
+out what only the host can settle: a grain in an outlet, one that crossed a whole periodic domain, one that is no number, one
+that is fast beside a mesh.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.lists.path import FAR, Flight, in_flight
+from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, SCHEDULE_ROW
+from warpdem.kernels.step.schedule import Placement, local, wall_velocity
+
+INNER_HALF, INNER, OUTER_HALF, OUTER, OFF_PATH, IN_OUTLET, CROSSED, NOT_FINITE, FAST = (1 << bit for bit in range(9))
+"""What ``check_lists`` finds of a grain, added up: beyond half of what the inner list allows, and all of it; the same of the
+outer list; off its path (``flight``); in an outlet; across a whole periodic domain; not finite; fast beside a mesh."""
+OUT_OF_DATE = OUTER | OFF_PATH
+"""With it the outer list must be built again."""
+FOR_THE_HOST = IN_OUTLET | CROSSED | NOT_FINITE | FAST
+"""With it the host must look."""
+
+
+@wp.struct
+class Watched:
+    """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
+
+    motion: wp.array(dtype=wp.int32)  # (meshes,) number of the wall's motion
+    share: wp.array(dtype=wp.float64)  # (meshes,) largest travel per step over the radius [-]
+    low: wp.array(dtype=wp.vec3d)  # (meshes,) corners of the bounding box [m]
+    high: wp.array(dtype=wp.vec3d)
+
+
+@functools.cache
+def build(travel, border, Control, *, spins: bool, moving: int, stages: int, leave: bool):
+    """Return the kernels.
+
+    Args:
+        travel: namespace of ``motion.build_travel``.
+        border: periodic images, of ``border.build``.
+        Control: struct of ``loop.build``.
+        spins: grains spin.
+        moving: number of wall motions relative to the frame.
+        stages: force calls per step.
+        leave: grains may leave the domain.
+    """
+    g = grain.build(spins)
+    kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+
+    @wp.func
+    def is_fast(state: g.Record, control: Control, row: int, watched: Watched, dt: wp.float64) -> bool:
+        """Whether a grain beside a mesh, or beside an image of it, travels further in a step than that allows."""
+        q = g.position(state)
+        fast = bool(False)
+        for w in range(watched.motion.shape[0]):
+            p = control.placement[row, watched.motion[w]]
+            way = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
+            if not (way <= watched.share[w] * state[3]):
+                room = state[3] + way
+                corner = wp.vec3d(room, room, room)
+                for image in range(wp.static(border.images)):
+                    body = local(p, border.image(q, image))
+                    inside = wp.min(wp.min(body - watched.low[w] + corner), wp.min(watched.high[w] - body + corner))
+                    fast = fast or inside > wp.float64(0.0)
+        return fast
+
+    @kernel
+    def check_lists(
+        first: int,
+        grains: wp.array(dtype=g.Record),  # (n,)
+        inner_reference: wp.array2d(dtype=wp.vec3d),  # (known, 1 + motions); grains beyond were inserted since
+        outer_reference: wp.array2d(dtype=wp.vec3d),  # the same of the outer list
+        flight: wp.array(dtype=Flight),  # (known,), or of size 0
+        control: Control,
+        watched: Watched,
+        dt: wp.float64,
+        inner_limit: wp.float64,  # displacement that the inner list allows [m]
+        outer_limit: wp.float64,  # the same of the outer list [m]
+        # written
+        found_out: wp.array(dtype=wp.int32),  # (n,) what was found of each grain; of size 0: only the conditions are asked for
+        clock_out: wp.array(dtype=wp.int32),
+    ):
+        """What has become of each grain; conditions BUILD_OUTER and ASK_HOST of the clock."""
+        i = first + wp.tid()
+        state = grains[i]
+        found = int(0)
+        if not g.gone(state):
+            q = g.position(state)
+            row = (clock_out[SCHEDULE_ROW] + 1) * wp.static(stages)
+            if i < outer_reference.shape[0]:
+                if in_flight(flight, i):
+                    now = wp.float64(control.origin[0] + clock_out[SCHEDULE_ROW])
+                    if not travel.holds(flight[i], state, now, dt):
+                        found = wp.static(OFF_PATH)
+                else:
+                    left = travel.left_of(state, inner_limit, dt)
+                    way = travel.way_from(i, state, inner_reference, control.placement, row)
+                    if not (way <= wp.float64(0.25) * left * left):
+                        found = found | wp.static(INNER_HALF)
+                    if not (way <= left * left):
+                        found = found | wp.static(INNER)
+                    way = travel.way_from(i, state, outer_reference, control.placement, row)
+                    if not (way <= wp.float64(0.25) * outer_limit * outer_limit):
+                        found = found | wp.static(OUTER_HALF)
+                    if not (way <= outer_limit * outer_limit):
+                        found = found | wp.static(OUTER)
+            if travel.left_domain(q, control.outlet) > 0:
+                found = found | wp.static(IN_OUTLET)
+            if border.thrown(q):
+                found = found | wp.static(CROSSED)
+            if not (wp.isfinite(q[0]) and wp.isfinite(q[1]) and wp.isfinite(q[2])):
+                found = found | wp.static(NOT_FINITE)
+            if is_fast(state, control, row, watched, dt):
+                found = found | wp.static(FAST)
+        if found_out.shape[0] > 0:
+            found_out[i] = found
+        if (found & wp.static(OUT_OF_DATE)) > 0:
+            clock_out[BUILD_OUTER] = 1
+        if (found & wp.static(FOR_THE_HOST)) > 0:
+            clock_out[ASK_HOST] = 1
+
+    @kernel
+    def save_reference(
+        first: int,
+        grains: wp.array(dtype=g.Record),  # (n,)
+        placements: wp.array(dtype=Placement),  # (motions,) at present
+        flight: wp.array(dtype=Flight),  # (n,), or of size 0
+        reference_out: wp.array2d(dtype=wp.vec3d),  # (n, 1 + motions): in frame axes, and in the body axes of each motion
+    ):
+        """Where grains are when a list is built. Those in flight are far from their reference: it is the path that counts."""
+        i = first + wp.tid()
+        q = g.position(grains[i])
+        far = wp.float64(FAR)
+        flying = in_flight(flight, i)
+        if flying:
+            q = wp.vec3d(far, far, far)
+        reference_out[i, 0] = q
+        for m in range(wp.static(moving)):
+            body = q
+            if not flying:
+                body = local(placements[m], q)
+            reference_out[i, m + 1] = body
+
+    return Built(check_lists=check_lists, save_reference=save_reference)

@@ -1,0 +1,117 @@
+"""All files of a run but the pictures: rows of history.csv and frames in every format, written beside the steps."""
+
+from pathlib import Path
+
+import numpy as np
+
+from warpdem.core.output_schedule import OutputSchedule
+from warpdem.core.run_lock import RunLock
+from warpdem.core.snapshot import WallMesh
+from warpdem.measure import observation
+from warpdem.measure.column import Readings
+from warpdem.measure.dimensionless import TurningNumbers
+from warpdem.measure.snapshot import take_snapshot
+from warpdem.output.background import Background
+from warpdem.output.history import history_columns, history_row
+from warpdem.output.instant import Instant, Room
+from warpdem.output.write_grid import GridWriter
+from warpdem.output.write_tables import HistoryWriter
+from warpdem.scene.model import Scene
+from warpdem.simulation import Simulation
+
+
+def cadence(sim: Simulation, end: float) -> OutputSchedule:
+    """When frames and rows of the history are due in a run to ``end`` [s]."""
+    output = sim.scene.output
+    return OutputSchedule.of(output.interval or end / 50.0, output.history_interval, sim.dt)
+
+
+def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False):
+    """Writer of a format of ``output.formats``; its libraries are loaded now, not before.
+
+    Args:
+        name: the format.
+        folder: where the files go.
+        walls: the walls to draw, each in its body axes.
+        scene: the scene that is run.
+        resume: keep the frames of an earlier run that come before the first new one.
+    """
+    if name == "usd":
+        from warpdem.output.write_usd import UsdWriter
+
+        return UsdWriter(folder, walls, scene=scene, resume=resume)
+    if name == "vtkhdf":
+        from warpdem.output.write_vtkhdf import VtkhdfWriter
+
+        return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
+    from warpdem.output.write_vtk import VtkWriter
+
+    return VtkWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
+
+
+class Outputs:
+    """All files of a run but the pictures."""
+
+    def __init__(self, sim: Simulation, folder: Path, resume: bool = False, claim: RunLock | None = None) -> None:
+        self.sim, self.folder, self.claim = sim, folder, claim
+        walls = sim.wall_meshes()
+        self.writers = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in sim.scene.output.formats]
+        grid = sim.scene.measures.grid
+        self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
+        self.background = Background()
+        self.rooms = Room(sim.device), Room(sim.device)  # of the instant that is written, and of the next one
+        self.columns = history_columns(sim.scene)
+        header = [column.header for column in self.columns]
+        self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
+        self.turning = TurningNumbers(sim.scene)
+
+    def write(self, *, row: bool = False, frame: bool = False) -> None:
+        """Write a row of the history and a frame of the present instant, while the run goes on.
+
+        Raises:
+            OutputError: what came before could not be written, or the folder is no longer that of this run.
+        """
+        if not (row or frame):
+            return
+        if self.claim is not None:
+            self.claim.check()
+        with self.sim.clock("output"):
+            output, self.rooms = self.sim.scene.output, self.rooms[::-1]
+            network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
+            instant = Instant(self.sim.view, self.rooms[0], contacts=row or network)
+            observed = observation.observed(self.sim.view) if row else {}  # by kernels, which no other thread may launch
+            self.background.start(lambda: self._write(instant, observed, row, frame))
+
+    def _write(self, instant: Instant, observed: dict[str, np.ndarray], row: bool, frame: bool) -> None:
+        with self.sim.clock("output, beside the steps"):
+            view = instant.view()
+            if row:
+                self.history.write(history_row(self.columns, Readings(view, observed)))
+                self.turning.add(view)
+            if frame:
+                snapshot = take_snapshot(view)
+                for writer in self.writers:
+                    writer.write(snapshot)
+
+    def settle(self) -> None:
+        """Wait until all rows and frames are written: what is saved next counts on them.
+
+        Raises:
+            OutputError: one could not be written, or the folder is no longer that of this run.
+        """
+        if self.claim is not None:
+            self.claim.check()
+        with self.sim.clock("output"):
+            self.background.settle()
+
+    def close(self) -> None:
+        """Close all files, after the last row and frame are written.
+
+        Raises:
+            OutputError: it could not be written.
+        """
+        try:
+            self.background.close()
+        finally:
+            for writer in (*self.writers, self.history):
+                writer.close()

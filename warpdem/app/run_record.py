@@ -1,0 +1,51 @@
+"""What run.json holds: what was run, how, and with what result."""
+
+import json
+import platform
+from dataclasses import asdict
+
+import numpy as np
+
+from warpdem.app import scene_warnings, summary
+from warpdem.measure.dimensionless import Turning
+from warpdem.model import digests
+from warpdem.simulation import Simulation
+
+
+def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning | None) -> dict:
+    """What run.json holds."""
+    import warp as wp
+
+    from warpdem import __version__
+
+    scene = sim.scene.model_dump(mode="json")
+    return {
+        "status": status,
+        "scene": sim.scene.source,
+        "title": sim.scene.title,
+        "scene_hash": digests.scene_hash(sim.scene),
+        "state_hash": sim.state_hash(),
+        "versions": {"warpdem": __version__, "warp": wp.config.version, "numpy": np.__version__,
+                     "python": platform.python_version()},
+        "device": str(sim.device),
+        "threads": sim.threads.count,
+        "groups": sim.scene.groups,
+        "plan": sim.plan.explain(),
+        "notes": sim.notes,
+        "warnings": [*scene_warnings.warnings(sim), *summary.shortfalls(sim)],
+        "grains": len(sim.state),
+        "time": sim.time,
+        "steps": sim.step_number,
+        "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,
+                      "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
+        "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim),
+                     "step_over_stability_limit": sim.guards.stability.seen.largest},
+        "noticed": sim.noticed,
+        "left": {name: {"grains": count, "mass": mass} for name, (count, mass) in sim.left.items()},
+        "came": [{"grains": f.count, "mass": f.mass, "due": f.due(sim.step_number)[0]} for f in sim.inlets],
+        "turning": asdict(turning) if turning is not None else None,
+        "packings": [asdict(packing) for packing in sim.expected.packings],
+        "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
+        "seconds": {**sim.seconds, "total": wall_seconds},
+        "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
+    }  # fmt: skip

@@ -1,0 +1,152 @@
+"""What a batch of steps needs on the device besides state and lists: schedule, clock, extremes, scratch."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpdem.core.timers import Timers
+from warpdem.kernels.contact.pairs import BLOCK as PAIR_BLOCK
+from warpdem.kernels.field import Numbers
+from warpdem.kernels.lists import numbering
+from warpdem.kernels.lists.displacement import Watched
+from warpdem.kernels.measure.flow import Plane
+from warpdem.kernels.step import barrier
+from warpdem.kernels.step import clock as clock_slots
+from warpdem.kernels.step.loop import SPAN
+from warpdem.kernels.step.motion import Box
+from warpdem.kernels.step.schedule import FrameRow, Placement, Row
+from warpdem.model.features import field_numbers
+from warpdem.model.model import Model
+from warpdem.model.travel import share
+from warpdem.state.clock import Clock
+
+
+@dataclass(frozen=True)
+class Scratch:
+    """Arrays that lists are numbered with; allocated before a graph is captured, whose branches may not allocate."""
+
+    nothing: wp.array
+    """Stands for what is not asked for."""
+    sums: wp.array
+    """Of each block of grains."""
+    start: wp.array
+    """(n + 1,) of the rows of an outer list that a graph builds."""
+    entries: wp.array
+    """(3,), [1]: neighbors in an outer list."""
+    slots: wp.array
+    """(3,), [1]: slots beside walls."""
+
+    @classmethod
+    def of(cls, n: int, device: wp.Device) -> "Scratch":
+        """Scratch for ``n`` grains."""
+        nothing, start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
+        sums = wp.zeros(-(-n // numbering.BLOCK), dtype=numbering.Sums, device=device)
+        return cls(nothing, sums, start, entries, slots)
+
+
+class Batch:
+    """Device arrays that steps share.
+
+    Args:
+        model: what is run.
+        clock: where the run is in time.
+        timers: add up the time of the schedule.
+        threads: largest number of threads that step side by side.
+        steps_ahead: steps whose schedule is written to the device at once, asked for each time.
+
+    Attributes:
+        control: struct of ``kernels.step.loop``.
+        clock: conditions and counters, ``kernels.step.clock``.
+        placements: of the wall motions at present, shape (motions,).
+        watched: mesh walls beside which the travel per step is bounded.
+        stages: force calls per step.
+    """
+
+    def __init__(self, model: Model, clock: Clock, timers: Timers, threads: int, steps_ahead: Callable[[], int]) -> None:
+        self._model, self._now, self._timers, self._steps_ahead = model, clock, timers, steps_ahead
+        device, scene, kernels = model.device, model.scene, model.kernels
+        self.stages = len(model.features.backend.scheme.STAGES)
+        control = self.control = kernels.loop.Control()
+        control.share = wp.zeros((threads, 6), dtype=wp.int32, device=device)
+        control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
+        control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
+        control.deepest = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
+        control.scratch = wp.zeros((threads * PAIR_BLOCK, 9), dtype=kernels.pairs.Lane, device=device)
+        control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
+        control.outlet = wp.array(model.domain.boxes, dtype=Box, device=device)
+        planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
+        control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        control.origin = wp.zeros(1, dtype=wp.int32, device=device)
+        control.done = wp.zeros(1, dtype=wp.int32, device=device)
+        control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        control.ways = wp.array(barrier.ways_to_wait(), dtype=wp.uint64, device=device)
+        self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)
+        self.placements = wp.zeros(max(len(model.schedule.motions), 1), dtype=Placement, device=device)
+        self.watched = watched_meshes(model)
+        self._scratch: Scratch | None = None
+        self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
+
+    def scratch(self, n: int) -> Scratch:
+        """Scratch for lists of ``n`` grains."""
+        if self._scratch is None or self._scratch.start.shape[0] != n + 1:
+            self._scratch = Scratch.of(n, self._model.device)
+        return self._scratch
+
+    # -- schedule -------------------------------------------------------------------------------
+
+    def forget_schedule(self) -> None:
+        """Write the schedule to the device again at its next use: the clock was set."""
+        self._block = None
+
+    def row(self) -> tuple[int, int]:
+        """Row of the present step in the schedule on the device, and how many steps may follow."""
+        first, schedule = self._now.step_number, self._model.schedule
+        if self._block is None or not self._block[0] <= first < self._block[0] + self._block[1]:
+            with self._timers.measure("schedule"):
+                ahead = self._steps_ahead()
+                self._write("row", schedule.rows(first, ahead), Row)
+                if self._model.features.frame_rows:
+                    self._write("frame", schedule.frames(first, ahead), FrameRow)
+                self._placements = schedule.placements(first, ahead)
+                self._write("placement", self._placements, Placement)
+                self._block = (first, ahead)
+                self.control.origin.assign(np.array([first], dtype=np.int32))
+        base = first - self._block[0]
+        return base, self._block[1] - base
+
+    def _write(self, name: str, table: np.ndarray, dtype: type) -> None:
+        """Put a table of the schedule where the kernels find it, each time at the same place."""
+        there = getattr(self.control, name)
+        if there is not None and len(there) == len(table) and there.size:
+            there.assign(table)
+        else:
+            setattr(self.control, name, wp.array(table, dtype=dtype, device=self._model.device))
+
+    def placements_ahead(self) -> np.ndarray:
+        """Placements of the wall motions at the present step and those after it, shape (steps, motions, 18)."""
+        base, _ = self.row()
+        return self._placements[(base + 1) * self.stages :: self.stages]
+
+    def set_time(self) -> None:
+        """Write the present step and its placements to the device, with all conditions of the clock off."""
+        now = np.zeros(clock_slots.SLOTS, dtype=np.int32)
+        now[clock_slots.SCHEDULE_ROW] = self.row()[0]
+        now[clock_slots.PARITY] = self._now.step_number & 1
+        self.clock.assign(now)
+        if len(self._model.schedule.motions):
+            self.placements.assign(self.placements_ahead()[0])
+
+
+def watched_meshes(model: Model) -> Watched:
+    """Mesh walls with the largest travel per step that they allow, and their bounding boxes in body axes."""
+    watched, device = Watched(), model.device
+    motion = model.walls.surface.motion.numpy() if model.walls is not None else np.zeros(0, dtype=int)
+    walls = [(number, wall) for number, wall in enumerate(model.scene.walls) if wall.mesh is not None]
+    vertices = [model.meshes[wall.name].vertices for _, wall in walls]
+    watched.motion = wp.array([motion[number] for number, _ in walls], dtype=wp.int32, device=device)
+    watched.share = wp.array([share(wall) for _, wall in walls], dtype=wp.float64, device=device)
+    for name, corners in (("low", [v.min(axis=0) for v in vertices]), ("high", [v.max(axis=0) for v in vertices])):
+        setattr(watched, name, wp.array(np.array(corners).reshape(-1, 3), dtype=wp.vec3d, device=device))
+    return watched

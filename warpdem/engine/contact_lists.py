@@ -1,0 +1,147 @@
+"""The lists themselves: who may touch whom, contact history, force slots and wall contacts, and how they are read."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+
+from warpdem.engine.buffers import BufferPool
+from warpdem.kernels.lists.path import Flight
+from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.wall import record as wall_record
+from warpdem.kernels.wall.places import Hit
+from warpdem.model.model import Model
+from warpdem.state.clock import Clock
+from warpdem.state.listed_contacts import CONTACT_ARRAYS, ListedContacts
+from warpdem.state.particles import State
+
+
+class OuterList(NamedTuple):
+    """Pairs closer than the skin: of each grain a row of neighbors in ascending order of id."""
+
+    start: wp.array
+    """(n + 1,) first entry of each row, and the end of the last; rows may be longer than what they hold."""
+    count: wp.array
+    """(n,) neighbors of each grain."""
+    slot: wp.array
+    """(entries,) memory slot of the neighbor."""
+    contact: wp.array
+    """(entries,) number of the pair in the inner list, -1 where it is in none; kept in the row of the lower id."""
+
+
+@dataclass
+class NewOuterList:
+    """An outer list while it is built, and where the grains were in the old one."""
+
+    start: wp.array
+    count: wp.array
+    slot: wp.array
+    contact: wp.array
+    capacity_start: wp.array
+    """(n + 1,) of the rows that a first search writes; of size 0: it only counts."""
+    old_slot: wp.array
+    """(n,) slot of each grain in the old list, -1 where it is in none; of size 0: the same."""
+    old_id: wp.array
+    """Ids by slot of the old list."""
+    feature_count: wp.array
+    """(n,) wall features near each grain."""
+    first: wp.array
+    """(n + 1,) first wall slot of each grain."""
+
+    @property
+    def rows(self) -> OuterList:
+        """The list alone."""
+        return OuterList(self.start, self.count, self.slot, self.contact)
+
+
+class ContactLists:
+    """Arrays of the outer and the inner list; empty until they are built.
+
+    Attributes:
+        known: grains that the lists were built for, in the first memory slots.
+        skin: gap below which a pair is in the outer list [m].
+        margin: gap below which it is in the inner list [m].
+        rebuilds, refreshes: how often the outer and the inner list were built.
+        version: how often the host built them, in other arrays.
+        contact_count: contacts between grains in the inner list.
+        row_count: grains beside a wall.
+        rows: wall contacts, struct of ``kernels.wall.contact``; None without walls.
+        force_parity: parity of the step of the last force call.
+        flight: path of each grain in flight (``kernels.lists.path``), of size 0 when none flies.
+        owner, partner, kind, slot_i, slot_j: of each lane of the contact batches, shape (batches, lanes): memory slots of the
+            grains, number of their coefficients, force slots.
+        constants, memory: numbers of each contact that stay and that change, shape (batches, numbers, lanes).
+        row: pair force on one grain in each force slot; the last is read by nobody.
+        entry: energies beside ``row``.
+    """
+
+    def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
+        self.model, self.state, self.clock, self.pool = model, state, clock, pool
+        self.real = model.features.backend.real
+        n, axes = len(state), 1 + model.features.walls.moving
+        self.skin, self.margin = skin, 0.2 * skin
+        self.rebuilds = self.refreshes = self.version = 0
+        self.known = n
+        self.force_parity = 1
+        self.outer: OuterList | None = None
+        self.reference, self.outer_reference = (wp.zeros((0, axes), dtype=wp.vec3d, device=model.device) for _ in range(2))
+        self.flight = wp.zeros(0, dtype=Flight, device=model.device)
+        self.contact_count = self.row_count = 0
+        self.totals = [0, 0, 0]
+        self.rows: Any = self.new_rows(n, 0) if model.features.walls.present else None
+        self.near_feature: wp.array | None = None
+        self.memory = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
+
+    @property
+    def max_displacement(self) -> float:
+        """Displacement of a grain up to which the inner list holds [m]."""
+        alone = len(self.state) < 2 and not self.model.features.walls.present
+        return 1.0e300 if alone else 0.5 * self.margin
+
+    def set_totals(self, totals: list[int]) -> None:
+        """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
+        self.totals, self.contact_count, self.row_count = totals, totals[1] // 2, totals[2]
+
+    def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:
+        """Take over an outer list, for the next build to carry its contacts over; arguments as ``OuterList``."""
+        self.outer = OuterList(*(self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)))
+        self.known = len(count)
+
+    def new_rows(self, grains: int, slots: int) -> Any:
+        """Wall contacts of ``grains`` grains with ``slots`` slots in all."""
+        features, device = self.model.features, self.model.device
+        rows = self.model.kernels.Rows()
+        rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
+        rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
+        rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
+        for name in ("feature", "hit_state", "hit_mask"):
+            setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
+        rows.hit = wp.zeros(slots, dtype=Hit, device=device)
+        rows.result = wp.zeros(slots, dtype=wall_record.result_type(bool(features.contact.rolling)), device=device)
+        generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
+        rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
+        if features.measures.energy:
+            rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
+            rows.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
+        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.memory), device=device)
+        return rows
+
+    # -- reading --------------------------------------------------------------------------------
+
+    def view(self) -> ListedContacts:
+        """The contacts of the inner list, to be read."""
+        arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        return ListedContacts(
+            self.state, self.contact_count, self.row_count, **arrays, constants=self.contact_constants, walls=self.rows
+        )
+
+    def contact_constants(self) -> wp.array:
+        """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
+        lists, state, features = self.model.kernels.lists, self.state, self.model.features
+        if self.constants.size:
+            return self.constants
+        out = self.pool.zeros((self.owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
+        inputs = [state.record, state.inverse, self.model.coefficients, self.owner, self.partner, self.kind, out]
+        wp.launch(lists.contact_constants, self.owner.size, inputs, device=self.model.device)
+        return out

@@ -1,0 +1,127 @@
+"""The engine: owns the lists, the arrays of a batch of steps and the executor; knows nothing of guards, readers and writers."""
+
+import numpy as np
+import warp as wp
+
+from warpdem.core.threads import Threads
+from warpdem.core.timers import Timers
+from warpdem.engine.batch import Batch
+from warpdem.engine.cpu import CpuExecutor
+from warpdem.engine.graph import GraphExecutor
+from warpdem.engine.leavers import Leavers
+from warpdem.engine.neighbor_list import NeighborLists
+from warpdem.engine.structs import Structs, packed
+from warpdem.kernels.measure.budget import Energies, Momenta
+from warpdem.kernels.step.loop import SPAN
+from warpdem.model.model import Model
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
+
+
+class Engine:
+    """Steps the grains of a model.
+
+    Args:
+        model: what is run.
+        state: the grains.
+        clock: where the run is in time.
+        threads: CPU threads.
+        timers: add up the time by stage.
+
+    Attributes:
+        lists: neighbor lists and contacts.
+        leavers: grains that left the domain.
+        executor: how steps are run; the only place where a CPU and a GPU part.
+    """
+
+    def __init__(self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers) -> None:
+        self._model, self._state, self._clock, self._timers = model, state, clock, timers
+        self.executor: CpuExecutor | GraphExecutor
+        self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
+        self.batch = Batch(model, clock, timers, self.executor.slots, self.executor.steps_ahead)
+        self.leavers = Leavers(model.domain, state, clock)
+        executor = self.executor
+        self.lists = NeighborLists(
+            model, state, clock, self.batch, timers, executor.launch, executor.storage, self.leavers
+        )
+        self.structs = Structs(model, state, self.lists)
+        self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
+
+    def _forget(self) -> None:
+        """Let go of the arrays of the lists, before others are made."""
+        self.structs.forget()
+        self.executor.forget()
+
+    def load_kernels(self) -> None:
+        """Load the kernels of the steps and the lists, compiled where Warp's cache lacks them; else the first step does."""
+        self.executor.load_kernels()
+
+    # -- advancing ------------------------------------------------------------------------------
+
+    @property
+    def steps_ahead(self) -> int:
+        """Steps that a batch may have at most: the schedule on the device ends there."""
+        return self.batch.row()[1]
+
+    def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, int]:
+        """Run up to ``count`` steps; returns how many were done, and what is to be seen to before the last forces.
+
+        That is a sum of ``kernels.step.motion``'s BEYOND, the lists are out of date, and LEFT, grains have left the domain.
+
+        Args:
+            count: steps.
+            forces_first: evaluate the forces of the present positions first.
+            hold: leave the forces of the last step to the next call: grains are inserted there.
+        """
+        return self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
+
+    # -- extremes -------------------------------------------------------------------------------
+
+    @property
+    def extreme(self) -> np.ndarray:
+        """Largest overlap over radius [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
+        return self.batch.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+
+    def ignore_overlaps(self) -> None:
+        """Let batches go on whatever the overlaps."""
+        self.batch.control.deepest.fill_(np.inf)
+
+    def restore(self, extreme: np.ndarray) -> None:
+        """Take over the extremes of a checkpoint; schedule and structs are made again."""
+        values = self.batch.control.extreme.numpy()
+        values[:4] = extreme
+        self.batch.control.extreme.assign(values)
+        self.batch.forget_schedule()
+        self.structs.forget()
+
+    # -- reading --------------------------------------------------------------------------------
+
+    def read(self) -> tuple[wp.array, wp.array, wp.array]:
+        """Contact force [N] and torque [N m] together, velocity [m/s], spin [rad/s] of each slot at the present time.
+
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        """
+        model, n = self._model, self._state.slots
+        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=model.device)
+        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=model.device) for _ in range(2))
+        if n:
+            base, _ = self.batch.row()
+            grains, _, rows = self.structs.arguments()
+            inputs = [base, grains, rows, self.batch.control, model.dt, load, velocity, spin]
+            wp.launch(model.kernels.loop.read, dim=n, inputs=inputs, device=model.device)
+        return load, velocity, spin
+
+    def read_sums(self) -> dict[str, np.ndarray]:
+        """What the budgets have added up per grain up to the present time, in memory order."""
+        model, measures, n = self._model, self._model.features.measures, self._state.slots
+        out = {name: wp.zeros((n, width), dtype=wp.float64, device=model.device) for name, width in measures.sums.items()}
+        if "flow" in out:
+            out["flow"] = self._state.flow
+        if n and (measures.energy or measures.momentum):
+            base, _ = self.batch.row()
+            grains, _, rows = self.structs.arguments()
+            none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)
+            energies, momenta = (packed(out.get(k, none), t) for k, t in (("energies", Energies), ("momenta", Momenta)))
+            inputs = [base, grains, rows, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
+            wp.launch(model.kernels.loop.read_budget, dim=n, inputs=inputs, device=model.device)
+        return {name: array.numpy() for name, array in out.items()}

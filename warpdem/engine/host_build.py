@@ -1,0 +1,234 @@
+"""The list build where the host decides: on a CPU always, on a GPU when the device asks for it.
+
+The host sorts the grains in memory and gives the arrays their length; ``program`` launches the rest.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warpdem.core.threads import Threads
+from warpdem.engine.batch import Batch
+from warpdem.engine.buffers import LONGEST, BufferPool
+from warpdem.engine.contact_lists import ContactLists, NewOuterList
+from warpdem.engine.program import ListBuild
+from warpdem.engine.stops import too_long_a_list
+from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
+from warpdem.kernels import grain
+from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.step.clock import TOTALS
+from warpdem.model.model import Model
+from warpdem.state.particles import State
+
+LEAST_CAPACITY = 12  # of a row of the outer list to begin with
+
+
+class HostLaunch:
+    """Launches over CPU threads, each of which takes a range of the indices; on a GPU as a whole."""
+
+    def __init__(self, device: wp.Device, threads: Threads) -> None:
+        self._device, self._threads = device, threads
+
+    def __call__(self, kernel: wp.Kernel, count: int, *inputs: Any, split: bool = True) -> None:
+        """As ``program.Launch``."""
+        if split:
+            self._threads.split(kernel, count, inputs, self._device)
+        else:
+            wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self._device)
+
+    def once(self, kernel: wp.Kernel, *inputs: Any) -> None:
+        """As ``program.Launch``."""
+        wp.launch(kernel, dim=1, inputs=inputs, device=self._device)
+
+
+class Storage(Protocol):
+    """Where an executor wants the arrays of the lists."""
+
+    pool: BufferPool
+    rows_are_counted: bool
+    """Neighbors are counted before the rows are written: a second search in place of rows with capacity to spare."""
+
+    def selection(self, entries: int) -> wp.array:
+        """Array for what is selected of each entry of the outer list, shape (entries,)."""
+
+    def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
+        """Array of the force slots; shape of the contact history, and entries of the outer list."""
+
+    def next_history(self, shape: tuple[int, int, int], version: int, real: type) -> wp.array:
+        """Array that the contact history is carried over to."""
+
+    def adopt_history(self, lists: ContactLists) -> None:
+        """Let ``lists.memory`` be what was carried over."""
+
+
+def morton_order(position: np.ndarray, cell: float, device: wp.Device | str = "cpu") -> np.ndarray:
+    """Order of points (n, 3) [m] along a Z-order curve of cells of edge ``cell`` [m]; ties keep their order.
+
+    Sorted on ``device`` by radix, on a CPU too twice as fast as NumPy's stable sort.
+    """
+    n = len(position)
+    index = ((position - position.min(axis=0)) / cell).astype(np.uint64)
+    index = np.minimum(index, np.uint64(2**21 - 1))
+    for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
+                        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):  # fmt: skip
+        index = (index | (index << np.uint64(shift))) & np.uint64(mask)
+    code = index[:, 0] | (index[:, 1] << np.uint64(1)) | (index[:, 2] << np.uint64(2))
+    # the second half of both is scratch of the sort
+    key = wp.array(np.pad(code.astype(np.int64), (0, n)), dtype=wp.int64, device=device)
+    slot = wp.array(np.pad(np.arange(n, dtype=np.int32), (0, n)), dtype=wp.int32, device=device)
+    wp.utils.radix_sort_pairs(key, slot, n)
+    return slot.numpy()[:n].copy()
+
+
+class HostBuild:
+    """Builds both lists for the present positions; the decisions of ``program.ListBuild`` are the host's.
+
+    Args:
+        model, state, lists, batch: as of ``program.ListBuild``.
+        launch: how kernels are launched.
+        storage: where the arrays are.
+    """
+
+    def __init__(
+        self, model: Model, state: State, lists: ContactLists, batch: Batch, launch: HostLaunch, storage: Storage
+    ) -> None:
+        self.model, self.state, self.lists, self.batch, self.storage = model, state, lists, batch, storage
+        self.launch = launch
+        self.program = ListBuild(model, state, lists, batch, launch, self)
+        self._row_capacity = RowRoom(LEAST_CAPACITY)
+        self._classes = np.zeros(0, dtype=np.int64)
+
+    def check(self, outer_limit: float) -> np.ndarray:
+        """What has become of each grain (``kernels.lists.displacement``), shape (slots,)."""
+        found = self.storage.pool.buffer("found", (self.state.slots,), wp.int32)
+        self.batch.set_time()
+        self.program.check(found, outer_limit)
+        return found.numpy()
+
+    # -- outer list -----------------------------------------------------------------------------
+
+    def outer(self) -> np.ndarray | None:
+        """Sort the grains in memory, without those that have left, and build the outer list.
+
+        Returns:
+            Slot that each grain had before, shape (n,); None where no grain is left.
+        """
+        a, state, pool = self.lists, self.state, self.storage.pool
+        kept, record, known = np.flatnonzero(state.here), state.record.numpy(), a.known
+        n = a.known = len(kept)
+        if n == 0:
+            state.reorder(kept)
+            a.outer = None
+            a.set_totals([0, 0, 0])
+            return None
+        position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
+        beyond = self.model.features.contact.gap + a.skin
+        classes = size_classes(radius)
+        order = morton_order(position, finest_cell(radius, classes, beyond), self.model.device)
+        position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
+        old_id = wp.clone(state.id)
+        state.reorder(order)
+        a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
+        a.grids = grids_for(position, radius, self._classes, beyond, self.model.device)
+        counts = [pool.zeros(n, wp.int32) for _ in range(2)]
+        starts = [pool.zeros(n + 1, wp.int32) for _ in range(2)]
+        nothing = pool.zeros(0, wp.int32)
+        a.new = NewOuterList(
+            start=starts[0], count=counts[0], slot=nothing, contact=nothing, capacity_start=nothing,
+            old_slot=pool.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32), old_id=old_id,
+            feature_count=counts[1], first=starts[1],
+        )  # fmt: skip
+        a.rows_are_counted = self.storage.rows_are_counted
+        if not a.rows_are_counted:
+            self._give_rows_capacity()
+        self.program.build_outer()
+        a.rebuilds += 1
+        return order
+
+    def _give_rows_capacity(self) -> None:
+        """Rows as long as the size of their grain asks for: one search counts and writes."""
+        new, start = self.lists.new, self._row_capacity.starts(self._classes)
+        new.start = new.capacity_start = self.storage.pool.upload(start, wp.int32)
+        new.slot = self.storage.pool.zeros(int(start[-1]), wp.int32)
+
+    def outer_fits(self, write: Callable[[], None]) -> None:
+        """As ``program.Decisions``: give the arrays the length that the list has."""
+        a, new, scratch, pool = self.lists, self.lists.new, self.batch.scratch(self.state.slots), self.storage.pool
+        if a.rows_are_counted:
+            new.slot = pool.zeros(self._length("near", scratch.entries, new.count), wp.int32)
+        else:
+            while not self._row_capacity.holds(self._classes, new.count.numpy()):
+                entries = self._row_capacity.entries(self._classes)
+                if entries > LONGEST:
+                    raise too_long_a_list(self.state, a.clock, entries, new.count)
+                self._give_rows_capacity()
+                self.program.find_neighbors(new.capacity_start)
+        new.contact = pool.zeros(new.slot.shape, wp.int32)
+        if a.outer is None:
+            new.contact.fill_(-1)
+        if self.model.walls is not None:
+            a.near_feature = pool.zeros(self._length("slots", scratch.slots, new.feature_count), wp.int32)
+        write()
+
+    def _length(self, name: str, total: wp.array, count: wp.array) -> int:
+        """Length that the array ``name`` needs for ``total[1]`` entries."""
+        entries = int(total.numpy()[1])
+        if entries >= LONGEST:
+            raise too_long_a_list(self.state, self.lists.clock, int(count.numpy().sum(dtype=np.int64)), count)
+        return self.storage.pool.capacity(name, entries)
+
+    def replace_outer(self) -> None:
+        """As ``program.Decisions``."""
+        self.lists.outer = self.lists.new.rows
+
+    def move_wall_contacts(self) -> None:
+        """As ``program.Decisions``."""
+        a = self.lists
+        rows = a.new_rows(self.state.slots, a.near_feature.shape[0])
+        rows.first = a.new.first
+        inputs = a.force_parity, a.new.old_slot, a.rows, rows
+        self.launch(self.model.kernels.walls.carry_places, self.state.slots, *inputs)
+        a.rows = rows
+
+    # -- inner list -----------------------------------------------------------------------------
+
+    def inner(self) -> None:
+        """Build the inner list."""
+        a, n, buffer = self.lists, self.state.slots, self.storage.pool.buffer
+        a.listed = self.storage.selection(a.outer.slot.shape[0])
+        for name in ("touching", "close", "width", "touching_start", "close_start"):
+            setattr(a, name, buffer(name, (n,), wp.int32))
+        a.row_start = buffer("row start", (n + 1,), wp.int32)
+        a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
+        if a.rows is not None:
+            a.rows.grain = buffer("wall grain", (n,), wp.int32)
+        self.program.build_inner()
+        a.refreshes += 1
+        a.version += 1
+
+    def inner_fits(self, write: Callable[[], None]) -> None:
+        """As ``program.Decisions``: give the arrays the length that the list has."""
+        a, features, pool = self.lists, self.model.features, self.storage.pool
+        law, width = features.contact, features.backend.lanes
+        a.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
+        batches, slots = pool.capacity("packs", a.totals[0] // width), pool.capacity("shares", a.totals[1])
+        lanes, history = (batches, width), (batches, max(law.memory, 1), width)
+        a.row = self.storage.force_slots((slots + 1, share_width(law.spins)), history, a.outer.slot.shape[0], a.real)
+        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, ENTRY), a.real)
+        for name in ("owner", "partner", "slot_i", "slot_j"):
+            setattr(a, name, pool.buffer(name, lanes, wp.int32))
+        a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)
+        a.trial = pool.buffer("trial", history if self.batch.stages > 1 else (0, 1, width), a.real)
+        kernels = self.model.kernels.lists
+        a.constants = pool.buffer(
+            "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
+        )
+        a.next_memory = self.storage.next_history(history, a.version, a.real)
+        write()
+
+    def adopt_history(self) -> None:
+        """As ``program.Decisions``."""
+        self.storage.adopt_history(self.lists)

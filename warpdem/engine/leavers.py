@@ -1,0 +1,62 @@
+"""Grains that leave the domain: through which border or outlet, how many, how heavy."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from warpdem.engine.stops import beyond_border, crossed_domain
+from warpdem.kernels import grain
+from warpdem.kernels.lists.displacement import CROSSED, IN_OUTLET
+from warpdem.model.domain import Domain
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
+
+
+class Leavers:
+    """Counts grains that leave.
+
+    Args:
+        domain: borders and outlets.
+        state: the grains.
+        clock: where the run is in time.
+
+    Attributes:
+        left: number and mass [kg] of the grains that each border or outlet took, by its name.
+        before_leaving: called with the slots of grains that are about to leave.
+    """
+
+    def __init__(self, domain: Domain, state: State, clock: Clock) -> None:
+        self._domain, self._state, self._clock = domain, state, clock
+        self.left: dict[str, list] = {name: [0, 0.0] for name in domain.names}
+        self.before_leaving: Callable[[np.ndarray], None] = lambda slots: None
+
+    def take(self, found: np.ndarray) -> np.ndarray:
+        """Count the grains that are not in the domain any more.
+
+        Args:
+            found: what ``check_lists`` found of each grain, shape (slots,).
+
+        Returns:
+            Their memory slots, shape (m,).
+
+        Raises:
+            StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
+        """
+        state = self._state
+        if (crossed := found & CROSSED).any():
+            raise crossed_domain(state, self._clock, int(np.flatnonzero(crossed)[0]))
+        gone = np.flatnonzero(found & IN_OUTLET)
+        if not len(gone):
+            return gone
+        where = self._domain.left_by(state.record.numpy()[gone, grain.POSITION])
+        ids, mass = state.id.numpy()[gone], 1.0 / state.inverse.numpy()[gone, 0]
+        for number in np.unique(where):
+            through = np.flatnonzero(where == number)
+            through = through[np.argsort(ids[through])]
+            name = self._domain.names[number]
+            if self._domain.stops[number]:
+                raise beyond_border(state, self._clock, int(gone[through[0]]), name)
+            self.left[name][0] += len(through)
+            self.left[name][1] += float(mass[through].sum())
+        self.before_leaving(gone)
+        return gone

@@ -1,0 +1,232 @@
+"""The step and the list build: every launch, in its order, written once.
+
+    step                                   list build
+      for each stage of the integrator       check the lists
+        forces of the stage (not the 1st)    outer list, where it is out of date
+        kick, drift, displacement check        grains onto the cell grids
+      forces at the end of the step            neighbors of each grain and wall features near it, counted and numbered
+                                               [do the arrays hold them?] written
+                                               contact numbers and wall contacts carried over from the old list
+                                               reference positions saved
+                                             inner list
+                                               contacts and wall features selected, numbered
+                                               [do the arrays hold them?] written, contact history carried over
+                                               reference positions saved
+
+Two executors run it. ``graph`` captures these launches: the device decides at the brackets. On a CPU the host decides
+(``host_build``), each launch is split over threads (``cpu``), and the launches of a step are fused into one kernel per thread,
+``kernels.step.loop.run``, in the same order. What each launch computes is said where its kernel stands: ``kernels/lists``,
+``kernels/step``.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import warp as wp
+
+from warpdem.engine.batch import Batch
+from warpdem.engine.contact_lists import ContactLists
+from warpdem.kernels import Built
+from warpdem.kernels.lists import numbering
+from warpdem.kernels.step.clock import TOTALS
+from warpdem.kernels.wall.surface import Surface
+from warpdem.model.model import Model
+from warpdem.state.particles import State
+
+
+class Launch(Protocol):
+    """How a kernel is launched."""
+
+    def __call__(self, kernel: wp.Kernel, count: int, *inputs: Any, split: bool = True) -> None:
+        """Launch over ``count`` indices, over threads where ``split``; the kernel's first argument is the first index."""
+
+    def once(self, kernel: wp.Kernel, *inputs: Any) -> None:
+        """Launch one thread."""
+
+
+class Decisions(Protocol):
+    """What the list build asks at its brackets, and what becomes of the old lists."""
+
+    def outer_fits(self, write: Callable[[], None]) -> None:
+        """Go on with ``write`` where the arrays hold the outer list."""
+
+    def replace_outer(self) -> None:
+        """Put the rows of the new outer list in the place of the old ones."""
+
+    def move_wall_contacts(self) -> None:
+        """Put the wall contacts of the last force call into the new slots."""
+
+    def inner_fits(self, write: Callable[[], None]) -> None:
+        """Go on with ``write`` where the arrays hold the inner list."""
+
+    def adopt_history(self) -> None:
+        """Put the contact history of the new list where the forces expect it."""
+
+
+class Step:
+    """The launches of a step, each phase with a thread per contact or grain."""
+
+    def __init__(self, model: Model, n: int, structs: tuple[Any, Any, Any], batch: Batch, max_displacement: float,
+                 launch: Launch) -> None:  # fmt: skip
+        self.model, self.n, self.batch, self.launch, self.max_displacement = model, n, batch, launch, max_displacement
+        self.grains, self.contacts, self.rows = structs
+        self.surface = model.walls.surface if model.walls is not None else Surface()
+
+    def __call__(self, ahead: int) -> None:
+        """The step that begins ``ahead`` steps from now."""
+        for stage in range(self.batch.stages):
+            if stage > 0:
+                self.forces(ahead, stage)
+            self.move(ahead, stage)
+        self.forces(ahead + 1)
+
+    def forces(self, ahead: int, stage: int = 0) -> None:
+        """All contact forces ``ahead`` steps from now."""
+        self.pair_forces(ahead, stage)
+        self.wall_forces(ahead, stage)
+
+    def pair_forces(self, ahead: int, stage: int = 0) -> None:
+        """Forces of the contacts between grains."""
+        kernels, b = self.model.kernels.graph, self.batch
+        shared = self.grains, self.contacts, b.control, self.model.coefficients, b.clock, self.model.dt
+        self.launch(kernels.pair_forces, self.contacts.owner.size, ahead, stage, *shared)
+
+    def wall_forces(self, ahead: int, stage: int = 0) -> None:
+        """Forces of the contacts with walls."""
+        if self.model.walls is not None:
+            b, m, materials = self.batch, self.model, self.model.features.contact.materials
+            shared = self.grains, self.rows, self.surface, b.control, m.coefficients, materials, b.clock, m.dt
+            self.launch(m.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
+
+    def move(self, ahead: int, stage: int = 0) -> None:
+        """Kick and drift, and whether grains have moved too far for the inner list."""
+        b, m = self.batch, self.model
+        shared = self.grains, self.rows, b.control, b.clock, m.dt, self.max_displacement
+        self.launch(m.kernels.graph.move, self.n, ahead, stage, *shared)
+
+
+class ListBuild:
+    """The launches that check and build the lists."""
+
+    def __init__(
+        self, model: Model, state: State, lists: ContactLists, batch: Batch, launch: Launch, decide: Decisions
+    ) -> None:
+        self.model, self.state, self.lists, self.batch = model, state, lists, batch
+        self.launch, self.decide = launch, decide
+        self.kernels: Built = model.kernels
+
+    @property
+    def n(self) -> int:
+        """Slots of grains."""
+        return self.state.slots
+
+    # -- check ----------------------------------------------------------------------------------
+
+    def check(self, found: wp.array, outer_limit: float) -> None:
+        """How far grains have moved, and what else has become of them (``kernels.lists.displacement``).
+
+        Args:
+            found: what is found of each grain, shape (n,); of size 0 for the conditions of the clock only.
+            outer_limit: displacement that the outer list allows [m].
+        """
+        a, b = self.lists, self.batch
+        references = a.reference, a.outer_reference, a.flight
+        limits = a.max_displacement, outer_limit
+        self.launch(
+            self.kernels.displacement.check_lists, self.n, self.state.record, *references, b.control, b.watched, self.model.dt,
+            *limits, found, b.clock,
+        )  # fmt: skip
+
+    # -- outer list -----------------------------------------------------------------------------
+
+    def build_outer(self) -> None:
+        """Pairs and wall features closer than the skin, where the arrays hold them."""
+        a, k, scratch = self.lists, self.kernels.lists, self.batch.scratch(self.n)
+        a.grids.head.zero_()
+        self.launch(k.insert_grains, self.n, a.grids, self.state.record, split=False)
+        self.find_neighbors(a.new.capacity_start)
+        if a.rows_are_counted:
+            self._number(a.new.count, scratch.entries, a.new.start)
+        if self.model.walls is not None:
+            self._near_features(0)
+            self._number(a.new.feature_count, scratch.slots, a.new.first)
+        self.decide.outer_fits(self._write_outer)
+
+    def _write_outer(self) -> None:
+        a, k = self.lists, self.kernels.lists
+        if a.rows_are_counted:
+            self.find_neighbors(a.new.start)
+        if a.outer is not None:
+            rows = a.new.start, a.new.count, a.new.slot
+            old = a.new.old_slot, a.new.old_id, *a.outer
+            self.launch(k.carry_contacts, self.n, self.state.id, *rows, *old, a.new.contact)
+        self.decide.replace_outer()
+        if self.model.walls is not None:
+            self._near_features(1)
+            self.decide.move_wall_contacts()
+        self._save_reference(a.outer_reference)
+
+    def find_neighbors(self, start: wp.array) -> None:
+        """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
+        a = self.lists
+        shared = a.grids, self.state.record, self.state.id, a.skin
+        self.launch(self.kernels.lists.find_neighbors, self.n, *shared, start, a.new.count, a.new.slot)
+
+    def _near_features(self, write: int) -> None:
+        """Count the wall features near each grain, or write their numbers."""
+        a, walls, nothing = self.lists, self.model.walls, self.batch.scratch(self.n).nothing
+        first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
+        shared = self.state.record, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        self.launch(self.kernels.walls.near_features, self.n, write, *shared, first, a.new.feature_count, feature)
+
+    # -- inner list -----------------------------------------------------------------------------
+
+    def build_inner(self) -> None:
+        """Pairs and wall features closer than the inner skin, where the arrays hold them."""
+        a, k, b = self.lists, self.kernels.lists, self.batch
+        counts = [a.touching, a.close, a.width]
+        rows = a.outer.start, a.outer.count, a.outer.slot
+        self.launch(
+            k.select_contacts, self.n, self.state.record, self.state.id, *rows, a.margin, a.flight, a.listed, *counts
+        )
+        candidates = wall_grain = b.scratch(self.n).nothing
+        if self.model.walls is not None:
+            near = a.near_feature, a.flight, a.rows
+            shared = self.state.record, 0.5 * a.margin, self.model.walls.surface, b.placements
+            self.launch(self.kernels.walls.close_features, self.n, *shared, *near)
+            candidates, wall_grain = a.rows.candidates, a.rows.grain
+        starts = [a.touching_start, a.close_start, a.row_start, wall_grain]
+        self.number([*counts, candidates], b.clock[TOTALS], starts)
+        self.decide.inner_fits(self._write_inner)
+
+    def _write_inner(self) -> None:
+        a, s, k, m = self.lists, self.state, self.kernels.lists, self.model
+        filler = a.row.shape[0] - 1
+        lanes = a.owner, a.partner, a.kind, a.constants, a.slot_i, a.slot_j
+        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), filler, *lanes)
+        self.launch(
+            k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
+            a.outer.start, a.outer.count, a.outer.slot, a.listed, a.touching_start, a.close_start, a.row_start, a.memory,
+            a.outer.contact, *lanes, a.next_memory,
+        )  # fmt: skip
+        self.decide.adopt_history()
+        self._save_reference(a.reference)
+
+    # -- both -----------------------------------------------------------------------------------
+
+    def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
+        """How many there are of what ``counts`` gives per grain, and where each grain begins (``kernels.lists.numbering``)."""
+        sums, lanes = self.batch.scratch(self.n).sums, self.model.features.backend.lanes
+        self.launch(numbering.sum_blocks, sums.shape[0], lanes, *counts, sums)
+        self.launch.once(numbering.start_blocks, sums, total)
+        self.launch(numbering.start_grains, sums.shape[0], lanes, *counts, sums, *starts)
+
+    def _number(self, count: wp.array, total: wp.array, start: wp.array) -> None:
+        """Where the row of each grain begins; ``total[1]`` is the length of all."""
+        nothing = self.batch.scratch(self.n).nothing
+        self.number((nothing, nothing, count, nothing), total, (nothing, nothing, start, nothing))
+
+    def _save_reference(self, reference: wp.array) -> None:
+        """Positions of the grains, from which their displacement counts."""
+        inputs = self.state.record, self.batch.placements, self.lists.flight, reference
+        self.launch(self.kernels.displacement.save_reference, self.n, *inputs)

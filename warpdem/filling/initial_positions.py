@@ -1,0 +1,57 @@
+"""Random positions inside a region and clear of its walls, from which a packing starts."""
+
+import numpy as np
+
+from warpdem.core.progress import tell
+from warpdem.errors import SceneError
+from warpdem.filling.fill_request import Filling
+from warpdem.filling.placed_walls import TOUCH
+from warpdem.mesh.triangle_mesh import signed_distance
+
+TRIES = 1_000_000
+"""Random places in a row that are all outside the mesh, after which no grain is said to fit (20 to 5000 for each)."""
+MOST_TRIES = 300_000_000
+"""Random places for all grains together, after which the rest is said to find none [-]."""
+
+
+def initial_positions(asked: Filling) -> np.ndarray:
+    """Random centres [m] at least a radius inside the region, shape (n, 3)."""
+    space, radius = asked.region, asked.radius
+    narrow = (2.0 * radius[:, None] > space.high - space.low).any(axis=1)
+    if narrow.any():
+        raise _no_place(asked, radius[narrow])
+    position = np.empty((len(radius), 3))
+    left = np.arange(len(radius))
+    in_vain = tried = 0
+    while len(left):
+        tell(f"placing {len(radius)} grains: {len(left)} left")
+        position[left] = space.random_points(asked.places, radius[left])
+        tried += len(left)
+        if space.mesh is None and space.open_space is None and not asked.walls:
+            break
+        outside = left[~_is_free(asked, position[left], radius[left])]
+        in_vain = in_vain + 1 if len(outside) == len(left) else 0
+        if in_vain > np.clip(TRIES // len(left), 20, 5000) or (tried > MOST_TRIES and len(outside)):
+            raise _no_place(asked, radius[left])
+        left = outside
+    return position
+
+
+def _is_free(asked: Filling, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Whether grains, (n, 3) and (n,) [m], are clear of the mesh and the walls of a filling, bool, shape (n,)."""
+    space = asked.region
+    free = np.ones(len(position), bool) if space.open_space is None else space.open_space.holds(position)
+    if space.mesh is not None:
+        free &= signed_distance(space.mesh, position)[0] <= -radius
+    for wall in asked.walls:
+        some = np.flatnonzero(free)
+        free[some] = wall.gap(position[some], radius[some]) >= -TOUCH * radius[some]
+    return free
+
+
+def _no_place(asked: Filling, radius: np.ndarray) -> SceneError:
+    size = " x ".join(f"{v:.6g}" for v in asked.region.high - asked.region.low)
+    return SceneError(
+        f"{asked.key}: no place found for {len(radius)} grains, the largest {2 * radius.max():.6g} m in diameter, "
+        f"in a region of {size} m; ask for smaller grains or a larger region"
+    )
