@@ -77,11 +77,16 @@ class Grains:
 
     Attributes:
         record: ``wp.array`` of ``Record``, shape (n,).
-        position, radius, velocity, acceleration, spin, angular_acceleration: views of the record's columns, ``wp.array`` of
-            ``wp.vec3d`` (radius: ``wp.float64``), shape (n,), in [m], [m/s], [m/s2], [rad/s], [rad/s2].
+        position: view of the record [m], ``wp.array`` of ``wp.vec3d``, shape (n,); likewise the next four.
+        velocity: [m/s].
+        acceleration: of the last step [m/s2].
+        spin: [rad/s].
+        angular_acceleration: of the last step [rad/s2].
+        radius: view of the record [m], ``wp.array`` of ``wp.float64``, shape (n,).
         mass: [kg], ``wp.array`` of ``wp.float64``, shape (n,).
         load: force [N] and torque [N m] of each grain, ``wp.array`` of six ``wp.float64``, shape (n,).
-        force, torque: views of the load, ``wp.array`` of ``wp.vec3d``, shape (n,).
+        force: view of the load [N], ``wp.array`` of ``wp.vec3d``, shape (n,).
+        torque: view of the load [N m], ``wp.array`` of ``wp.vec3d``, shape (n,).
         steps: how often ``drift`` was called.
 
     Raises:
@@ -351,7 +356,8 @@ class Pairs(_Listed):
         start: where the row of each grain begins in ``neighbor``, ``wp.array`` of int32, shape (n + 1,).
         count: neighbors of each grain, ``wp.array`` of int32, shape (n,).
         neighbor: indices of the neighbors, each row ascending, ``wp.array`` of int32.
-        owner, partner: the two grains of each listed pair, the lower index first, ``wp.array`` of int32, shape (pairs, 1).
+        owner: the grain of lower index of each listed pair, ``wp.array`` of int32, shape (pairs, 1).
+        partner: the other one, ``wp.array`` of int32, shape (pairs, 1).
         history: contact history of each listed pair: tangential spring [m], then rolling spring [rad], as far as the law
             has them; ``wp.array`` of float64, shape (pairs, 0, 3 or 6, 1).
         rebuilds: how often the list was made.
@@ -400,12 +406,12 @@ class Pairs(_Listed):
     def _make(self) -> None:
         g, lists, n = self.grains, self.kernels.lists, len(self.grains)
         grid = self._grid()
-        self.launch(lists.insert_grains, n, [grid, g.record])
+        self.launch(lists.insert_grains, n, [0, grid, g.record])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._room, device=g.device)
             slot = self.ints(n * self._room)
-            self.launch(lists.near_rows, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
+            self.launch(lists.find_neighbors, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
             longest = int(count.numpy().max())
             if longest <= self._room:
                 break

@@ -8,8 +8,8 @@ Position in frame axes; velocity and spin are absolute, resolved in frame axes, 
 (design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
 friction the record ends after the acceleration.
 
-A grain that has left the domain keeps its place in memory until the lists are made anew, at rest at x = GONE, where it meets
-nobody: none is carried so far, and a place that moves lands on this very number by no chance worth a thought.
+A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = GONE, where it meets nobody:
+none is carried so far, and a position that moves hits this very number by no chance worth a thought.
 """
 
 import functools
@@ -19,6 +19,7 @@ from warpdem.kernels import Built
 
 WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin
 GONE = 1048583.0  # x of what has left [m]: the law stays finite so far apart, in float32 too
+GONE_APART = 16.0  # y of what has left over its memory slot [m]
 POSITION, RADIUS, VELOCITY, SPIN = slice(0, 3), 3, slice(4, 7), slice(10, 13)  # places in the record
 
 
@@ -35,6 +36,15 @@ def build(spins: bool):
     def gone(g: Record) -> bool:
         """Whether the grain has left the domain."""
         return g[0] == wp.float64(wp.static(GONE))
+
+    @wp.func
+    def parked(g: Record, slot: int) -> Record:
+        """The same grain out of the domain, at rest at a place of its own."""
+        out = Record()
+        out[0] = wp.float64(wp.static(GONE))
+        out[1] = wp.float64(wp.static(GONE_APART)) * wp.float64(slot)
+        out[3] = g[3]
+        return out
 
     @wp.func
     def placed(g: Record, q: wp.vec3d) -> Record:
@@ -91,6 +101,7 @@ def build(spins: bool):
         Record=Record,
         position=position,
         gone=gone,
+        parked=parked,
         placed=placed,
         velocity=velocity,
         acceleration=acceleration,

@@ -159,7 +159,7 @@ def test_a_scene_file_runs_no_code_by_itself(folder):
     path = with_law(folder)
     text = refused(path)
     law = folder / "home" / "law.py"
-    for word in (str(path), 'contact.normal = "law.py"', "runs none", f"--plugin {law}", f'plugins=["{law}"]'):
+    for word in (str(path), 'contact.normal = "law.py"', "may not load by itself", f"--plugin {law}", f'plugins=["{law}"]'):
         assert word in text, text
     assert not ran(folder)
 

@@ -308,17 +308,44 @@ def test_a_grain_that_leaves_makes_no_lists(device):
     assert sim.lists.rebuilds - before[0] <= 3
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_grain_that_leaves_does_not_put_the_lists_in_question(threads, monkeypatch):
-    """What the steps report of it is that it left, not that the lists are out of date: these are not even looked at."""
-    places = np.array([[0.0199, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]])
-    border = {"x": {"max": 0.02, "kind": "open"}}
-    sim = simulated(places, grain={"velocities": [[1.0, 0, 0], [0, 0, 0], [0, 0, 0]]}, borders=border, threads=threads)
-    told, advance = [], sim.engine.advance
-    monkeypatch.setattr(sim.engine, "advance", lambda *args, **keys: told.append(advance(*args, **keys)) or told[-1])
-    sim.step(80)
+ROW = np.array([[0.0199 - 5e-4 * k, 0.01 * k, 0.0] for k in range(6)])
+"""Positions of grains that leave one after the other at x = 0.02, at 1 m/s."""
+
+
+def leaving(threads=1, resident=False, kind="open", **keys):
+    """Six grains that leave, the first of them after 50 steps, and one at rest."""
+    positions, velocities = np.vstack([ROW, [[0.0, -0.02, 0.0]]]), np.zeros((7, 3))
+    velocities[:6, 0] = 1.0
+    borders = {"x": {"max": 0.02, "kind": kind}}
+    sim = Simulation(
+        scene(positions, grain={"velocities": velocities}, borders=borders, **keys), device="cpu", threads=threads,
+        resident=resident,
+    )  # fmt: skip
+    reported, advance = [], sim.engine.advance
+    sim.engine.advance = lambda *args, **keys: reported.append(advance(*args, **keys)) or reported[-1]
+    return sim, reported
+
+
+@pytest.mark.parametrize(("threads", "resident"), [(1, False), (2, False), (1, True)])
+def test_steps_go_on_without_a_grain_that_leaves(threads, resident):
+    """No batch of steps ends for it, and its number and mass are those of a run that rests after every step."""
+    sim, reported = leaving(threads, resident, engine={"skin": 0.05})
+    sim.step(2000)
+    assert sim.left["x max"][0] > 3
+    assert not any(found & LEFT for _, found in reported)
+    assert len(reported) < 10
+    stepwise, _ = leaving(engine={"skin": 0.05})
+    for _ in range(2000):
+        stepwise.step(1)
+    assert sim.left == stepwise.left
+    assert sim.state_hash() == stepwise.state_hash()
+
+
+def test_steps_rest_at_a_grain_whose_energy_is_asked_for():
+    sim, reported = leaving(measures={"energy": True}, engine={"skin": 0.05})
+    sim.step(200)
     assert sim.left["x max"][0] == 1
-    assert [moved for _, moved in told if moved][-1] == LEFT  # before it, its way was too far for the contact list
+    assert [found & LEFT for _, found in reported].count(LEFT) == 1
 
 
 def test_streamed_grains_fly_exactly(device):

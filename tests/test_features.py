@@ -110,13 +110,13 @@ def test_no_rolling_equals_rolling_zero(monkeypatch):
 
 def test_frame_at_rest_equals_no_frame(full, monkeypatch):
     resting = run(scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}))
-    assert not resting.plan.frame.turns
+    assert not resting.plan.frame.rotates
     assert_same_motion(full, resting)
     assert full.state_hash() == resting.state_hash()
     computed = with_everything(
-        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, frame={"turns": True}
+        scene(frame={"axis": [0, 1, 1], "origin": [0.1, 0, 0], "rate": 0.0}), monkeypatch, frame={"rotates": True}
     )
-    assert computed.plan.frame.turns
+    assert computed.plan.frame.rotates
     assert full.state_hash() == computed.state_hash()
 
 

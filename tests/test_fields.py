@@ -176,7 +176,7 @@ def test_lorentz_force_leads_round_the_circle_in_second_order():
 
 def test_fields_of_the_laboratory_give_one_path_in_a_turning_frame(everything, in_the_laboratory):
     turning = run(0.3, **everything, frame=FRAME)
-    assert turning.plan.frame.turns
+    assert turning.plan.frame.rotates
     for name in ("position_lab", "velocity_lab"):
         here, there = getattr(turning.particles, name), getattr(in_the_laboratory.particles, name)
         np.testing.assert_allclose(here, there, rtol=0, atol=1e-12, err_msg=name)

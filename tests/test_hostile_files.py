@@ -19,7 +19,7 @@ import pytest
 from warpdem import Scene, SceneError, Simulation, WarpdemError, load_scene, render
 from warpdem.app import cli
 from warpdem.core import memory
-from warpdem.core.vtk_header import overclaim
+from warpdem.core.vtk_header import excessive_count
 from warpdem.model import needs
 from warpdem.output.read_vtk import read_frame
 from warpdem.state import checkpoint
@@ -398,7 +398,7 @@ def test_stages_nested_too_deeply(tmp_path, case):
 
 def test_results_that_claim_too_many_grains_are_not_drawn(tmp_path):
     (tmp_path / "grains_000000.vtp").write_text(VTP.format(10**12, 1, 0.01))
-    assert "NumberOfPoints" in overclaim(tmp_path / "grains_000000.vtp")
+    assert "NumberOfPoints" in excessive_count(tmp_path / "grains_000000.vtp")
     with pytest.raises(WarpdemError, match="NumberOfPoints = 1000000000000"):
         read_frame(tmp_path / "grains_000000.vtp")
     line = '<DataSet timestep="0" group="" part="0" name="grains" file="grains_000000.vtp"/>'

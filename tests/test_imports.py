@@ -26,8 +26,8 @@ HEAVY_OWNERS = {
     "output.write_vtk": {"vtk", "pyvista"},
     "drawing.colours": {"matplotlib"},
     "drawing.legend": {"matplotlib"},
-    "drawing.stage": {"pyvista", "vtk", "matplotlib"},
-    "drawing.show": {"matplotlib"},
+    "drawing.vtk_renderer": {"pyvista", "vtk", "matplotlib"},
+    "drawing.frame_drawer": {"matplotlib"},
     "drawing.rendering": {"imageio", "matplotlib"},
 }
 """Files that own a heavy library and are themselves imported only when they are needed."""

@@ -43,7 +43,7 @@ CASES = {
 @pytest.mark.parametrize("boxes", CASES.values(), ids=CASES.keys())
 def test_inside_of_bodies_that_touch_or_cut_is_right_everywhere(boxes):
     mesh = checked(*(box(*one) for one in boxes))
-    assert mesh.turned == 0
+    assert mesh.flipped == 0
     points = np.random.default_rng(1).uniform(-2.0, 2.0, (4000, 3))
     expected = distance_of_boxes(points, *boxes)
     distance, gradient = signed_distance(mesh, points)
@@ -76,7 +76,7 @@ def test_faces_that_two_bodies_share_cancel():
     one = box()
     other = one * [-1, 1, 1] + [1, 0, 0]
     mesh = checked(one, other[:, ::-1])
-    assert mesh.open_edges == mesh.forked_edges == mesh.turned == 0
+    assert mesh.open_edges == mesh.nonmanifold_edges == mesh.flipped == 0
     assert len(mesh.triangles) == 20
     np.testing.assert_allclose(mesh.volume, 2.0)
     assert signed_distance(mesh, [[0.5, 0.1, 0.0]])[0] == pytest.approx(-0.4)
@@ -91,12 +91,12 @@ def test_a_triangle_that_is_wound_wrongly_where_bodies_touch_is_turned_round():
     at_edge = np.flatnonzero((np.isclose(corners[:, :, :2], 0.5).all(axis=2)).sum(axis=1) == 2)
     corners[at_edge[0]] = corners[at_edge[0], ::-1]
     mesh = checked(corners)
-    assert mesh.turned == 1
+    assert mesh.flipped == 1
     np.testing.assert_allclose(mesh.volume, 2.0)
 
 
 def test_an_inner_skin_that_points_the_wrong_way_is_told():
     mesh = checked(box((2, 2, 2)), box((1.9, 1.9, 1.9)))
-    assert mesh.turned == 12
+    assert mesh.flipped == 12
     assert "12 triangles wound the wrong way turned round" in mesh.notes[0]
     np.testing.assert_array_equal(signed_distance(mesh, [[0, 0, 0], [0.97, 0, 0]])[0] < 0.0, [False, True])

@@ -86,7 +86,7 @@ def test_pieces_do_not_depend_on_winding():
     corners[::2] = corners[::2, ::-1]
     mesh = build_mesh(corners[:-1])  # nothing is mended in an open mesh
     assert mesh.plane.max() + 1 == mesh.piece.max() + 1 == 6
-    assert mesh.twisted_edges > 0
+    assert mesh.mismatched_edges > 0
     np.testing.assert_allclose(np.abs(mesh.plane_normal).max(axis=1), 1.0)
 
 

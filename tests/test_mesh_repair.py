@@ -32,8 +32,8 @@ def test_windings_of_a_closed_mesh_are_mended(seed):
     torn = ball.copy()
     torn[wrong] = reverse(ball[wrong])
     mesh = build_mesh(torn)
-    assert mesh.turned == 100
-    assert mesh.twisted_edges == 0
+    assert mesh.flipped == 100
+    assert mesh.mismatched_edges == 0
     np.testing.assert_array_equal(mesh.corners[:, [0, 2]][wrong], ball[wrong][:, [0, 2]])
     np.testing.assert_allclose(mesh.volume, build_mesh(ball).volume, rtol=1e-12)
 
@@ -42,7 +42,7 @@ def test_mesh_that_is_wound_inwards_as_a_whole_is_left_so():
     corners = reverse(box())
     corners[3] = corners[3, ::-1]
     mesh = build_mesh(corners)
-    assert mesh.turned == 1
+    assert mesh.flipped == 1
     np.testing.assert_allclose(mesh.volume, -1.0)
 
 
@@ -53,7 +53,7 @@ def test_bodies_beside_and_in_each_other_are_wound_so_that_inside_is_right(inver
     given = [reverse(part) if k in inverted else part for k, part in enumerate(solid)]
     mesh = build_mesh(np.concatenate(given))
     # the most area decides: where the vessel is inverted, the others follow it, and inside stays inside
-    assert mesh.turned == (36 if inverted == (0,) else 12 * len(inverted))
+    assert mesh.flipped == (36 if inverted == (0,) else 12 * len(inverted))
     points = np.array([[3.5, 0, 0], [2, 0, 0], [0.5, 0, 0], [10, 0, 0], [7, 0, 0]])
     np.testing.assert_array_equal(inside(mesh, points), [True, False, True, True, False])
 
@@ -62,4 +62,4 @@ def test_bodies_beside_and_in_each_other_are_wound_so_that_inside_is_right(inver
 @pytest.mark.parametrize("shaft", [1, -1])
 def test_bodies_that_cut_each_other_are_left_as_they_are(vessel, shaft):
     mesh = build_mesh(np.concatenate([box((4, 4, 4))[:, ::vessel], box((1, 1, 1), (2, 0, 0))[:, ::shaft]]))
-    assert mesh.turned == 0
+    assert mesh.flipped == 0

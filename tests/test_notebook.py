@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 import warpdem
-from warpdem.core.progress import progress_bar, tell, told_if_long
+from warpdem.core.progress import progress_bar, report_if_long, report_state
 from warpdem.output.write_vtk import VtkWriter
 
 SCENE = {
@@ -58,9 +58,9 @@ def test_progress_in_a_notebook_needs_no_widgets(monkeypatch):
     module.display = shown.display
     monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
     monkeypatch.setitem(sys.modules, "IPython.display", module)
-    with progress_bar(Console(force_jupyter=True, file=StringIO()), False, 10) as tell:
-        tell(5, "t = 1 s")
-        tell(10, "t = 2 s")
+    with progress_bar(Console(force_jupyter=True, file=StringIO()), False, 10) as report:
+        report(5, "t = 1 s")
+        report(10, "t = 2 s")
     assert "t = 1 s" in shown.texts[0]
     assert "t = 2 s" in shown.texts[-1]
     assert shown.texts[0].count("━") > 5  # the bar
@@ -69,8 +69,8 @@ def test_progress_in_a_notebook_needs_no_widgets(monkeypatch):
 def test_progress_is_shown_in_a_terminal_and_nowhere_else():
     for terminal, quiet in ((True, False), (True, True), (False, False)):
         out = StringIO()
-        with progress_bar(Console(force_terminal=terminal, file=out, width=120), quiet, 10) as tell:
-            tell(5, "half of it")
+        with progress_bar(Console(force_terminal=terminal, file=out, width=120), quiet, 10) as report:
+            report(5, "half of it")
         assert ("half of it" in out.getvalue()) == (terminal and not quiet)
 
 
@@ -79,9 +79,9 @@ def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, 
     """A step in two seconds; a line is due after ten. The run goes on at step 40, which does not count as speed."""
     clock = iter([0.0, 0.0, 6.0, 20.0, 26.0])
     monkeypatch.setattr("warpdem.core.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
-    with progress_bar(Console(file=StringIO()), quiet, 100) as tell:
+    with progress_bar(Console(file=StringIO()), quiet, 100) as report:
         for step, state in ((40, "first"), (43, "too soon"), (50, "half of it"), (53, "too soon again")):
-            tell(step, state)
+            report(step, state)
     assert capfd.readouterr().err.splitlines() == lines
 
 
@@ -89,10 +89,10 @@ def test_where_there_is_no_terminal_lines_tell_the_progress(monkeypatch, capfd, 
 def test_what_takes_long_before_the_run_is_told_by_lines(monkeypatch, capfd, quiet, lines):
     clock = iter([0.0, 3.0, 12.0, 13.0, 31.0])
     monkeypatch.setattr("warpdem.core.progress.time", SimpleNamespace(perf_counter=lambda: next(clock)))
-    with told_if_long("setting up", Console(file=StringIO()), quiet):
+    with report_if_long("setting up", Console(file=StringIO()), quiet):
         for state in ("too soon", "packing:", "too soon again", "packed:"):
-            tell(state)
-    tell("nobody asked")
+            report_state(state)
+    report_state("nobody asked")
     assert [line.replace(":,", ":") for line in capfd.readouterr().err.splitlines()] == lines
 
 
@@ -100,7 +100,7 @@ def test_what_takes_long_before_the_run_is_shown_in_a_terminal(monkeypatch):
     monkeypatch.setattr("warpdem.core.progress.LONG", 0.0)
     monkeypatch.setattr("warpdem.core.progress.REFRESH", 0.0)
     out = StringIO()
-    with told_if_long("setting up", Console(force_terminal=True, file=out, width=120), False):
-        tell("packing [5] grains")
-        tell("packing [6] grains")
+    with report_if_long("setting up", Console(force_terminal=True, file=out, width=120), False):
+        report_state("packing [5] grains")
+        report_state("packing [6] grains")
     assert "packing [6] grains" in out.getvalue()

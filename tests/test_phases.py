@@ -196,7 +196,7 @@ def test_picture_of_phases_without_a_common_index_is_of_the_last(tmp_path, monke
 def test_pictures_of_phases_show_the_time_over_all_and_the_names(done, tmp_path, monkeypatch):
     legend = Mock()
     legend.return_value.draw.side_effect = lambda image, panes: image
-    monkeypatch.setattr("warpdem.drawing.show.Legend", legend)
+    monkeypatch.setattr("warpdem.drawing.frame_drawer.Legend", legend)
     for time in (20, 60, 160):
         render(done[0], tmp_path / "a.png", time=time * STEP, size=(64, 64), colour="type")
     headings = [panes[0].heading for _, panes in (call.args for call in legend.return_value.draw.call_args_list)]

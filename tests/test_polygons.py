@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpdem.mesh.polygons import LARGEST_CONCAVE, triangulate
+from warpdem.mesh.polygons import MAX_CONCAVE, triangulate
 
 
 def area(points, triangles):
@@ -79,7 +79,7 @@ def test_faces_that_do_not_fit_are_refused(counts, indices, text):
 
 
 def test_huge_polygon_is_refused_when_it_is_not_convex():
-    points = star(LARGEST_CONCAVE + 1)
+    points = star(MAX_CONCAVE + 1)
     with pytest.raises(ValueError, match="not convex and has 5001 corners"):
         triangulate(points, [len(points)], range(len(points)))
     angle = 2 * np.pi * np.arange(len(points)) / len(points)

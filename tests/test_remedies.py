@@ -10,7 +10,7 @@ import pytest
 
 from warpdem import Scene, SceneError
 from warpdem.app import cli
-from warpdem.drawing.look import Look
+from warpdem.drawing.style import PictureStyle
 from warpdem.scene import models
 from warpdem.scene.messages import _all_keys, rounded_down, rounded_up
 from warpdem.scene.units import DIMENSIONS, to_si
@@ -71,7 +71,7 @@ def test_keys_that_messages_name_exist():
 def test_options_that_messages_name_exist():
     commands = (cli.run, cli.check, cli.convert, cli.render, cli.demo)
     there = {name.strip("_").replace("_", "-") for command in commands for name in inspect.signature(command).parameters}
-    there |= {field.name.replace("_", "-") for field in fields(Look)}
+    there |= {field.name.replace("_", "-") for field in fields(PictureStyle)}
     there |= {f"no-{name}" for name in ("picture", "probe")}
     named = {(place, option) for place, text in texts().items() for option in OPTION.findall(text)}
     assert len(named) > 10

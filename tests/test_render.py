@@ -12,7 +12,7 @@ from warpdem.core.pose import FramePose, Placement, TranslationPart
 from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
 from warpdem.drawing.legend import bar_width, font_size, heading
 from warpdem.drawing.rendering import render
-from warpdem.drawing.visible import visible
+from warpdem.drawing.visibility import visible
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import patch
 from warpdem.mesh.tessellation import tessellated
@@ -487,9 +487,9 @@ def test_hidden_grains_are_left_out_and_no_pixel_changes(tmp_path, monkeypatch):
         return counts[-1]
 
     for camera in ("iso", "front"):
-        monkeypatch.setattr("warpdem.drawing.stage.visible", counted)
+        monkeypatch.setattr("warpdem.drawing.vtk_renderer.visible", counted)
         lean = draw(folder, tmp_path / "a.png", camera=camera, colour="id")
-        monkeypatch.setattr("warpdem.drawing.stage.visible", lambda position, *_: np.ones(len(position), dtype=bool))
+        monkeypatch.setattr("warpdem.drawing.vtk_renderer.visible", lambda position, *_: np.ones(len(position), dtype=bool))
         np.testing.assert_array_equal(lean, draw(folder, tmp_path / "b.png", camera=camera, colour="id"))
     assert max(shown.mean() for shown in counts) < 0.6
 

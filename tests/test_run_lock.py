@@ -148,7 +148,7 @@ def owner(**changes) -> str:
 def test_without_locks_the_words_of_the_owner_decide(tmp_path, no_locks, says, taken):
     (tmp_path / LOCK).write_text(says)
     if taken:
-        with pytest.raises(FolderLocked, match=f"if there is no such run any more, remove .*{LOCK}"):
+        with pytest.raises(FolderLocked, match=f"if that run no longer exists, remove .*{LOCK}"):
             locked(tmp_path).__enter__()
     else:
         with locked(tmp_path):

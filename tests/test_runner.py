@@ -20,11 +20,11 @@ import pytest
 from rich.console import Console
 
 from warpdem import Scene, SceneError, Simulation, StabilityError
-from warpdem.app.outputs import cadence
+from warpdem.app.outputs import output_schedule
 from warpdem.app.run import run_scene
 from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
-from warpdem.core.progress import told_if_long
+from warpdem.core.progress import report_if_long
 from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
@@ -132,7 +132,7 @@ def test_every_frame_has_a_row_of_its_time(tmp_path, rows):
     assert len(frames) == 18
     assert set(frames) <= set(whole[:, 0])
     sim = Simulation(scene(output=output), device="cpu", threads=1)
-    assert len(whole) == cadence(sim, 6e-3).rows(600)
+    assert len(whole) == output_schedule(sim, 6e-3).rows(600)
     run(scene(output=output), tmp_path / "cut", until=1.01e-3)
     run(scene(output=output), tmp_path / "cut", resume=True)
     cut = history(tmp_path / "cut")[1]
@@ -506,7 +506,7 @@ def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeyp
 def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
     monkeypatch.setattr("warpdem.core.progress.LONG", 0.05)
     text = io.StringIO()
-    with told_if_long("compiling", Console(file=text, force_terminal=True), quiet):
+    with report_if_long("compiling", Console(file=text, force_terminal=True), quiet):
         time.sleep(seconds)
     time.sleep(0.1)
     assert text.getvalue() == said

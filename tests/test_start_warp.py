@@ -75,7 +75,7 @@ def no_cache(monkeypatch):
 
 def test_a_folder_of_kernels_that_cannot_be_made_is_named(no_cache, tmp_path):
     (tmp_path / "file").touch()
-    said = r"WARP_CACHE_PATH: compiled kernels cannot be kept in .*file/below/1.0 \(Not a directory\); set .*WARP_CACHE_PATH"
+    said = r"WARP_CACHE_PATH: compiled kernels cannot be stored in .*file/below/1.0 \(Not a directory\); set .*WARP_CACHE_PATH"
     with pytest.raises(WarpdemError, match=said) as refused:
         no_cache(tmp_path / "file" / "below")
     assert refused.value.exit_code == 2
@@ -87,7 +87,7 @@ def test_a_folder_of_kernels_without_right_to_write_must_hold_some(no_cache, tmp
         raise PermissionError(13, "Permission denied", dir)
 
     monkeypatch.setattr(start_warp.tempfile, "TemporaryFile", refuse)  # root may write anywhere
-    with pytest.raises(WarpdemError, match=r"cannot be kept in .* \(Permission denied\)"):
+    with pytest.raises(WarpdemError, match=r"cannot be stored in .* \(Permission denied\)"):
         no_cache(tmp_path)
     (tmp_path / "1.0" / "wp_some_kernel_12ab").mkdir()
     (tmp_path / "1.0" / "wp_some_kernel_12ab" / "wp_some_kernel.o").touch()

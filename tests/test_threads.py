@@ -13,9 +13,9 @@ from warpdem.kernels.step import barrier
 from warpdem.core.threads import (
     GRAINS_PER_THREAD,
     Threads,
-    ask_for_short_slices,
     available_threads,
     ranges,
+    request_short_time_slices,
     threads_for,
 )
 
@@ -45,7 +45,7 @@ def test_a_thread_that_asks_for_short_slices_keeps_its_policy():
     found = []
 
     def asks():
-        ask_for_short_slices()
+        request_short_time_slices()
         found.append((os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)))
 
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)

@@ -105,11 +105,11 @@ def test_surface_with_one_side_is_refused():
     corners = np.random.default_rng(0).normal(size=(7, 3))[np.array([[int(c) for c in f] for f in faces.split()])]
     mesh = build_mesh(corners)
     assert mesh.is_closed
-    assert mesh.turned == 0
+    assert mesh.flipped == 0
     with pytest.raises(SceneError, match=r"[1-9] edges whose two triangles are wound against each other"):
         require_closed(mesh, "walls[0].mesh", "mend it")
     for way in (1, -1):  # nor is it known which way a body beside it should be wound
-        assert build_mesh(np.concatenate([corners, 0.1 * box()[:, ::way] + 9.0])).turned == 0
+        assert build_mesh(np.concatenate([corners, 0.1 * box()[:, ::way] + 9.0])).flipped == 0
     require_closed(build_mesh(box()), "walls[0].mesh", "mend it")
 
 
@@ -120,7 +120,7 @@ def test_what_was_mended_is_noted_with_count_and_place():
     flat = np.tile(corners[0, :1], (1, 3, 1))
     with np.errstate(all="raise"):
         mesh = build_mesh(np.concatenate([corners, corners[:2], flat]), (np.eye(3), shift), notes=("as read",))
-    assert (mesh.dropped, mesh.duplicates, mesh.turned) == (1, 2, 1)
+    assert (mesh.dropped, mesh.duplicates, mesh.flipped) == (1, 2, 1)
     assert len(mesh.triangles) == 12
     np.testing.assert_allclose(mesh.volume, 6.0, rtol=1e-12)
 
@@ -144,7 +144,7 @@ def test_edges_of_three_triangles_are_told_from_borders():
     a, b = bottom[k], bottom[(k + 1) % 3]
     sheet = np.array([[a, b, [0.0, 0.0, 0.5]]])
     mesh = build_mesh(np.concatenate([corners, sheet]))
-    assert (mesh.open_edges, mesh.forked_edges) == (2, 1)
+    assert (mesh.open_edges, mesh.nonmanifold_edges) == (2, 1)
     assert not mesh.is_closed
     assert any("1 edges at which three or more triangles meet, the first at (0, 0, -1.5) m" in n for n in mesh.notes)
     with pytest.raises(SceneError, match="three or more triangles"):

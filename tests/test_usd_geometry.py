@@ -206,7 +206,7 @@ def test_shapes_have_their_volume_and_the_extent_that_usd_gives_them(tmp_path, a
         if volume is None:
             assert mesh.plane_normal[0] @ np.eye(3)["XYZ".index(axis)] == pytest.approx(1.0)
         else:
-            assert (mesh.open_edges, mesh.forked_edges, mesh.turned, mesh.notes) == (0, 0, 0, ())
+            assert (mesh.open_edges, mesh.nonmanifold_edges, mesh.flipped, mesh.notes) == (0, 0, 0, ())
             np.testing.assert_allclose(mesh.volume, volume, rtol=2e-3 if kind != "Cube" else 1e-12, err_msg=kind)
     if axis == "Y":
         corners, notes = read(stage, "/Cone")

@@ -472,3 +472,16 @@ def test_state_keeps_its_digits_over_chunks_and_resume(tmp_path):
         for name, values in (("positions", wanted.position), ("velocities", wanted.velocity), ("spins", wanted.spin),
                              ("radii", wanted.radius), ("types", wanted.type)):  # fmt: skip
             assert_array_equal(np.array(api.GetPrimvar(f"dem:{name}").Get(100.0 * k)), values)
+
+
+def test_mesh_files_of_one_name_are_kept_apart_and_equal_ones_once(tmp_path):
+    """Two folders hold a file of the same name: each content is copied beside the results once, whoever names it."""
+    files = []
+    for folder, content in (("a", b"solid one"), ("b", b"solid two"), ("c", b"solid one")):
+        (tmp_path / folder).mkdir()
+        files.append(tmp_path / folder / "part.stl")
+        files[-1].write_bytes(content)
+    writer = UsdWriter(tmp_path / "out", [])
+    kept = [writer._kept_file(file) for file in files]
+    assert kept == ["result_usd/part.stl", "result_usd/part_2.stl", "result_usd/part.stl"]
+    assert (tmp_path / "out" / kept[1]).read_bytes() == b"solid two"

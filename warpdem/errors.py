@@ -1,8 +1,8 @@
-"""What warpdem raises: every message names what is wrong, where, and what is allowed."""
+"""Errors that warpdem raises: every message names the fault, where it is, and what is allowed."""
 
 
 class WarpdemError(Exception):
-    """Base of all errors that a user can mend; ``exit_code`` is what the command line returns: 2 for what was asked for."""
+    """Base of all errors that a user can correct; ``exit_code`` is the exit code of the command: 2 for a wrong request."""
 
     exit_code = 2
 
@@ -12,12 +12,12 @@ class SceneError(WarpdemError):
 
 
 class StabilityError(WarpdemError):
-    """The run stopped itself: the message names grain, time and cause."""
+    """The run stopped because it became unstable: the message names grain, time and cause."""
 
     exit_code = 3
 
 
 class OutputError(WarpdemError):
-    """A result cannot be written (disk full, folder read-only): the message names the file; nothing old is lost."""
+    """A result cannot be written (disk full, folder read-only): the message names the file; existing results stay."""
 
     exit_code = 3

@@ -106,7 +106,7 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                         found = found | wp.static(OUTER_HALF)
                     if not (way <= outer_limit * outer_limit):
                         found = found | wp.static(OUTER)
-            if travel.left_domain(q, control.outlet) > 0:
+            if travel.outlet_of(q, control.outlet) >= 0:
                 found = found | wp.static(IN_OUTLET)
             if border.thrown(q):
                 found = found | wp.static(CROSSED)

@@ -18,7 +18,7 @@ from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Energies, Momenta
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step.barrier import meet
-from warpdem.kernels.step.motion import Box
+from warpdem.kernels.step.motion import LEFT, Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
@@ -34,7 +34,7 @@ def too_deep(extreme: wp.array(dtype=wp.float64), at: int, deepest: wp.array(dty
 
 @functools.cache
 def build(
-    pairs, touch, Rows, load, acceleration, travelled, integrator, border, orientation, budget, flow, *, stages: int,
+    pairs, touch, Rows, load, acceleration, travel, integrator, border, orientation, budget, flow, *, stages: int,
     spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
@@ -45,7 +45,7 @@ def build(
     Args:
         pairs: namespace of ``pairs.build``.
         touch: wall function of ``wall.contact.build``, and ``Rows``, its struct.
-        load: sum over contacts, ``acceleration`` and ``travelled`` of ``motion``.
+        load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
         orientation: of ``orientation.build``; None when nobody asks how grains are turned.
@@ -80,6 +80,7 @@ def build(
         momenta: wp.array(dtype=Momenta)
         wall_work: wp.array2d(dtype=wp.float64)  # per grain and wall [J]
         flow: wp.array2d(dtype=wp.float64)  # per grain: mass [kg] and number through each plane
+        exit: wp.array2d(dtype=wp.int32)  # per grain: 1 + number of the outlet that it left by in this batch, and the step
 
     @wp.struct
     class Packs:
@@ -104,6 +105,8 @@ def build(
         placement: wp.array2d(dtype=Placement)
         origin: wp.array(dtype=wp.int32)  # step that the first row belongs to
         outlet: wp.array(dtype=Box)  # where grains leave
+        parks: wp.array(dtype=wp.int32)  # per outlet: 1 when the step goes on without a grain that left by it, 0: the host asks
+        parked: wp.array(dtype=wp.int32)  # [1]: 1 when a grain has left so in this batch
         plane: wp.array(dtype=Plane)  # where their flow is measured
         share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
         moved: wp.array(dtype=wp.int32)
@@ -214,6 +217,30 @@ def build(
             grains.momenta[i] = grains.momenta[i] + budget.shifted(way, g.velocity(state) * mass)
 
     @wp.func
+    def leave_domain(i: int, s: int, grains: Grains, rows: Rows, control: Control) -> bool:
+        """Whether grain ``i``, which is in an outlet after step ``s``, is put out of the domain here and now.
+
+        It keeps its slot in the lists, where it meets nobody. The host counts it when the batch is done.
+        """
+        state = grains.record[i]
+        number = travel.outlet_of(g.position(state), control.outlet)
+        if control.parks[number] == 0:
+            return False
+        grains.record[i] = g.parked(state, i)
+        grains.exit[i, 0] = number + 1
+        grains.exit[i, 1] = control.origin[0] + s + 1
+        control.parked[0] = 1
+        if grains.flight.shape[0] > 0:
+            path = grains.flight[i]
+            path[11] = wp.float64(-1.0)
+            grains.flight[i] = path
+        if wp.static(walls):
+            rows.candidates[i] = 0
+            for generation in range(rows.place_count.shape[0]):
+                rows.place_count[generation, i] = 0
+        return True
+
+    @wp.func
     def move_phase(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control,
         dt: wp.float64, reach: wp.float64,
@@ -249,10 +276,14 @@ def build(
                 if stage == wp.static(stages - 1):
                     grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
-                far = travelled(
+                far = travel.travelled(
                     i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
                     (s + 2) * wp.static(stages), dt, reach,
                 )  # fmt: skip
+                if wp.static(leave):
+                    if (far & wp.static(LEFT)) > 0:
+                        if leave_domain(i, s, grains, rows, control):
+                            far = 0
                 moved = moved | far
         return moved
 

@@ -117,7 +117,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 @functools.cache
 def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int):
-    """Return ``travelled``, what it is made of, and ``left_domain`` of the outlets.
+    """Return ``travelled``, what it is made of, and ``outlet_of``.
 
     Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
     where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
@@ -135,14 +135,15 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
     g = grain.build(spins)
 
     @wp.func
-    def left_domain(q: wp.vec3d, outlet: wp.array(dtype=Box)) -> int:
-        """1 when the place [m] is in an outlet."""
-        inside = int(0)
+    def outlet_of(q: wp.vec3d, outlet: wp.array(dtype=Box)) -> int:
+        """Number of the first outlet that a position [m] is in, -1 in none."""
+        number = int(-1)
         for e in range(wp.static(outlets)):
             b = outlet[e]
             if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
-                inside = 1
-        return inside
+                if number < 0:
+                    number = e
+        return number
 
     @wp.func
     def left_of(state: g.Record, reach: wp.float64, dt: wp.float64) -> wp.float64:
@@ -207,7 +208,8 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
                 if holds(flight[i], state, now, dt):
                     moved = 0
         if wp.static(outlets > 0):
-            moved = moved | (left_domain(g.position(state), outlet) * wp.static(LEFT))
+            if outlet_of(g.position(state), outlet) >= 0:
+                moved = moved | wp.static(LEFT)
         return moved
 
-    return Built(travelled=travelled, left_domain=left_domain, left_of=left_of, way_from=way_from, holds=holds)
+    return Built(travelled=travelled, outlet_of=outlet_of, left_of=left_of, way_from=way_from, holds=holds)

@@ -4,18 +4,20 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from warpdem.app import scene_warnings, summary
-from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
-from warpdem.core.progress import duration_text, told_if_long
+from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
 from warpdem.scene.motion_chain import largest_rates
+from warpdem.simulation import Simulation
 
 PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated from
 SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
@@ -25,14 +27,14 @@ FRAME_BYTES = {"vtk": 110, "usd": 110, "vtkhdf": 100}  # of a grain in a frame [
 CONTACT_SECONDS = 50e-9  # that one more contact costs per step on one core: 43 to 55 ns in scenes/box_bed.toml as it settles
 
 
-def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Console | None = None) -> dict:
-    """What is said of a new simulation: numbers, lists and texts, fit for JSON; times in seconds, sizes in bytes.
+def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), console: Console | None = None) -> dict[str, Any]:
+    """Report on a new simulation: numbers, lists and texts that JSON can hold; times in seconds, sizes in bytes.
 
     Args:
         sim: simulation that has made no step; the probe advances it.
         probe: whether to run it for `PROBE_SECONDS`, and to write a frame, for the estimates.
-        later: names of the phases that follow it, of which nothing is known before it has run.
-        console: where a word is said when kernels take long to compile; nowhere if not given.
+        later: names of the phases that follow it, about which nothing is known before it has run.
+        console: where a message appears when kernels take long to compile; None for no message.
     """
     scene, found, rates = sim.scene, sim.limits, largest_rates(sim.scene)
     steps = sim.steps_until(scene.time.end)
@@ -64,10 +66,10 @@ def describe(sim, probe: bool = True, later: Sequence[str] = (), console: Consol
     return {**out, **_probed(sim, steps, console)} if probe and most else out
 
 
-def _probed(sim, steps: int, console: Console | None) -> dict:
+def _probed(sim: Simulation, steps: int, console: Console | None) -> dict[str, Any]:
     """Estimates from a short run and one frame of its results; the grains that streams bring are added by what one costs."""
     begin = time.perf_counter()
-    with told_if_long(COMPILING, console or Console(), quiet=console is None):
+    with report_if_long(COMPILING, console or Console(), quiet=console is None):
         sim.load_kernels()
         sim.step(1)  # which compiles what a GPU runs
     started = sim.seconds["set-up"] + time.perf_counter() - begin  # compiled by now
@@ -80,7 +82,7 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
         # as long as those of a run: each call costs as much as some steps of a few grains
         chunk *= 2 if time.perf_counter() - begin - gone < SECONDS_PER_CHUNK / 2 else 1
     per_step = (time.perf_counter() - begin) / max(1, sim.step_number - first)
-    due = cadence(sim, sim.scene.time.end)
+    due = output_schedule(sim, sim.scene.time.end)
     frames, rows = due.frames(steps), due.rows(steps)
     size, frame_seconds, row_seconds = _written(sim)
     contacts, here = len(sim.contacts().i), len(sim.state)
@@ -88,7 +90,7 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
     mean = sum(mean_count(stream, density[stream.material], end) for stream in sim.scene.streams)
     mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
     settles = any(sim.scene.gravity) and sim.device.is_cpu
-    expected_count = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
+    contacts_to_form = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
     of_a_frame = sum(FRAME_BYTES[name] for name in sim.scene.output.formats)
     size += int(of_a_frame * mean)
     frame_seconds += FRAME_SECONDS * len(sim.scene.output.formats) * mean
@@ -101,18 +103,19 @@ def _probed(sim, steps: int, console: Console | None) -> dict:
         "seconds_per_step": per_step,
         "output_seconds": output,
         "estimated_seconds": estimate,
-        "settled_seconds": estimate + steps * expected_count * CONTACT_SECONDS / sim.threads.count,
+        "settled_seconds": estimate + steps * contacts_to_form * CONTACT_SECONDS / sim.threads.count,
         "frames": frames,
         "rows": rows,
         "output_bytes": frames * size,
     }
 
 
-def _written(sim) -> tuple[int, float, float]:
+def _written(sim: Simulation) -> tuple[int, float, float]:
     """Bytes [B] and time [s] of a frame, and time [s] of a row of the history: of the second, a step after the first."""
     with tempfile.TemporaryDirectory(prefix="warpdem-check-") as folder:
         outputs = Outputs(sim, Path(folder))
-        sizes, seconds = [], []
+        sizes: list[int] = []
+        seconds: list[float] = []
 
         try:
             # the first of each also writes what does not change
@@ -129,14 +132,15 @@ def _written(sim) -> tuple[int, float, float]:
     return sizes[2] - sizes[1], seconds[2], seconds[3]
 
 
-def print_description(data: dict, console: Console) -> None:
+def print_description(data: dict[str, Any], console: Console) -> None:
     """``describe`` for people."""
     console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold",
                   markup=False)  # fmt: skip
     if data["streams"]:
         each = ", ".join(f"{stream['key']} {stream['grains']}" for stream in data["streams"])
         console.print(
-            f"streams bring at most {data['grains_at_most'] - data['grains']} grains by the end, if all find room ({each}): "
+            f"streams bring at most {data['grains_at_most'] - data['grains']} grains by the end, "
+            f"if there is space for all ({each}): "
             f"memory, run time and results are those with {data['grains_at_most']} grains",
             markup=False,
         )

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from warpdem.core.command import run_command
-from warpdem.drawing.look import Look
+from warpdem.drawing.style import PictureStyle
 
 app = App(
     name="warpdem",
@@ -125,7 +125,7 @@ def check(
     """
     from warpdem.app.check import describe, print_description
     from warpdem.app.run import SETTING_UP
-    from warpdem.core.progress import told_if_long
+    from warpdem.core.progress import report_if_long
     from warpdem.model import needs
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
@@ -136,7 +136,7 @@ def check(
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
     console = Console(highlight=False)
-    with told_if_long(SETTING_UP, console, quiet=json_):
+    with report_if_long(SETTING_UP, console, quiet=json_):
         sim = Simulation(first, device=device, threads=threads)
     data = describe(sim, probe, later, None if json_ else console)
     if json_:
@@ -184,7 +184,7 @@ def render(
     end: float | None = None,
     speed: float | None = None,
     fps: float | None = None,
-    look: Annotated[Look, Parameter(name="*", negative_iterable=())] = Look(),  # noqa: B008
+    style: Annotated[PictureStyle, Parameter(name="*", negative_iterable=())] = PictureStyle(),  # noqa: B008
 ) -> None:
     """Draw the results of a run: a picture (.png) or a film (.mp4).
 
@@ -198,7 +198,7 @@ def render(
         speed: Seconds of the run in a second of the film; each frame is shown once if not given.
         fps: Pictures in a second of the film; 25 if not given, fewer where so few frames are shown that it would last less
             than 2 seconds.
-        look: Camera, colours, cuts and walls.
+        style: Camera, colours, cuts and walls.
     """
     from rich.progress import Progress
 
@@ -218,7 +218,7 @@ def render(
             progress.update(task, completed=done, total=total)
 
         draw(
-            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(look)
+            [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(style)
         )  # fmt: skip
     console.print(f"wrote {target}", markup=False)
 

@@ -66,7 +66,7 @@ def described(file: Path) -> Demo:
         SceneError: One of the parts is missing.
     """
     text = file.read_text(encoding="utf-8")
-    comment = re.match(r"(?:#.*\n)*", text)[0].replace("\n#", "\n")[1:]
+    comment = re.findall(r"\A(?:#.*\n)*", text)[0].replace("\n#", "\n")[1:]
     # a part ends where the next begins or at an empty line
     found = {"about": re.split(r"\n\s*\n", comment)[0]}
     for part in PARTS:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from warpdem.drawing.rendering import render
 from warpdem.output.write_vtk import VtkWriter
@@ -24,20 +25,21 @@ class Picture:
         return Path(path)
 
 
-def picture(source: Simulation | Path | str, *, time: float | None = None, **look) -> Picture:
+def picture(source: Simulation | Path | str, *, time: float | None = None, **style: Any) -> Picture:
     """Picture of a simulation as it stands, or of results in a folder.
 
     Args:
         source: The simulation, or the folder of the results.
         time: Time of the picture [s]; the last one for None. Only of results.
-        **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
+        **style: Choices of ``warpdem.drawing.style.PictureStyle``: view, colour, camera, cut and so on.
 
     Raises:
         WarpdemError: As ``warpdem.render``.
     """
     with TemporaryDirectory() as made:
-        folder = source
         if isinstance(source, Simulation):
             folder = Path(made)
             VtkWriter(folder, source.wall_meshes()).write(source.snapshot())
-        return Picture(render(folder, Path(made) / "picture.png", time=time, **look).read_bytes())
+        else:
+            folder = Path(source)
+        return Picture(render(folder, Path(made) / "picture.png", time=time, **style).read_bytes())

@@ -1,12 +1,13 @@
 """All files of a run but the pictures: rows of history.csv and frames in every format, written beside the steps."""
 
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.run_lock import RunLock
-from warpdem.core.snapshot import WallMesh
+from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import TurningNumbers
@@ -20,13 +21,23 @@ from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 
 
-def cadence(sim: Simulation, end: float) -> OutputSchedule:
+def output_schedule(sim: Simulation, end: float) -> OutputSchedule:
     """When frames and rows of the history are due in a run to ``end`` [s]."""
     output = sim.scene.output
     return OutputSchedule.of(output.interval or end / 50.0, output.history_interval, sim.dt)
 
 
-def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False):
+class FrameWriter(Protocol):
+    """What every format of the results has."""
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Write one frame; when this returns the frame is on disk."""
+
+    def close(self) -> None:
+        """Close the files."""
+
+
+def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False) -> FrameWriter:
     """Writer of a format of ``output.formats``; its libraries are loaded now, not before.
 
     Args:
@@ -55,7 +66,8 @@ class Outputs:
     def __init__(self, sim: Simulation, folder: Path, resume: bool = False, claim: RunLock | None = None) -> None:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
-        self.writers = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in sim.scene.output.formats]
+        formats = sim.scene.output.formats
+        self.writers: list[FrameWriter] = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats]
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
@@ -66,7 +78,7 @@ class Outputs:
         self.turning = TurningNumbers(sim.scene)
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
-        """Write a row of the history and a frame of the present instant, while the run goes on.
+        """Write a row of the history and a frame of the present time, while the run goes on.
 
         Raises:
             OutputError: what came before could not be written, or the folder is no longer that of this run.
@@ -113,5 +125,6 @@ class Outputs:
         try:
             self.background.close()
         finally:
-            for writer in (*self.writers, self.history):
+            for writer in self.writers:
                 writer.close()
+            self.history.close()

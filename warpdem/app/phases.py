@@ -1,12 +1,13 @@
 """A run of a scene with phases: each in a folder of its own, started from the last checkpoint of the one before.
 
-run.json tells what the phases are and how far each came. 1-fill/, 2-turn/ ... hold the results of each phase in its own time;
+run.json lists the phases and how far each of them is. 1-fill/, 2-turn/ ... hold the results of each phase in its own time;
 its last checkpoint is what the next one starts from. result.pvd gives the frames of all phases in one time; picture.png is the
 last of them.
 """
 
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from rich.console import Console
@@ -39,7 +40,8 @@ def run(
     quiet: bool = False,
     picture: bool | None = None,
     console: Console | None = None,
-    **keys,
+    device: str | None = None,
+    threads: int | None = None,
 ) -> Simulation:
     """Run ``scene`` and write its results into ``folder``, phase after phase if it has phases.
 
@@ -47,12 +49,13 @@ def run(
         scene: validated scene.
         folder: where the results go.
         until: end of the whole run [s] instead of the scene's.
-        resume: go on from the checkpoints in the folder; phases that are done are left as they are.
+        resume: go on from the checkpoints in the folder; phases that are done are not run again.
         overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
         picture: draw picture.png at the end of the last phase, or not; None as the scene says.
         console: where to print.
-        keys: ``device`` and ``threads`` of ``run_scene``.
+        device: as ``run_scene``.
+        threads: as ``run_scene``.
 
     Returns:
         The last simulation.
@@ -61,42 +64,43 @@ def run(
         WarpdemError: as ``run_scene``.
         KeyboardInterrupt: as ``run_scene``.
     """
-    said = {"quiet": quiet, "console": console or Console(), "told": set(), **keys}
+    common: dict[str, Any] = {"quiet": quiet, "console": console or Console(), "told": set()}
+    common |= {"device": device, "threads": threads}
     if not scene.phases:
-        return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **said)
+        return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **common)
     folder = Path(folder)
     check_request(folder, until, overwrite or resume)
     for k in range(len(scene.phases)):
         needs.check_grid(scene.phase(k))
     with locked(folder):
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
-        return _run(scene, folder, until, resume, picture, said)
+        return _run(scene, folder, until, resume, picture, common)
 
 
 def _run(
-    scene: Scene, folder: Path, until: float | None, resume: bool, picture: bool | None, said: dict
+    scene: Scene, folder: Path, until: float | None, resume: bool, picture: bool | None, common: dict[str, Any]
 ) -> Simulation:
-    """``run`` of phases in a folder that no other run writes into; ``said`` are the other keys of ``run_scene``."""
+    """``run`` of phases in a folder that no other run writes into; ``common`` are the other arguments of ``run_scene``."""
     folders = [folder / f"{k + 1}-{phase.name}" for k, phase in enumerate(scene.phases)]
     begins = [sum(scene.phase(j).time.end for j in range(k)) for k in range(len(folders))]
-    asked = len(folders) if until is None else sum(begin < until for begin in begins)
-    sim = None
+    requested = len(folders) if until is None else sum(begin < until for begin in begins)
+    sim: Simulation | None = None
     for stale in [there / name for there in folders for name in ("run.json", CHECKPOINT, *INDICES) if not resume]:
         stale.unlink(missing_ok=True)
     _write_record(scene, folder, folders, begins, "running")
     status = "failed"
     try:
-        for k, (there, begin) in enumerate(zip(folders[:asked], begins[:asked], strict=True)):
+        for k, (there, begin) in enumerate(zip(folders[:requested], begins[:requested], strict=True)):
             one = scene.phase(k)
             if k:
                 one = started_from(one, folders[k - 1] / CHECKPOINT, scene.continues(k))
             end = one.time.end if until is None else min(one.time.end, until - begin)
-            if resume and _is_done(there, end) and k + 1 < asked:
+            if resume and _is_done(there, end) and k + 1 < requested:
                 files = file_digests(one)
                 checkpoint.refuse_other(checkpoint.read(there / CHECKPOINT), one, files, scene_hash(one, files))
                 continue
-            going = resume and (k == 0 or (there / CHECKPOINT).exists())
-            sim = run_scene(one, there, until=end, resume=going, overwrite=True, picture=False, **said)
+            resumes = resume and (k == 0 or (there / CHECKPOINT).exists())
+            sim = run_scene(one, there, until=end, resume=resumes, overwrite=True, picture=False, **common)
         status = "done"
     except WarpdemError:
         status = _status(folders[k])
@@ -112,21 +116,23 @@ def _run(
         for name in INDICES:
             _join(folder, name, folders, begins)
     if wants_picture(one, picture):
-        joined = all("vtk" in scene.phase(k).output.formats for k in range(asked))
+        joined = all("vtk" in scene.phase(k).output.formats for k in range(requested))
         draw_picture(folder if joined else there, folder)
+    assert sim is not None  # check_request refuses an end at which no phase has begun
     return sim
 
 
-def _record(folder: Path) -> dict:
+def _record(folder: Path) -> dict[str, Any]:
     """run.json of a phase; empty if there is none."""
     try:
-        return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        record: dict[str, Any] = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        return record
     except (OSError, ValueError, RecursionError):
         return {}
 
 
 def _status(folder: Path) -> str:
-    return _record(folder).get("status", "failed")
+    return str(_record(folder).get("status", "failed"))
 
 
 def _is_done(folder: Path, end: float) -> bool:
@@ -142,8 +148,8 @@ def _write_record(scene: Scene, folder: Path, folders: list[Path], begins: list[
          "time": _record(there).get("time")}
         for phase, there, begin in zip(scene.phases, folders, begins, strict=True)
     ]  # fmt: skip
-    said = {"status": status, "scene": scene.source, "title": scene.title, "scene_hash": scene_hash(scene), "phases": phases}
-    write_run_record(folder / "run.json", said)
+    record = {"status": status, "scene": scene.source, "title": scene.title, "scene_hash": scene_hash(scene), "phases": phases}
+    write_run_record(folder / "run.json", record)
 
 
 def _join(folder: Path, name: str, folders: list[Path], begins: list[float]) -> None:

@@ -10,11 +10,11 @@ from rich.text import Text
 
 from warpdem.app import scene_warnings, summary
 from warpdem.app.final_picture import draw_picture, wants_picture
-from warpdem.app.outputs import Outputs, cadence
+from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.app.run_record import record
 from warpdem.core.interrupts import held_back
-from warpdem.core.progress import progress_bar, told_if_long
+from warpdem.core.progress import progress_bar, report_if_long
 from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
 from warpdem.output.write_tables import write_run_record
@@ -80,14 +80,14 @@ def _run(
     folder = claim.folder
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
-    with told_if_long(SETTING_UP, console, quiet):
+    with report_if_long(SETTING_UP, console, quiet):
         sim = Simulation(scene, device=device, threads=threads)
     if saved is not None:
         checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
     if not quiet:
         _announce(sim, end, folder, console, set() if told is None else told)
-    with sim.clock("compile"), told_if_long(COMPILING, console, quiet):
+    with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
         sim.load_kernels()
     claim.check()
     outputs = Outputs(sim, folder, resume, claim)
@@ -144,7 +144,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
     A checkpoint comes after all rows and frames up to its instant: a resumed run writes those after it, and no others.
     """
     last = sim.steps_until(end)
-    due = cadence(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
+    due = output_schedule(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
     asked = sim.scene.output.checkpoint_interval
     save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
     path = outputs.folder / CHECKPOINT

@@ -3,6 +3,7 @@
 import json
 import platform
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from warpdem.model import digests
 from warpdem.simulation import Simulation
 
 
-def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning | None) -> dict:
+def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning | None) -> dict[str, Any]:
     """What run.json holds."""
     import warp as wp
 

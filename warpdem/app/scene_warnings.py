@@ -1,7 +1,8 @@
-"""What in a scene is likely to go wrong or to take long: each with its number and a remedy."""
+"""Warnings about a scene: what is likely to go wrong or to take long, each with its number and a remedy."""
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -14,33 +15,36 @@ from warpdem.model.impact import stiffness
 from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
+from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion import Translation
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.rotation import Rotation
+from warpdem.simulation import Simulation
 
 STABLE_SHARE = PACKED_SHARE
-"""Of the stability limit of one impact: the margin that "auto" keeps from the limit of a packing."""
+"""Step over the stability limit of one impact [-] above which is warned: what "auto" keeps from the limit of a packing."""
 RAYLEIGH_SHARE = 0.2
+"""Step over the Rayleigh time [-] above which is warned."""
 CONTACT_STEPS = 28
 """Steps per contact at which the default scheme returns the restitution within 1e-3."""
 OVERLAP = 0.1
-"""Of the radius, at the speed that the time step is made for: beyond it contacts of a grain feel each other."""
+"""Overlap over the radius [-] at time.max_speed above which is warned: contacts of a grain then influence each other."""
 RESTITUTION = 0.05
-"""The dashpot of a lower one is nearly critical: the time step falls and the contact hardly opens."""
+"""Restitution [-] below which is warned: damping is then nearly critical, the time step falls and contacts hardly open."""
 SIZE_RATIO = 10.0
-"""Largest over smallest grain: the step is that of the smallest."""
+"""Largest over smallest radius [-] above which is warned: the smallest grain sets the time step."""
 TURN = 2.0 * math.pi
-"""Of an angle that places something, or begins a swing [rad]: one beyond it is in another unit."""
+"""Largest plausible angle of a rotation or phase of an oscillation [rad]: a larger one is likely in another unit."""
 DENSITIES = 5.0, 30000.0
-"""From aerogel to osmium [kg/m3]."""
+"""Least and greatest plausible density, of aerogel and of osmium [kg/m3]."""
 SOFTEST = 1e3
 """Young's modulus of the softest gels [Pa]."""
 REBUILD_STEPS = 10.0
 """Steps in which a grain at the expected speed crosses half the skin."""
 
 
-def limit_rows(sim) -> list[dict]:
+def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
     """Each limit of the time step: ``seconds`` [s], the step as a ``share`` of it [-], and the share that "auto" keeps below.
 
     Where ``refused``, a longer step is an error. ``seconds`` and ``share`` are None where nothing limits.
@@ -72,14 +76,14 @@ def limit_rows(sim) -> list[dict]:
     ]
 
 
-def warnings(sim) -> list[str]:
+def warnings(sim: Simulation) -> list[str]:
     """What to look at before the run, most dangerous first."""
     found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
     found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
     return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_ways_out(sim), *_machine(sim)]
 
 
-def _step(sim) -> Iterator[str]:
+def _step(sim: Simulation) -> Iterator[str]:
     dt, found = sim.dt, sim.limits
     if dt > STABLE_SHARE * found.stable:
         yield (
@@ -123,12 +127,12 @@ def _step(sim) -> Iterator[str]:
     if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
         yield (
             f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "
-            f"steps, so often they are made anew: take engine.skin = {rounded_up(2 * REBUILD_STEPS * speed * dt)} m, or a "
-            "smaller time.step"
+            f"steps, and the lists are rebuilt that often: take engine.skin = {rounded_up(2 * REBUILD_STEPS * speed * dt)} m, "
+            "or a smaller time.step"
         )
 
 
-def _impacts(sim) -> Iterator[str]:
+def _impacts(sim: Simulation) -> Iterator[str]:
     share, speed = sim.limits.overlap, sim.limits.max_speed
     limit = sim.scene.engine.max_overlap
     sound = min(OVERLAP, limit)
@@ -145,7 +149,7 @@ def _impacts(sim) -> Iterator[str]:
     )
 
 
-def _restitutions(sim) -> Iterator[str]:
+def _restitutions(sim: Simulation) -> Iterator[str]:
     for i, pair in enumerate(sim.scene.pairs):
         if pair.restitution < RESTITUTION:
             longer = damped_contact_factor(pair.restitution)
@@ -155,7 +159,7 @@ def _restitutions(sim) -> Iterator[str]:
             )
 
 
-def _materials(sim) -> Iterator[str]:
+def _materials(sim: Simulation) -> Iterator[str]:
     for name, material in sim.scene.materials.items():
         if not DENSITIES[0] <= material.density <= DENSITIES[1]:
             yield (
@@ -169,16 +173,17 @@ def _materials(sim) -> Iterator[str]:
             )
 
 
-def _angles(scene) -> Iterator[str]:
+def _angles(scene: Scene) -> Iterator[str]:
     moved = {"frame": scene.frame, **{f"walls[{k}].motion": wall.motion for k, wall in enumerate(scene.walls)}}
     found = [(f"walls[{k}].rotate.angle", wall.rotate.angle) for k, wall in enumerate(scene.walls) if wall.rotate]
     for key, motions in moved.items():
+        several = motions is not None and len(motions) > 1
         for k, motion in enumerate(motions or ()):
-            place = f"{key}[{k}]" if len(motions) > 1 else key
+            path = f"{key}[{k}]" if several else key
             if isinstance(motion, Translation):
-                found.append((f"{place}.phase", motion.phase))
+                found.append((f"{path}.phase", motion.phase))
             elif isinstance(motion, Rotation) and motion.sinusoid:
-                found.append((f"{place}.sinusoid.phase", motion.sinusoid.phase))
+                found.append((f"{path}.sinusoid.phase", motion.sinusoid.phase))
     for key, angle in found:
         if abs(angle) > TURN:
             yield (
@@ -187,7 +192,7 @@ def _angles(scene) -> Iterator[str]:
             )
 
 
-def _sizes(sim) -> Iterator[str]:
+def _sizes(sim: Simulation) -> Iterator[str]:
     radius = sim.expected.radius
     if len(radius) and radius.max() > SIZE_RATIO * radius.min():
         yield (
@@ -196,7 +201,7 @@ def _sizes(sim) -> Iterator[str]:
         )
 
 
-def _outside(sim) -> Iterator[str]:
+def _outside(sim: Simulation) -> Iterator[str]:
     """Grains all beside the closed meshes that are the only walls: one of these is likely to be meant as their vessel.
 
     Not where a grain is amid the corners of a mesh, as in a cup of solid walls, or falls or flies towards one.
@@ -209,31 +214,34 @@ def _outside(sim) -> Iterator[str]:
     gravity = np.asarray(scene.gravity, float) @ frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
     for number, wall in enumerate(scene.walls):
         at = in_body_axes(scene, number, start.position)
-        for way in (gravity, start.velocity):
-            if _meets(sim.meshes[wall.name].bounds, at, in_body_axes(scene, number, start.position + way) - at).any():
+        for direction in (gravity, start.velocity):
+            ahead = in_body_axes(scene, number, start.position + direction) - at
+            if _meets(sim.meshes[wall.name].bounds, at, ahead).any():
                 return
     bodies = " and ".join(f"{wall.name!r} (from {_extent(sim.meshes[wall.name].bounds)})" for wall in scene.walls)
     yield (
         f"all {len(start)} grains, from {_extent(start.position)}, are outside the closed mesh {bodies}; they do not fall on "
-        "it, and no other wall is there: if it is their vessel, look at its scale, rotate and translate, and at their places"
+        "it, and no other wall is there: if it is their vessel, check its scale, rotate and translate, and the positions of "
+        "the grains"
     )
 
 
 def _extent(points: np.ndarray) -> str:
-    """The least and the greatest corner of points (n, 3) [m], in words."""
+    """Text of the least and the greatest corner of points (n, 3) [m]."""
     corners = points.min(axis=0), points.max(axis=0)
     return " to ".join(f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in corners) + " m"
 
 
-def _meets(box: np.ndarray, point: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Whether a box (2, 3) [m] holds each point (n, 3) [m] or lies ahead of it along ``way`` (n, 3), shape (n,)."""
+def _meets(box: np.ndarray, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Whether a box (2, 3) [m] holds each point (n, 3) [m] or lies ahead of it along ``direction`` (n, 3), shape (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides = (box[:, None] - point) / way
+        sides = (box[:, None] - point) / direction
     entered, left = np.maximum(sides.min(axis=0).max(axis=1), 0.0), sides.max(axis=0).min(axis=1)
-    return (entered <= left) & (entered < np.inf)
+    found: np.ndarray = (entered <= left) & (entered < np.inf)
+    return found
 
 
-def _walls(sim) -> Iterator[str]:
+def _walls(sim: Simulation) -> Iterator[str]:
     radius = sim.expected.radius
     for number, wall in enumerate(sim.scene.walls):
         mesh = sim.meshes.get(wall.name)
@@ -247,23 +255,24 @@ def _walls(sim) -> Iterator[str]:
         if smallest < border / math.pi and not (sim.scene.borders or sim.scene.outlets):
             yield (
                 f"walls[{number}].mesh = {wall.mesh!r} is open along {border:.3g} m ({mesh.open_edges} edges), wide enough for "
-                f"a grain of {smallest:.3g} m: what leaves falls on for ever; close the mesh, or add [borders] or [[outlets]]"
+                f"a grain of {smallest:.3g} m: grains that leave fall without end; close the mesh, or add "
+                "[borders] or [[outlets]]"
             )
 
 
-def _ways_out(sim) -> Iterator[str]:
+def _ways_out(sim: Simulation) -> Iterator[str]:
     radius, scene = sim.expected.radius, sim.scene
     if not len(radius) or scene.borders or scene.outlets:
         return
     smallest = 2.0 * float(radius.min())
     if names := way_out(scene, smallest):
         yield (
-            f"walls {', '.join(repr(name) for name in names)} leave a way out below for a grain of {smallest:.3g} m: "
-            "what leaves falls on for ever; close it with a floor, or add [borders] or [[outlets]]"
+            f"walls {', '.join(repr(name) for name in names)} leave an opening below for a grain of {smallest:.3g} m: "
+            "grains that leave fall without end; close it with a floor, or add [borders] or [[outlets]]"
         )
 
 
-def _machine(sim) -> Iterator[str]:
+def _machine(sim: Simulation) -> Iterator[str]:
     coming, per_grain = sum(needs.grains_to_come(sim.scene)), sim.plan.bytes_per_grain
     needed = needs.memory_bytes(sim.scene, per_grain, len(sim.state) + coming)
     free = needs.free_bytes(sim.device) + per_grain * len(sim.state)  # which they have taken by now

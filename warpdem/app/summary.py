@@ -1,6 +1,7 @@
-"""What a run tells before it begins and at its end."""
+"""What a run reports before it begins and at its end."""
 
 import math
+from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -10,14 +11,15 @@ from rich.text import Text
 from warpdem.measure.dimensionless import Turning
 from warpdem.model.features import coefficient_table
 from warpdem.model.time_step import contact_time, damped_contact_factor
+from warpdem.simulation import Simulation
 
 FEW = 100
-"""Grains below which the time of a step is not told per grain."""
+"""Grains below which the time of a step is not given per grain."""
 STAGES = {"set-up": "set-up with packing and its kernels", "compile": "kernels of the steps"}
 """Names of `Simulation.seconds` that do not say by themselves what they hold."""
 
 
-def steps_per_contact(sim) -> float:
+def steps_per_contact(sim: Simulation) -> float:
     """Time steps in the damped contact of the lightest grains at the largest approach speed met [-]; inf without contact."""
     met, table = sim.extremes, coefficient_table(sim.scene)
     names = list(sim.scene.materials)
@@ -42,25 +44,25 @@ def rates_line(rates: dict[str, float]) -> str:
     keys: dict[float, list[str]] = {}
     for key, rate in rates.items():
         keys.setdefault(rate, []).append(key)
-    told = []
+    lines = []
     for rate, same in keys.items():
         others = f" and {len(same) - 2} others" if len(same) > 3 else ""
         named = ", ".join(same[:2] if others else same) + others
-        told.append(f"{named} at up to {rate:.4g} rad/s = {rate * 30.0 / math.pi:.4g} rpm")
-    return f"turns: {'; '.join(told)}"
+        lines.append(f"{named} at up to {rate:.4g} rad/s = {rate * 30.0 / math.pi:.4g} rpm")
+    return f"turns: {'; '.join(lines)}"
 
 
 def turning_line(turning: Turning) -> str:
     """Rossby and Froude number with what they are made of; see ``warpdem.measure.dimensionless``."""
     numbers = [("Rossby", turning.rossby), ("Froude", turning.froude)]
-    told = ", ".join(f"{name} number {value:.3g}" for name, value in numbers if value is not None)
-    return (f"{told or 'neither Rossby nor Froude number'}: {turning.axes} at {turning.angular_velocity:.3g} rad/s, "
+    numbers_text = ", ".join(f"{name} number {value:.3g}" for name, value in numbers if value is not None)
+    return (f"{numbers_text or 'neither Rossby nor Froude number'}: {turning.axes} at {turning.angular_velocity:.3g} rad/s, "
             f"grains at {turning.speed:.3g} m/s in it, up to {turning.radius:.3g} m from the axis")  # fmt: skip
 
 
-def warning_text(words: str) -> Text:
+def warning_text(message: str) -> Text:
     """A warning as check and a run print it."""
-    return Text.assemble(("warning", "bold red"), f" {words}")
+    return Text.assemble(("warning", "bold red"), f" {message}")
 
 
 def speed_text(seconds_per_step: float, grains: int) -> str:
@@ -70,13 +72,13 @@ def speed_text(seconds_per_step: float, grains: int) -> str:
     return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
 
 
-def shortfalls(sim) -> list[str]:
-    """Which streams brought less so far than they should have."""
+def shortfalls(sim: Simulation) -> list[str]:
+    """Messages on streams that inserted less so far than their rate demands."""
     found = [inlet.shortfall(sim.step_number) for inlet in sim.inlets]
-    return [words for words in found if words is not None]
+    return [message for message in found if message is not None]
 
 
-def print_summary(sim, console: Console, wall_seconds: float, folder, turning: Turning | None) -> None:
+def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder: Path, turning: Turning | None) -> None:
     """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
     table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
     n, steps = len(sim.state), sim.steps_done
@@ -102,10 +104,10 @@ def print_summary(sim, console: Console, wall_seconds: float, folder, turning: T
         table.add_row("packing", f"{packing.grains} grains without overlap in {packing.seconds:.1f} s: {packing.steps} steps, "
                                  f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
     for inlet in sim.inlets:
-        waits = "; the next waits for room" if inlet.blocked else ""
-        table.add_row("came in", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(inlet.stream.material)}{waits}")
-    for words in shortfalls(sim):
-        table.add_row("[bold red]warning[/]", escape(words))
+        waits = "; the next one waits for space" if inlet.blocked else ""
+        table.add_row("inserted", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(inlet.stream.material)}{waits}")
+    for message in shortfalls(sim):
+        table.add_row("[bold red]warning[/]", escape(message))
     for name, (count, mass) in sim.left.items():
         table.add_row("left", f"{count} grains, {mass:.4g} kg, through {name}")
     for guard, message in sim.noticed.items():

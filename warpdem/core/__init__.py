@@ -1,1 +1,1 @@
-"""What the parts share and what knows none of them: paths, threads, processes, the start of Warp, rigid placements."""
+"""Shared basics that import no other part: file access, threads, processes, the start of Warp, rigid motion, poses."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic replacement of files: a file is written completely or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -10,13 +10,13 @@ from warpdem.errors import OutputError
 
 @contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path`` and move it over ``path`` when the block ends without an error.
+    """Give a temporary path beside ``path``, and move it over ``path`` when the block ends without an error.
 
-    Readers see the old file or the new one, never half of one, also when the run is killed in between. The suffix
-    stays, since the VTK and USD libraries choose the format by it.
+    Readers see the old file or the new one, never an incomplete one, even if the run is killed in between. The temporary path
+    keeps the suffix, since the VTK and USD libraries choose the format by it.
 
     Raises:
-        OutputError: the system refuses to write; the old file is as it was.
+        OutputError: The system refuses to write; the old file is unchanged.
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -30,6 +30,6 @@ def replaced(path: Path) -> Iterator[Path]:
 
 
 def not_written(path: Path, error: OSError | None = None) -> OutputError:
-    """The error of a file that cannot be written, with the system's reason if it gave one."""
-    reason = (error.strerror or str(error)) if error else "disk full, or no right to write there?"
+    """Error for a file that cannot be written, with the system's reason if there is one."""
+    reason = (error.strerror or str(error)) if error else "disk full, or no write permission?"
     return OutputError(f"{path}: cannot be written ({reason})")

@@ -1,4 +1,4 @@
-"""Names that files can have: what no file system, VTK or USD takes is refused before anything is opened."""
+"""Valid file names: a name that file systems, VTK or USD do not accept is refused before any file is opened."""
 
 import os
 import unicodedata
@@ -7,16 +7,16 @@ from pathlib import Path
 from warpdem.errors import SceneError
 
 LONGEST_NAME, LONGEST_PATH = 255, 4095
-"""Bytes of the name of a file or folder, and of a path, that file systems take [-]."""
+"""Maximum length of the name of a file or folder, and of a path [bytes]."""
 
 
 def unusable(name: str | Path) -> str | None:
-    """Why no file can have this name, in words; None if one can."""
+    """Reason why no file can have this name; None if it is valid."""
     text = str(name)
     if not text or any(unicodedata.category(c) == "Cc" for c in text):
         return "must be the name of a file: not empty, and without control characters"
     if any(unicodedata.category(c) == "Cs" for c in text):
-        return "must be the name of a file in UTF-8: VTK and USD know no others"
+        return "must be the name of a file in UTF-8: VTK and USD accept no other encoding"
     longest = max((len(os.fsencode(part)) for part in Path(text).parts), default=0)
     if longest > LONGEST_NAME or len(os.fsencode(text)) > LONGEST_PATH:
         return f"must be the name of a file: at most {LONGEST_NAME} bytes long, with its folders {LONGEST_PATH}"
@@ -28,7 +28,7 @@ def unusable(name: str | Path) -> str | None:
 
 
 def require_usable(option: str, path: Path | None) -> None:
-    """Refuse a path on the command line that no file or folder can have; None is none.
+    """Refuse an invalid path on the command line; None is allowed.
 
     Raises:
         SceneError: It is too long, or holds control characters; names the ``option``.
@@ -38,7 +38,7 @@ def require_usable(option: str, path: Path | None) -> None:
 
 
 def _printable(name: str | Path) -> str:
-    """The begin of a name, as it may be shown."""
+    """The first 100 characters of a name, those that cannot be printed as "?"."""
     return "".join(c if c.isprintable() else "?" for c in str(name)[:100])
 
 

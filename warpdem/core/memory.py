@@ -1,7 +1,7 @@
-"""How much memory there is, and the refusal of what needs more: the one place that knows, for all that takes much.
+"""Available memory, and the refusal of requests that need more.
 
-Whoever is about to take memory in proportion to a number of the input (rows that a file claims, grains, cells) asks here
-first, so that such a number ends in words, not in a process that the system kills.
+Code that allocates memory in proportion to a number of the input (rows that a file declares, grains, cells) checks here first,
+so that an excessive number ends in an error message, not in a process killed by the system.
 """
 
 import math
@@ -12,38 +12,38 @@ import psutil
 from warpdem.errors import SceneError
 
 WARNING_SHARE = 0.8
-"""Of the memory available: what needs more is warned of [-]."""
+"""Fraction of the available memory above which a warning is given [-]."""
 CGROUPS = Path("/sys/fs/cgroup")
-"""Where Linux tells the limits of containers and batch jobs."""
+"""Where Linux shows the limits of containers and batch jobs."""
 
 
 def available() -> int:
-    """Memory that this process may still take [B]: what the system has, within the limits of its container or batch job."""
-    free = psutil.virtual_memory().available
-    return max(0, min([free, *_group_rooms(), *_process_rooms()]))
+    """Memory that this process may still allocate [B]: that of the system, within the limits of its container or batch job."""
+    free = int(psutil.virtual_memory().available)
+    return max(0, min([free, *_group_capacities(), *_process_capacities()]))
 
 
 def refusal(needed: float, what: str, remedy: str) -> str | None:
-    """Why ``needed`` bytes are not to be taken, in words with both numbers; None if they are there.
+    """Reason why ``needed`` bytes cannot be allocated, with both numbers; None if they are available.
 
     Args:
         needed: Memory [B].
-        what: What takes it, such as "1e9 grains".
+        what: What needs it, such as "1e9 grains".
         remedy: What the user can do about it.
     """
-    room = available()
-    if needed <= room:
+    capacity = available()
+    if needed <= capacity:
         return None
-    return f"{what} needs {size_text(needed)} of memory, and {size_text(room)} are available: {remedy}"
+    return f"{what} needs {size_text(needed)} of memory, and {size_text(capacity)} are available: {remedy}"
 
 
 def require(needed: float, key: str, what: str, remedy: str) -> None:
-    """Refuse what needs more memory than there is, before it is taken.
+    """Refuse a request for more memory than is available, before any is allocated.
 
     Args:
         needed: Memory [B].
         key: Source and key of the scene, for messages.
-        what: What takes it.
+        what: What needs it.
         remedy: What the user can do about it.
 
     Raises:
@@ -54,7 +54,7 @@ def require(needed: float, key: str, what: str, remedy: str) -> None:
 
 
 def size_text(count: float) -> str:
-    """Bytes in words, such as "7.28 GB"."""
+    """Text of a number of bytes, such as "7.28 GB"."""
     if not math.isfinite(count):
         return "more than can be counted"
     for unit, factor in (("GB", 1e9), ("MB", 1e6)):
@@ -63,9 +63,9 @@ def size_text(count: float) -> str:
     return f"{count / 1e3:.3g} kB"
 
 
-def _group_rooms() -> list[int]:
-    """What each control group around this process leaves it [B], of either version of Linux's control groups."""
-    found = []
+def _group_capacities() -> list[int]:
+    """Memory that each control group of this process leaves [B], for both versions of Linux's control groups."""
+    found: list[int] = []
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -82,23 +82,23 @@ def _group_rooms() -> list[int]:
         # within a container the path may be that of the host: the limits are at the top then
         here = base / path.lstrip("/")
         for folder in dict.fromkeys([here, *here.parents, base]):
-            if folder.is_relative_to(base) and (room := _room_of(folder, *names)) is not None:
-                found.append(room)
+            if folder.is_relative_to(base) and (capacity := _group_capacity(folder, *names)) is not None:
+                found.append(capacity)
     return found
 
 
-def _room_of(folder: Path, limit: str, used: str, cache: str) -> int | None:
-    """Limit of a control group less what it uses [B]; files it has cached count as free. None without a limit."""
+def _group_capacity(folder: Path, limit: str, used: str, cache: str) -> int | None:
+    """Limit of a control group minus its use [B]; cached files count as free. None without a limit."""
     try:
-        most, taken = int((folder / limit).read_text()), int((folder / used).read_text())
+        limit_bytes, used_bytes = int((folder / limit).read_text()), int((folder / used).read_text())
         statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-        return most - taken + int(statistics.get(cache, 0))
+        return limit_bytes - used_bytes + int(statistics.get(cache, 0))
     except (OSError, ValueError):
         return None
 
 
-def _process_rooms() -> list[int]:
-    """What ``ulimit -v`` and ``ulimit -d`` leave this process [B]."""
+def _process_capacities() -> list[int]:
+    """Memory that ``ulimit -v`` and ``ulimit -d`` leave this process [B]."""
     try:
         import resource
 
@@ -106,8 +106,8 @@ def _process_rooms() -> list[int]:
     except (ImportError, OSError):
         return []  # another system than Linux
     found = []
-    for name, held in (("RLIMIT_AS", "VmSize:"), ("RLIMIT_DATA", "VmData:")):
+    for name, field in (("RLIMIT_AS", "VmSize:"), ("RLIMIT_DATA", "VmData:")):
         soft, _ = resource.getrlimit(getattr(resource, name))
-        if soft != resource.RLIM_INFINITY and held in status:
-            found.append(soft - 1024 * int(status.split(held)[1].split()[0]))
+        if soft != resource.RLIM_INFINITY and field in status:
+            found.append(soft - 1024 * int(status.split(field)[1].split()[0]))
     return found

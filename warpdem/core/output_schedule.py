@@ -1,41 +1,42 @@
-"""When frames and rows of the history are due, counted in whole steps of a run."""
+"""The steps of a run at which frames and history rows are due."""
 
 import math
 from dataclasses import dataclass
 from fractions import Fraction
 
 ROUNDING = 1e-6
-"""How far an interval may be beside a whole number of others and still count as one [-]: intervals come from decimals."""
+"""Relative tolerance within which the ratio of two intervals counts as a whole number [-]: intervals come from decimals."""
 
 
 @dataclass(frozen=True)
 class OutputSchedule:
-    """Steps at which frames and rows are written, besides the first and the last one: every frame has its row."""
+    """Steps at which frames and history rows are written, besides the first and the last step: every frame has a row."""
 
     frame_every: int
     """Steps between two frames."""
     row_every: Fraction
-    """Steps between two rows; rows come at the whole steps nearest to its multiples."""
+    """Steps between two rows; rows are due at the steps nearest to its multiples."""
 
     @classmethod
     def of(cls, interval: float, history_interval: float | None, dt: float) -> "OutputSchedule":
-        """The cadence of a run.
+        """The schedule of a run.
 
-        Where the interval of rows divides the one of frames, rows divide the steps between two frames evenly, to the nearest
-        step. Where it does not, rows keep to their own whole number of steps, and a frame between two of them has one more.
-        Where it is a whole number of intervals of frames, only these are left.
+        If the row interval divides the frame interval, rows divide the steps between two frames evenly, to the nearest step.
+        If the row interval is a multiple of the frame interval, the rows are those of the frames. Otherwise rows are due at a
+        whole number of steps of their own, and each frame between two of them has an additional row.
 
         Args:
-            interval: time between two frames [s].
-            history_interval: time between two rows [s]; None for a quarter of ``interval``.
-            dt: time step [s].
+            interval: Time between two frames [s].
+            history_interval: Time between two rows [s]; None for a quarter of ``interval``.
+            dt: Time step [s].
         """
         frame_every = max(1, round(interval / dt))
-        share = 4.0 if history_interval is None else interval / history_interval
-        whole = max(share, 1.0 / share)
-        if abs(whole - round(whole)) <= ROUNDING * whole:
-            return cls(frame_every, Fraction(frame_every, min(max(round(share), 1), frame_every)))
-        return cls(frame_every, Fraction(max(1, round(history_interval / dt))))
+        row_interval = 0.25 * interval if history_interval is None else history_interval
+        rows_per_frame = interval / row_interval
+        ratio = max(rows_per_frame, 1.0 / rows_per_frame)
+        if abs(ratio - round(ratio)) <= ROUNDING * ratio:
+            return cls(frame_every, Fraction(frame_every, min(max(round(rows_per_frame), 1), frame_every)))
+        return cls(frame_every, Fraction(max(1, round(row_interval / dt))))
 
     def is_frame(self, step: int) -> bool:
         """Whether a frame is due at ``step``."""
@@ -50,19 +51,19 @@ class OutputSchedule:
         return min((step // self.frame_every + 1) * self.frame_every, self._at(self._count(step) + 1))
 
     def frames(self, steps: int) -> int:
-        """Number of frames of a run of ``steps`` steps, those of its start and its end among them."""
+        """Number of frames of a run of ``steps`` steps, including those of its start and its end."""
         return 2 + (steps - 1) // self.frame_every
 
     def rows(self, steps: int) -> int:
-        """Number of rows of a run of ``steps`` steps, those of its start and its end among them."""
-        if self.frame_every % self.row_every == 0:  # each frame is at a row
+        """Number of rows of a run of ``steps`` steps, including those of its start and its end."""
+        if self.frame_every % self.row_every == 0:  # every frame coincides with a row
             return 2 + self._count(steps - 1)
         # both are whole numbers of steps
         shared = (steps - 1) // math.lcm(self.frame_every, int(self.row_every))
         return self.frames(steps) + self._count(steps - 1) - shared
 
     def _at(self, number: int) -> int:
-        """The step of the row of that number."""
+        """The step of row ``number``."""
         return math.floor(number * self.row_every + Fraction(1, 2))
 
     def _count(self, step: int) -> int:

@@ -80,8 +80,8 @@ class FramePose:
 
     def to_laboratory(self, points: np.ndarray) -> np.ndarray:
         """Laboratory positions [m] of points given in frame axes, shape (n, 3)."""
-        return points @ self.rotation.T + self.translation
+        return np.asarray(points @ self.rotation.T + self.translation)
 
     def velocity_at(self, points: np.ndarray) -> np.ndarray:
         """Absolute velocity of the frame's points in frame axes [m/s], shape (n, 3): u + w x q."""
-        return self.velocity + np.cross(self.spin, points)
+        return np.asarray(self.velocity + np.cross(self.spin, points))

@@ -59,12 +59,13 @@ class Increment:
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Cross products of rows, shape (k, 3) (np.cross takes five times as long on few rows)."""
     after, before = [1, 2, 0], [2, 0, 1]
-    return a[:, after] * b[:, before] - a[:, before] * b[:, after]
+    return np.asarray(a[:, after] * b[:, before] - a[:, before] * b[:, after])
 
 
 def apply(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Product of each matrix with its vector, shapes (k, 3, 3) and (k, 3), or with one for all, shape (3,)."""
-    return np.einsum("kij,kj->ki" if vectors.ndim == 2 else "kij,j->ki", matrices, vectors)
+    product: np.ndarray = np.einsum("kij,kj->ki" if vectors.ndim == 2 else "kij,j->ki", matrices, vectors)
+    return product
 
 
 def transposed(matrices: np.ndarray) -> np.ndarray:
@@ -82,7 +83,7 @@ def cross_matrix(vectors: np.ndarray) -> np.ndarray:
 def unit(vector: Sequence[float] | np.ndarray) -> np.ndarray:
     """Unit vector along a vector, in long double, shape (3,)."""
     wide = np.asarray(vector, dtype=WIDE)
-    return wide / np.sqrt(np.sum(wide * wide))
+    return np.asarray(wide / np.sqrt(np.sum(wide * wide)))
 
 
 def rotation_increment(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -90,13 +91,13 @@ def rotation_increment(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     across = cross_matrix(axis)
     angle = np.asarray(angle)[:, None, None]
     half = np.sin(angle / 2)
-    return np.sin(angle) * across + 2 * half * half * (across @ across)
+    return np.asarray(np.sin(angle) * across + 2 * half * half * (across @ across))
 
 
 def quaternion_rotation_increment(q: np.ndarray) -> np.ndarray:
     """R - I of unit quaternions (scalar first), shapes (k, 4) and (k, 3, 3); exact for small rotations."""
     across = cross_matrix(q[:, 1:])
-    return 2 * (q[:, :1, None] * across + across @ across)
+    return np.asarray(2 * (q[:, :1, None] * across + across @ across))
 
 
 def still(count: int) -> Pose:
@@ -157,4 +158,4 @@ def rounded(exact: np.ndarray, step: np.ndarray) -> np.ndarray:
     # in units in the last place, -0.5 ... 0.5: the additional bits of a long double
     miss = ((exact - nearest) / unit_last).astype(np.float64)
     k = step[:, None]
-    return nearest + unit_last * (np.floor((k + 1) * miss + 0.5) - np.floor(k * miss + 0.5))
+    return np.asarray(nearest + unit_last * (np.floor((k + 1) * miss + 0.5) - np.floor(k * miss + 0.5)))

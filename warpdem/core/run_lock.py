@@ -1,9 +1,9 @@
-"""The claim of a run on the folder it writes to: two runs never write into one folder.
+"""The lock of a run on its output folder: two runs never write into one folder.
 
-A run holds an exclusive lock of the system on a small file in its folder. The system releases it however the run ends, so
-that a run that was killed, or went down with its machine, keeps nobody out. The file tells who holds it, and goes away with
-the run. A lock needs no process numbers, which mean nothing on another host; only on a file system without locks the file's
-words decide.
+A run holds an exclusive lock of the operating system on a small file in its folder. The system releases the lock however the
+run ends, so that a run that was killed, or whose machine failed, blocks no other. The file names the owner of the lock and is
+removed with the run. A lock does not depend on process numbers, which mean nothing on another host. Only on a file system
+without locks the content of the file decides.
 """
 
 import errno
@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -24,12 +25,12 @@ from warpdem.errors import OutputError, SceneError
 try:
     import fcntl
 except ImportError:  # not a POSIX system
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
 LOCK = ".running"
-"""The file that is locked; what it says is for people, and for file systems without locks."""
-TRIES = 100  # another run may remove what is locked at the same moment, each time anew
-LOOKS = 5  # at a lock that somebody has
+"""The file that is locked; its content is for users, and for file systems without locks."""
+ATTEMPTS = 100  # at each attempt another run may remove the file at the same moment
+LOCK_ATTEMPTS = 5  # at a lock that another process holds
 NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 
@@ -42,7 +43,7 @@ class FolderLocked(SceneError):
 
 
 class RunLock:
-    """A folder that this run alone writes into, as long as it holds it."""
+    """An exclusive lock on the folder that a run writes into."""
 
     def __init__(self, folder: Path, descriptor: int) -> None:
         self.folder = folder
@@ -50,63 +51,63 @@ class RunLock:
         self._identity = _identity(os.fstat(descriptor))
 
     def check(self) -> None:
-        """Notice that the folder was removed, or made anew by another run, whose files must be left alone.
+        """Check that the folder was not removed, or created again by another run, whose files must not be changed.
 
         Raises:
-            OutputError: the folder is gone, or another run's.
+            OutputError: The folder was removed, or belongs to another run.
         """
         try:
-            there = _identity(os.stat(self.folder / LOCK))
+            current = _identity(os.stat(self.folder / LOCK))
         except OSError as error:
             if not self.folder.is_dir():
                 raise OutputError(f"{self.folder}: was removed during the run ({error.strerror})") from error
-            return  # somebody tidied up: nobody else has locked it
-        if there != self._identity:
-            raise OutputError(f"{self.folder}: was removed, and now belongs to another run ({_words(self.folder)})")
+            return  # only the file was removed: no other run has locked the folder
+        if current != self._identity:
+            raise OutputError(f"{self.folder}: was removed, and now belongs to another run ({_owner_text(self.folder)})")
 
     def release(self) -> None:
-        """Let others have the folder."""
+        """Release the lock and remove its file."""
         with suppress(OSError):
             if _identity(os.stat(self.folder / LOCK)) == self._identity:
-                (self.folder / LOCK).unlink()  # while it is locked: nobody has it
+                (self.folder / LOCK).unlink()  # while it is locked: no other run can hold it
         if fcntl is not None:
             with suppress(OSError):
-                fcntl.flock(self._descriptor, fcntl.LOCK_UN)  # a process forked meanwhile would hold it on
+                fcntl.flock(self._descriptor, fcntl.LOCK_UN)  # a process forked meanwhile would keep the lock
         os.close(self._descriptor)
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[RunLock]:
-    """Make ``folder`` if it is not there and hold it for the block; what was made and is still empty then is removed.
+    """Create ``folder`` if necessary and lock it for the block; folders created here that are empty at the end are removed.
 
     Raises:
-        FolderLocked: another run writes into it.
-        OutputError: the system refuses to make the folder, or a file in it.
+        FolderLocked: Another run writes into it.
+        OutputError: The system refuses to create the folder, or a file in it.
     """
-    claim, made = _claim(Path(folder))
+    lock, created = _acquire(Path(folder))
     try:
-        yield claim
+        yield lock
     finally:
-        claim.release()
-        with suppress(OSError):  # not empty: so are those above
-            for path in reversed(made):
+        lock.release()
+        with suppress(OSError):  # not empty: nor are the folders above
+            for path in reversed(created):
                 path.rmdir()
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a run writes into ``folder``, or one on another host has not said that it ended."""
+    """Whether a run writes into ``folder``, or a run on another host has not recorded its end."""
     try:
         require_unlocked(folder)
     except FolderLocked:
         return True
-    return _owner(folder).get("host", platform.node()) != platform.node()
+    return bool(_owner(folder).get("host", platform.node()) != platform.node())
 
 
 def require_unlocked(folder: Path) -> None:
-    """Refuse a folder that a run writes into; nothing is written.
+    """Refuse a folder that another run writes into; nothing is written.
 
     Raises:
-        FolderLocked: with the process and the host of that run.
+        FolderLocked: Another run writes into it; the message names its process and host.
     """
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR)
@@ -118,25 +119,26 @@ def require_unlocked(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _claim(folder: Path) -> tuple[RunLock, list[Path]]:
-    """The claim, and the folders made for it, outermost first."""
-    made: list[Path] = []
-    for _ in range(TRIES):
+def _acquire(folder: Path) -> tuple[RunLock, list[Path]]:
+    """The lock, and the folders created for it, outermost first."""
+    created: list[Path] = []
+    last: OSError | None = None
+    for _ in range(ATTEMPTS):
         descriptor = None
         try:
-            _make(folder, made)
+            _create(folder, created)
             descriptor, new = _open(folder / LOCK)
             _lock(descriptor, folder, new)
             if _identity(os.fstat(descriptor)) != _identity(os.stat(folder / LOCK)):
-                raise FileNotFoundError  # its owner has just removed it
+                raise FileNotFoundError  # the previous owner has just removed it
             _write_owner(descriptor)
-            return RunLock(folder, descriptor), made
-        except FileNotFoundError as error:  # removed meanwhile by a run that ended, or was refused
+            return RunLock(folder, descriptor), created
+        except FileNotFoundError as error:  # removed meanwhile by a run that ended or was refused
             _close(descriptor)
             last = error
         except BaseException as error:
             _close(descriptor)
-            for path in reversed(made):
+            for path in reversed(created):
                 with suppress(OSError):
                     path.rmdir()
             if isinstance(error, OSError):
@@ -145,20 +147,20 @@ def _claim(folder: Path) -> tuple[RunLock, list[Path]]:
     raise not_written(folder, last)
 
 
-def _make(folder: Path, made: list[Path]) -> None:
-    """Make ``folder`` and those above it; adds those that were not there to ``made``, outermost first."""
+def _create(folder: Path, created: list[Path]) -> None:
+    """Create ``folder`` and its parents; appends the new folders to ``created``, outermost first."""
     for path in reversed([folder, *folder.parents]):
         try:
             path.mkdir()
-        except OSError:  # there already, maybe where nothing can be made
+        except OSError:  # it exists, perhaps where nothing can be created
             if not path.is_dir():
                 raise
         else:
-            made.append(path)
+            created.append(path)
 
 
 def _open(path: Path) -> tuple[int, bool]:
-    """Open a file to lock it; whether it is new."""
+    """Descriptor of the file opened for locking, and whether it is new."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644), True
     except FileExistsError:
@@ -171,12 +173,12 @@ def _close(descriptor: int | None) -> None:
 
 
 def _lock(descriptor: int, folder: Path, new: bool) -> None:
-    """Lock the open file in ``folder``, which is ``new`` or may be another run's.
+    """Lock the open file in ``folder``, which is ``new`` or may belong to another run.
 
     Raises:
-        FolderLocked: another run has it.
+        FolderLocked: Another run holds the lock.
     """
-    for left in reversed(range(LOOKS)) if fcntl is not None else ():
+    for left in reversed(range(LOCK_ATTEMPTS)) if fcntl is not None else ():
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
@@ -186,33 +188,33 @@ def _lock(descriptor: int, folder: Path, new: bool) -> None:
             if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
                 raise
             if not left:
-                raise _taken(folder) from None
-        time.sleep(0.02)  # who only looks whether the folder is taken has it for a moment
-    if not new and _may_live(_owner(folder)):
-        raise _taken(folder, f"; if there is no such run any more, remove {folder / LOCK}")
+                raise _locked_error(folder) from None
+        time.sleep(0.02)  # a process that only checks the lock holds it for a moment
+    if not new and _may_be_running(_owner(folder)):
+        raise _locked_error(folder, f"; if that run no longer exists, remove {folder / LOCK}")
 
 
-def _may_live(owner: dict) -> bool:
-    """Whether the run that a file on a file system without locks tells of may still be there."""
+def _may_be_running(owner: dict[str, Any]) -> bool:
+    """Whether the owner named by a file, on a file system without locks, may still be running."""
     if owner.get("host") != platform.node():
         return True
     try:
-        return psutil.Process(owner["process"]).create_time() == owner["began"]
+        return bool(psutil.Process(owner["process"]).create_time() == owner["began"])
     except (psutil.Error, KeyError, TypeError):
         return False
 
 
 def _write_owner(descriptor: int) -> None:
-    """Say whose the locked file is."""
-    me = psutil.Process()
+    """Write the owner of the lock to the locked file."""
+    own = psutil.Process()
     since = f"{datetime.now():%Y-%m-%d %H:%M:%S}"
-    owner = {"process": me.pid, "host": platform.node(), "since": since, "began": me.create_time()}
+    owner = {"process": own.pid, "host": platform.node(), "since": since, "began": own.create_time()}
     os.ftruncate(descriptor, 0)
     os.pwrite(descriptor, (json.dumps(owner) + "\n").encode(), 0)
 
 
-def _owner(folder: Path) -> dict:
-    """What the file in ``folder`` says of its owner; empty if it says nothing."""
+def _owner(folder: Path) -> dict[str, Any]:
+    """Owner of the lock by the file in ``folder``; empty if it holds none."""
     try:
         found = json.loads((folder / LOCK).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -220,16 +222,16 @@ def _owner(folder: Path) -> dict:
     return found if isinstance(found, dict) else {}
 
 
-def _words(folder: Path) -> str:
+def _owner_text(folder: Path) -> str:
     owner = _owner(folder)
     if not {"process", "host", "since"} <= owner.keys():
-        return "which has just begun"
+        return "which has just started"
     return f"process {owner['process']} on {owner['host']}, since {owner['since']}"
 
 
-def _taken(folder: Path, remedy: str = "") -> FolderLocked:
-    said = f"--out {folder}: another run is writing there ({_words(folder)}); take another folder, or end that run first"
-    return FolderLocked(folder, said + remedy)
+def _locked_error(folder: Path, remedy: str = "") -> FolderLocked:
+    text = f"--out {folder}: another run is writing there ({_owner_text(folder)}); take another folder, or end that run first"
+    return FolderLocked(folder, text + remedy)
 
 
 def _identity(status: os.stat_result) -> tuple[int, int]:

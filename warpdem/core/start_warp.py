@@ -1,11 +1,12 @@
-"""Warp's start, with an answer in words where it cannot keep its compiled kernels.
+"""Start of Warp, with a clear error if it cannot store its compiled kernels.
 
-And without its line on a missing NVIDIA driver: a run on a CPU need not be told, and one with --quiet is silent.
+Warp's warning about a missing NVIDIA driver is suppressed: it is of no use to a run on a CPU, and --quiet must stay silent.
 """
 
 import functools
 import os
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,35 +15,35 @@ import warp as wp
 from warpdem.errors import WarpdemError
 
 NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver."
-"""How the line begins. Warp's native library writes it to file descriptor 2, whatever the log level."""
+"""Beginning of the warning, which Warp's native library writes to file descriptor 2 at any log level."""
 
 
 @functools.cache
 def start_warp() -> None:
-    """Start Warp; all else that is written to standard error meanwhile, by whichever thread, comes out right after.
+    """Start Warp; other text that any thread writes to standard error meanwhile appears right after.
 
     Raises:
-        WarpdemError: the folder of its compiled kernels cannot be made, or is empty and cannot be written.
+        WarpdemError: The folder of its compiled kernels cannot be created, or is empty and cannot be written.
     """
     given = wp.config.kernel_cache_dir
     try:
-        _without_line(wp.init)
-        _try_cache(Path(wp.config.kernel_cache_dir))
+        _without_driver_warning(wp.init)
+        _check_cache(Path(str(wp.config.kernel_cache_dir)))
     except OSError as error:
         folder = wp.config.kernel_cache_dir or error.filename
-        wp.config.kernel_cache_dir = given  # the next try looks anew
+        wp.config.kernel_cache_dir = given  # so that the next attempt checks again
         named = given is None and "WARP_CACHE_PATH" in os.environ
         raise WarpdemError(
-            f"{'WARP_CACHE_PATH: ' if named else ''}compiled kernels cannot be kept in {folder} ({error.strerror or error}); "
-            "set the environment variable WARP_CACHE_PATH to a folder that can be written"
+            f"{'WARP_CACHE_PATH: ' if named else ''}compiled kernels cannot be stored in {folder} ({error.strerror or error}); "
+            "set the environment variable WARP_CACHE_PATH to a writable folder"
         ) from error
 
 
-def _try_cache(folder: Path) -> None:
-    """Write to the folder of compiled kernels, unless it holds some: another user may have compiled them for this one.
+def _check_cache(folder: Path) -> None:
+    """Check that the folder of compiled kernels is writable, or holds kernels that another user has compiled.
 
     Raises:
-        OSError: the system refuses.
+        OSError: The folder cannot be written.
     """
     try:
         tempfile.TemporaryFile(dir=folder).close()
@@ -51,28 +52,28 @@ def _try_cache(folder: Path) -> None:
             raise
 
 
-def _without_line(start) -> None:
-    """Call ``start`` with `NO_DRIVER` held back."""
+def _without_driver_warning(start: Callable[[], None]) -> None:
+    """Call ``start`` without the warning `NO_DRIVER` on standard error."""
     try:
-        kept = os.dup(2)
-    except OSError:  # closed: nothing can be seen
+        stderr = os.dup(2)
+    except OSError:  # closed: nothing is visible
         start()
         return
     try:
-        held = tempfile.TemporaryFile()
-    except OSError:  # no folder for it, or no room: the line is seen
-        os.close(kept)
+        buffer = tempfile.TemporaryFile()
+    except OSError:  # no folder for it, or no space: the warning is visible
+        os.close(stderr)
         start()
         return
-    with held:
-        os.dup2(held.fileno(), 2)
+    with buffer:
+        os.dup2(buffer.fileno(), 2)
         try:
             start()
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            held.seek(0)
-            for line in held:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            buffer.seek(0)
+            for line in buffer:
                 if not line.startswith(NO_DRIVER):
-                    with suppress(OSError):  # nobody reads it, or no room
+                    with suppress(OSError):  # nobody reads it, or no space
                         os.write(2, line)

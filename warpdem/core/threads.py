@@ -1,4 +1,4 @@
-"""A small pool that runs one launch per CPU thread (Warp itself runs a CPU launch on one)."""
+"""A small pool that splits CPU launches over threads (Warp itself runs a CPU launch on one thread)."""
 
 import ctypes
 import os
@@ -16,8 +16,8 @@ from warpdem.errors import SceneError
 MOST_THREADS = 1024
 """Threads of a CPU run [-]: no machine has more cores."""
 GRAINS_PER_THREAD = 24
-"""Grains from which on one more thread pays: below them threads wait for each other longer than they work."""
-SLICE = 100_000  # [ns], the least that Linux grants
+"""Minimum grains per thread: with fewer the threads wait for each other longer than they work."""
+SLICE = 100_000  # [ns], the minimum that Linux grants
 SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call
 
 
@@ -27,7 +27,7 @@ def available_threads() -> int:
 
 
 def threads_for(grains: int) -> int:
-    """Threads that pay for so many grains, up to the cores that this process may use."""
+    """Number of threads that is efficient for so many grains, up to the cores that this process may use."""
     return max(1, min(available_threads(), grains // GRAINS_PER_THREAD))
 
 
@@ -49,12 +49,12 @@ def run_threads(asked: int | None, grains: int, *, grows: bool, cpu: bool) -> "T
     return Threads(count if cpu else 1, as_pays=asked is None)
 
 
-def ask_for_short_slices() -> None:
-    """Let this thread run soon after it is woken, where other work wants its core too.
+def request_short_time_slices() -> None:
+    """Let this thread run soon after it is woken, where other processes compete for its core.
 
-    It gets no more time than others by that, only sooner, in shorter slices. Linux (6.12 or later) would else let it wait for
-    the end of another program's slice, a millisecond or more, at each meeting of the threads. Systems that do not know this
-    leave all as it is.
+    Its total share of processor time does not change; its time slices get shorter and begin sooner. Otherwise Linux (6.12 or
+    later) lets it wait for the end of another program's slice, a millisecond or more, at each barrier. Other systems ignore
+    the request.
     """
     number = SCHED_SETATTR.get(platform.machine())
     with suppress(OSError, AttributeError):
@@ -66,56 +66,63 @@ def ask_for_short_slices() -> None:
 
 
 def ranges(count: int, parts: int) -> list[tuple[int, int]]:
-    """``count`` things in ``parts`` consecutive ranges of nearly equal length."""
+    """Split ``count`` indices into ``parts`` consecutive ranges of nearly equal length."""
     return [(count * p // parts, count * (p + 1) // parts) for p in range(parts)]
 
 
 class Threads:
-    """Runs launches side by side; ctypes releases the interpreter's lock during each.
+    """Runs launches concurrently; ctypes releases the interpreter's lock during each.
 
     Args:
-        count: threads.
-        as_pays: use only as many of them for a batch of steps as pay for its grains.
+        count: Number of threads.
+        as_pays: Use for a batch of steps only as many threads as are efficient for its grains.
     """
 
     def __init__(self, count: int, as_pays: bool = False) -> None:
         self.count = count
         self.as_pays = as_pays
-        names = {"thread_name_prefix": "warpdem", "initializer": ask_for_short_slices}
-        self._pool = ThreadPoolExecutor(count, **names) if count > 1 else None
+        self._pool = (
+            ThreadPoolExecutor(count, thread_name_prefix="warpdem", initializer=request_short_time_slices)
+            if count > 1
+            else None
+        )
 
     def at_work(self, grains: int) -> int:
-        """Threads for a batch of steps of so many grains."""
+        """Number of threads for a batch of steps of so many grains."""
         return max(1, min(self.count, grains // GRAINS_PER_THREAD)) if self.as_pays else self.count
 
     def together(self, jobs: Sequence[Callable[[], None]]) -> None:
-        """Run all jobs at the same time; all must be running for barriers to open.
+        """Run all jobs at the same time, since they may wait for each other at barriers.
 
-        Ctrl-C interrupts the calling thread alone, so it starts none of them: some would wait for ever for those that are not
-        started. The interrupt is raised when all are done.
+        Ctrl-C interrupts only the calling thread. The jobs are therefore started by a thread of the pool: otherwise some jobs
+        could wait for ever for others that were never started. The interrupt is raised when all are done.
         """
         if len(jobs) == 1:
             jobs[0]()
             return
-        done = self._pool.submit(self._start, jobs)
+        pool = self._pool
+        if pool is None:
+            raise ValueError(f"{len(jobs)} jobs need a pool of as many threads, this one has {self.count}")
+        done = pool.submit(self._start, pool, jobs)
         try:
             done.result()
         except KeyboardInterrupt:
             wait([done])
             raise
 
-    def _start(self, jobs: Sequence[Callable[[], None]]) -> None:
-        """Run the first job on this thread of the pool and the others on the rest of it."""
-        others = [self._pool.submit(job) for job in jobs[1:]]
+    @staticmethod
+    def _start(pool: ThreadPoolExecutor, jobs: Sequence[Callable[[], None]]) -> None:
+        """Run the first job on this thread of the pool and the others on its other threads."""
+        others = [pool.submit(job) for job in jobs[1:]]
         jobs[0]()
         for job in others:
             job.result()
 
-    def split(self, kernel, count: int, inputs: Sequence, device) -> None:
+    def split(self, kernel: wp.Kernel, count: int, inputs: Sequence[object], device: wp.Device) -> None:
         """Launch ``kernel`` over ``count`` indices, in one range per thread; its first argument is the first index."""
         if count == 0:
             return
-        wp.load_module(kernel.module, device=device)  # loading is not safe from several threads
+        wp.load_module(kernel.module, device=device)  # loading is not thread-safe
         parts = [r for r in ranges(count, self.count if device.is_cpu and count >= 512 else 1) if r[1] > r[0]]
 
         def job(first: int, last: int) -> Callable[[], None]:
@@ -124,6 +131,6 @@ class Threads:
         self.together([job(*part) for part in parts])
 
     def close(self) -> None:
-        """End the pool."""
+        """Stop the threads of the pool."""
         if self._pool:
             self._pool.shutdown()

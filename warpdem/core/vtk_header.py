@@ -1,18 +1,18 @@
-"""What the tags of a VTK file in XML claim to hold: VTK takes the memory for it before it looks whether it is there."""
+"""Counts in the tags of an XML VTK file: VTK allocates memory for them before it checks whether the data is there."""
 
 import os
 from pathlib import Path
 from xml.parsers import expat
 
-THINGS_PER_BYTE = 100
-"""Points, cells or numbers that a byte of a file may stand for [-]: some tens where arrays of equal numbers are compressed."""
+ENTRIES_PER_BYTE = 100
+"""Points, cells or numbers that one byte of a file may encode [-]: some tens where arrays of equal numbers are compressed."""
 COUNTED = "Points", "Cells", "Verts", "Lines", "Strips", "Polys", "Tuples", "Components"
 COUNTS = tuple(f"NumberOf{what}" for what in COUNTED)
-"""Attributes that say how many of something follow."""
+"""Attributes that hold a number of entries."""
 
 
-def overclaim(file: Path | str) -> str | None:
-    """What a file names more of than it can hold, in words; None if nothing. What is no XML is left to VTK."""
+def excessive_count(file: Path | str) -> str | None:
+    """Reason why a count in a file is larger than the file can hold; None if none is. Other XML errors are left to VTK."""
     size = os.path.getsize(file)
     most, what = 0, ""
 
@@ -25,15 +25,15 @@ def overclaim(file: Path | str) -> str | None:
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = begin
-    with open(file, "rb") as held:
+    with open(file, "rb") as stream:
         try:
-            while block := held.read(1 << 16):
-                if b"<AppendedData" in block:  # bytes that are no XML follow
+            while block := stream.read(1 << 16):
+                if b"<AppendedData" in block:  # raw bytes follow, which are no XML
                     parser.Parse(block[: block.index(b"<AppendedData")], False)
                     break
                 parser.Parse(block, False)
         except expat.ExpatError:
-            pass  # VTK tells what is wrong
-    if most <= THINGS_PER_BYTE * size:
+            pass  # VTK reports the fault
+    if most <= ENTRIES_PER_BYTE * size:
         return None
-    return f"its header says {what} = {most}, and it is {size} bytes long: truncated or damaged?"
+    return f"its header declares {what} = {most}, but it is only {size} bytes long: truncated or damaged?"

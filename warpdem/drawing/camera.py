@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.core.pose import FramePose, RotationPart
-from warpdem.drawing.look import Look
+from warpdem.drawing.style import PictureStyle
 from warpdem.errors import WarpdemError
 
 VIEW_ANGLE = 20.0
@@ -72,33 +72,33 @@ def upright(gravity: np.ndarray | None) -> np.ndarray:
     )
 
 
-def looking(look: Look, pose: FramePose, turn: np.ndarray) -> np.ndarray:
+def looking(style: PictureStyle, pose: FramePose, turn: np.ndarray) -> np.ndarray:
     """Right, up and forward direction of the picture as rows, shape (3, 3), unless the camera's place is given.
 
     Args:
-        look: What is asked for.
+        style: What is asked for.
         pose: Where the frame stands in the first frame.
         turn: Turn of the presets, as ``upright`` gives it.
 
     Raises:
         WarpdemError: The direction upwards is the one the camera looks along.
     """
-    if look.position is not None and look.focus is not None:
-        forward = np.subtract(look.focus, look.position)
-    elif look.camera != "auto":
-        forward = turn @ _FORWARD[look.camera]
+    if style.position is not None and style.focus is not None:
+        forward = np.subtract(style.focus, style.position)
+    elif style.camera != "auto":
+        forward = turn @ _FORWARD[style.camera]
     else:
         axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), turn[:, 2])
         # a frame that turns about the vertical is seen from the side
         forward = turn @ _FORWARD["front"] if abs(axis @ turn[:, 2]) > 0.9 else axis
-    return picture_axes(forward, _upwards(look, forward, turn))
+    return picture_axes(forward, _upwards(style, forward, turn))
 
 
-def placed(look: Look, turn: np.ndarray, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
-    """The camera of a look.
+def placed(style: PictureStyle, turn: np.ndarray, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
+    """The camera of a style.
 
     Args:
-        look: What is asked for.
+        style: What is asked for.
         turn: Turn of the presets, as ``upright`` gives it.
         axes: Right, up and forward direction of the picture as rows, shape (3, 3).
         low: Least coordinates of anything along ``axes`` [m], shape (3,).
@@ -106,24 +106,24 @@ def placed(look: Look, turn: np.ndarray, axes: np.ndarray, low: np.ndarray, high
         aspect: Width of the picture over its height [-].
     """
     middle, half = 0.5 * (low + high), 0.5 * _MARGIN * (high - low)
-    focus = axes.T @ middle if look.focus is None else np.array(look.focus, dtype=float)
+    focus = axes.T @ middle if style.focus is None else np.array(style.focus, dtype=float)
     # the nearest face of the box decides
     spread = max(half[1], half[0] / aspect, 1e-9)
     distance = spread / np.tan(np.radians(0.5 * VIEW_ANGLE)) + half[2]
-    position = focus - distance * axes[2] if look.position is None else np.array(look.position, dtype=float)
-    up = _upwards(look, focus - position, turn)
-    height = None if look.height is None else look.height / look.zoom
-    angle = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * VIEW_ANGLE)) / look.zoom))
+    position = focus - distance * axes[2] if style.position is None else np.array(style.position, dtype=float)
+    up = _upwards(style, focus - position, turn)
+    height = None if style.height is None else style.height / style.zoom
+    angle = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * VIEW_ANGLE)) / style.zoom))
     return Camera(position, focus, up, angle, height)
 
 
-def _upwards(look: Look, forward: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _upwards(style: PictureStyle, forward: np.ndarray, turn: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(forward)
     if not length:
         raise WarpdemError("position and focus of the camera are one point: it has no direction")
-    if look.up is None:
+    if style.up is None:
         # along the vertical it is the way of the front view, as on a plan
         return turn[:, 1 if abs(forward @ turn[:, 2]) > 0.999 * length else 2]
-    if np.linalg.norm(np.cross(look.up, forward)) <= 1e-6 * length * np.linalg.norm(look.up):
-        raise WarpdemError(f"up {look.up!r} must not be zero or lie along the direction in which the camera looks")
-    return np.array(look.up, dtype=float)
+    if np.linalg.norm(np.cross(style.up, forward)) <= 1e-6 * length * np.linalg.norm(style.up):
+        raise WarpdemError(f"up {style.up!r} must not be zero or lie along the direction in which the camera looks")
+    return np.array(style.up, dtype=float)

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.colors import is_color_like
 
 from warpdem.core.atomic_file import replaced
-from warpdem.drawing.look import CHOICES, Look
-from warpdem.drawing.show import AnyResults, Show
+from warpdem.drawing.frame_drawer import AnyResults, FrameDrawer
+from warpdem.drawing.style import CHOICES, PictureStyle
 from warpdem.errors import WarpdemError
 from warpdem.output.read_vtk import read_results
 from warpdem.output.read_vtkhdf import read_vtkhdf
@@ -38,7 +38,7 @@ def render(
     speed: float | None = None,
     fps: float | None = None,
     watch: Callable[[int, int], None] = lambda done, total: None,
-    **look,
+    **style,
 ) -> Path:
     """Draw the results in ``folder`` as a picture (``out`` ends in .png) or a film (.mp4, H.264).
 
@@ -53,7 +53,7 @@ def render(
         fps: Pictures in a second of the film [1/s]; None for 25, or fewer where frames are shown once each and so few that the
             film would last less than 2 s.
         watch: Told at the start of a film and after each of its pictures how many are done, and how many there will be.
-        **look: Choices of ``warpdem.drawing.look.Look``: view, colour, camera, cut and so on.
+        **style: Choices of ``warpdem.drawing.style.PictureStyle``: view, colour, camera, cut and so on.
 
     Returns:
         The file written.
@@ -62,9 +62,9 @@ def render(
         WarpdemError: A choice is not one of those allowed, a time lies outside the results, or a file of the results cannot
             be read.
     """
-    if wrong := look.keys() - set(CHOICES):
+    if wrong := style.keys() - set(CHOICES):
         raise WarpdemError(f"{sorted(wrong)[0]!r} is not a choice of a picture; there are {', '.join(CHOICES)}")
-    chosen = Look(**look)
+    chosen = PictureStyle(**style)
     if not is_color_like(chosen.background):
         raise WarpdemError(f"background {chosen.background!r} is not a colour; give a name such as white, or #rrggbb")
     folders = [Path(folder)] if isinstance(folder, str | Path) else [Path(each) for each in folder]
@@ -88,16 +88,16 @@ def render(
         if fps is None:
             fps = min(FPS, len(instants) / SHORTEST_FILM) if speed is None else FPS
         watch(0, len(instants))
-    show = Show(runs, instants, chosen)
+    drawer = FrameDrawer(runs, instants, chosen)
     try:
         with replaced(out) as part:
             out.parent.mkdir(parents=True, exist_ok=True)
             if suffix == ".png":
-                imageio.imwrite(part, show.draw(instants[0]))
+                imageio.imwrite(part, drawer.draw(instants[0]))
             else:
-                _write_film(part, (show.draw(instant) for instant in instants), fps, len(instants), watch)
+                _write_film(part, (drawer.draw(instant) for instant in instants), fps, len(instants), watch)
     finally:
-        show.close()
+        drawer.close()
     return out
 
 

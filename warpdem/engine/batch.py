@@ -76,6 +76,10 @@ class Batch:
         control.scratch = wp.zeros((threads * PAIR_BLOCK, 9), dtype=kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
         control.outlet = wp.array(model.domain.boxes, dtype=Box, device=device)
+        # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
+        parks = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
+        control.parks = wp.array(np.array(parks, dtype=np.int32), dtype=wp.int32, device=device)
+        control.parked = wp.zeros(1, dtype=wp.int32, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)

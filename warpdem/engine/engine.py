@@ -73,7 +73,22 @@ class Engine:
             forces_first: evaluate the forces of the present positions first.
             hold: leave the forces of the last step to the next call: grains are inserted there.
         """
-        return self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
+        done = self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
+        if self._model.features.domain.outlets and self.batch.control.parked.numpy()[0]:
+            self._count_parked()
+        return done
+
+    def _count_parked(self) -> None:
+        """Count the grains that the steps have put out of the domain, in the order in which they left."""
+        exit = self.structs.arguments()[0].exit
+        outlet, step = exit.numpy().T
+        gone = np.flatnonzero(outlet)
+        gone = gone[np.argsort(step[gone], kind="stable")]
+        self.leavers.count_by_step(gone, outlet[gone] - 1, step[gone])
+        self._state.mark_left(gone)
+        self.lists.flights.leave(gone)
+        exit.zero_()
+        self.batch.control.parked.zero_()
 
     # -- extremes -------------------------------------------------------------------------------
 

@@ -48,15 +48,31 @@ class Leavers:
         gone = np.flatnonzero(found & IN_OUTLET)
         if not len(gone):
             return gone
-        where = self._domain.left_by(state.record.numpy()[gone, grain.POSITION])
-        ids, mass = state.id.numpy()[gone], 1.0 / state.inverse.numpy()[gone, 0]
+        self._count(gone, self._domain.left_by(state.record.numpy()[gone, grain.POSITION]))
+        self.before_leaving(gone)
+        return gone
+
+    def count_by_step(self, gone: np.ndarray, where: np.ndarray, step: np.ndarray) -> None:
+        """Count the grains that the steps of a batch have put out of the domain themselves.
+
+        Sums go step by step, so that their bits do not depend on where a batch ends.
+
+        Args:
+            gone: their memory slots in the order of their steps, shape (m,).
+            where: number of the outlet of each, shape (m,).
+            step: step at which each left, shape (m,).
+        """
+        for part in np.split(np.arange(len(gone)), np.flatnonzero(np.diff(step)) + 1):
+            self._count(gone[part], where[part])
+
+    def _count(self, gone: np.ndarray, where: np.ndarray) -> None:
+        """Count grains that leave in one step; ``where``: number of the outlet of each."""
+        ids, mass = self._state.id.numpy()[gone], 1.0 / self._state.inverse.numpy()[gone, 0]
         for number in np.unique(where):
             through = np.flatnonzero(where == number)
             through = through[np.argsort(ids[through])]
             name = self._domain.names[number]
             if self._domain.stops[number]:
-                raise beyond_border(state, self._clock, int(gone[through[0]]), name)
+                raise beyond_border(self._state, self._clock, int(gone[through[0]]), name)
             self.left[name][0] += len(through)
             self.left[name][1] += float(mass[through].sum())
-        self.before_leaving(gone)
-        return gone

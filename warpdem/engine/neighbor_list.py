@@ -100,7 +100,8 @@ class NeighborLists(ContactLists):
             self._remove(gone)
             found[gone] = 0
             # energies are kept by contact: what the spring of a partner has lost would count twice
-            force_rebuild |= self.model.features.measures.energy or len(self.state) < KEPT_SHARE * self.state.slots
+            force_rebuild |= self.model.features.measures.energy
+        force_rebuild |= len(self.state) < KEPT_SHARE * self.state.slots
         if not (changed or force_rebuild or due & BEYOND):
             return
         if (found & FAST).any():

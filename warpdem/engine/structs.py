@@ -46,6 +46,8 @@ class Structs:
         grains.store = wp.zeros((state.slots, features.backend.scheme.STORE), dtype=wp.vec3d, device=model.device)
         grains.row = packed(lists.row, model.kernels.pairs.Share)
         grains.entry = packed(lists.entry, model.kernels.pairs.Entry)
+        if features.domain.outlets:
+            grains.exit = wp.zeros((state.slots, 2), dtype=wp.int32, device=model.device)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
             if name in features.measures.sums:
                 setattr(grains, name, packed(getattr(state, name), dtype))

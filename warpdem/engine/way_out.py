@@ -31,12 +31,12 @@ def _holds(shape, down: np.ndarray, planes: list[Plane], smallest: float) -> boo
         return float(np.dot(shape.normal, down)) < -LEVEL
     if isinstance(shape, Sphere):
         return shape.inside
-    if not shape.ends and not shape.inside:
+    if not shape.has_ends and not shape.inside:
         return False
     axis = np.asarray(shape.axis)
     along = float(axis @ down)
     across = np.sqrt(max(1.0 - along * along, 0.0))
-    if not shape.ends:
+    if not shape.has_ends:
         angle = shape.half_angle if isinstance(shape, Cone) else 0.0
         return float(np.arctan2(across, along)) > angle + LEVEL if isinstance(shape, Cone) else across > LEVEL
     mouths = _mouths(shape)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import Filling
 from warpdem.filling.placed_walls import TOUCH
@@ -24,7 +24,7 @@ def initial_positions(asked: Filling) -> np.ndarray:
     left = np.arange(len(radius))
     in_vain = tried = 0
     while len(left):
-        tell(f"placing {len(radius)} grains: {len(left)} left")
+        report_state(f"placing {len(radius)} grains: {len(left)} left")
         position[left] = space.random_points(asked.places, radius[left])
         tried += len(left)
         if space.mesh is None and space.open_space is None and not asked.walls:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.core.threads import Threads, available_threads
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import Filling
@@ -223,7 +223,7 @@ class PackingRun:
             for wall in walls:
                 wall.note(self._last[part])
         self._steps += 1
-        tell(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
+        report_state(f"packing {self._loose} grains: {self._steps} steps{self._stage}")
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""

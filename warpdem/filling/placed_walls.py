@@ -114,7 +114,7 @@ def place_walls(scene, meshes: dict[str, TriangleMesh], places: Sequence[WallPos
 
 def is_closed(mesh: TriangleMesh) -> bool:
     """Whether a mesh has an inside, whatever its wall says of it."""
-    return mesh.is_closed and mesh.twisted_edges == 0
+    return mesh.is_closed and mesh.mismatched_edges == 0
 
 
 def _images(scene) -> np.ndarray:

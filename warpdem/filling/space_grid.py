@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from warpdem.core.progress import tell
+from warpdem.core.progress import report_state
 from warpdem.filling.placed_walls import PlacedWall
 from warpdem.mesh.grouping import components
 
@@ -56,7 +56,7 @@ class SpaceGrid:
             part = found[first : first + CHUNK]
             for wall in walls:
                 np.minimum(part, wall.distance(self.position(index))[0], out=part)
-            tell(f"looking for the space between walls: {first / total:.0%}")
+            report_state(f"looking for the space between walls: {first / total:.0%}")
         return found.reshape(self.shape)
 
     def position(self, index: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ def _check_closed_meshes(
     depth = {
         name: -distance[name]
         for name, mesh in meshes.items()
-        if name in distance and mesh.is_closed and mesh.twisted_edges == 0
+        if name in distance and mesh.is_closed and mesh.mismatched_edges == 0
     }
     containers = {name for name, d in depth.items() if name in grains.vessels or 2 * int((d > 0.0).sum()) > len(grains)}
     contained = (

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from warpdem.core.process_limits import limit_memory
-from warpdem.core.vtk_header import overclaim
+from warpdem.core.vtk_header import excessive_count
 
 EXPANSION = 100
 """Memory that reading may take per byte of the file [-], beside what is always allowed: arrays may be compressed."""
@@ -24,7 +24,7 @@ def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    if reason := overclaim(file):
+    if reason := excessive_count(file):
         return {"refused": reason}, {}
     limit_memory(os.path.getsize(file) * EXPANSION // 10)
     reader = vtkXMLPolyDataReader()

@@ -1,1 +1,1 @@
-"""Triangle meshes: read, mended, cut into smooth pieces, made from analytic walls for drawing."""
+"""Triangle meshes: reading, repair, smooth and flat pieces, closed bodies; triangles of analytic walls for drawing."""

@@ -1,8 +1,8 @@
-"""Several closed bodies in one mesh, in or beside each other, or put together without a boolean union so that they cut.
+"""Several closed bodies in one mesh: separate, nested, or intersecting because no boolean union was made.
 
-Each is a surface of its own, and each part of it is a wall, also what lies in another body. A point is inside the mesh when an
-odd number of bodies hold it: so a vessel with lifters through its side has its inside between them, as one with a body
-quite in it has, and going through any surface leads from inside to outside or back.
+Each body is a surface of its own, and all of it is a wall, also the part inside another body. A point is inside the mesh if an
+odd number of bodies contain it. So the inside of a vessel with lifters through its side is the space between them, and crossing
+any surface leads from inside to outside or back.
 """
 
 from collections.abc import Callable
@@ -13,17 +13,17 @@ from warpdem.mesh.distance import DistanceQuery
 from warpdem.mesh.edges import Edges
 from warpdem.mesh.grouping import components, renumber
 
-MOST_BODIES = 1000
-"""Bodies up to which is found out which lie in which [-]: the effort grows with their square."""
+MAX_BODIES = 1000
+"""Largest number of bodies whose nesting is determined [-]: the effort grows with its square."""
 
 
 class Bodies:
-    """Bodies in groups, so that the boxes around those of one group are apart.
+    """Closed bodies in groups; the bounding boxes of the bodies of one group are disjoint.
 
     Attributes:
         group: Group of each triangle that has an area, shape (t,).
-        outward: Whether each of these is wound outwards for its own body, shape (t,).
-        note: For people, how many they are and where they cut or touch each other first; "" if they do not.
+        outward: Whether the normal of each of these points out of its own body, shape (t,).
+        note: Text for the user: number of bodies and the position of the first intersection or contact; "" if there is none.
     """
 
     def __init__(self, group: np.ndarray, outward: np.ndarray, note: str) -> None:
@@ -39,17 +39,17 @@ class Bodies:
             distance, gradient = (np.stack(values) for values in zip(*found, strict=True))
             nearest = np.abs(distance).argmin(axis=0)[None]
             outside = np.where((distance < 0.0).sum(axis=0) % 2 == 1, -1.0, 1.0)
-            own = np.take_along_axis(distance, nearest, axis=0)[0]
-            # the nearest surface may lie within other bodies: then its outward side is the mesh's inner one
-            turn = outside * np.where(own < 0.0, -1.0, 1.0)
-            way = np.take_along_axis(gradient, nearest[..., None], axis=0)[0]
-            return outside * np.abs(own), way * turn[:, None]
+            nearest_distance = np.take_along_axis(distance, nearest, axis=0)[0]
+            # the nearest surface may lie within other bodies: its outward side then is the inside of the mesh
+            sign = outside * np.where(nearest_distance < 0.0, -1.0, 1.0)
+            direction = np.take_along_axis(gradient, nearest[..., None], axis=0)[0]
+            return outside * np.abs(nearest_distance), direction * sign[:, None]
 
         return signed_distance
 
 
 def find_bodies(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, solid: np.ndarray) -> Bodies | None:
-    """The bodies of a closed mesh if some may lie in each other, touch or cut; else None.
+    """The bodies of a closed mesh if some may be nested, touch or intersect; else None.
 
     Args:
         vertices: Corners [m], shape (v, 3).
@@ -63,51 +63,51 @@ def find_bodies(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, solid
     body = renumber(components(len(triangles), joined)[solid])
     triangles = triangles[solid]
     count = int(body.max()) + 1
-    if not 1 < count <= MOST_BODIES:
+    if not 1 < count <= MAX_BODIES:
         return None
     corners = vertices[triangles]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, body, corners.min(axis=1))
     np.maximum.at(high, body, corners.max(axis=1))
-    apart = ((low[:, None] > high) | (high[:, None] < low)).any(axis=2)
+    apart = np.asarray(((low[:, None] > high) | (high[:, None] < low)).any(axis=2))
     if (apart | np.eye(count, dtype=bool)).all():
         return None
     volume = np.bincount(body, np.linalg.det(corners - 0.5 * (low + high)[body][:, None]))
     outward = (volume >= 0.0)[body]
     group = _groups(apart, high - low)[body]
-    note, place = "", _first_cut(vertices, np.where(outward[:, None], triangles, triangles[:, ::-1]), group)
-    if place is not None:
+    note, position = "", _first_intersection(vertices, np.where(outward[:, None], triangles, triangles[:, ::-1]), group)
+    if position is not None:
         note = (
-            f"{count} closed bodies, of which some cut each other, first at ({_text(place)}) m: all their surfaces act on "
-            "grains, and what an odd number of them hold is inside; join them (boolean union) where they are meant as one"
+            f"{count} closed bodies, of which some intersect, first at ({_text(position)}) m: all their surfaces act on "
+            "grains, and a point in an odd number of them is inside; use a boolean union if they are meant as one body"
         )
     elif len(edges.shared):
-        place = vertices[edges.shared[0]].mean(axis=0)
-        note = f"{count} closed bodies, of which some touch along edges, first at ({_text(place)}) m"
+        position = vertices[edges.shared[0]].mean(axis=0)
+        note = f"{count} closed bodies, of which some touch along edges, first at ({_text(position)}) m"
     return Bodies(group, outward, note)
 
 
-def _text(place: np.ndarray) -> str:
-    return ", ".join(f"{x:.6g}" for x in place)
+def _text(position: np.ndarray) -> str:
+    return ", ".join(f"{x:.6g}" for x in position)
 
 
 def _groups(apart: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Number of a group for each body, the largest first, so that the boxes around those of one group are apart."""
+    """Group number of each body, largest body first, so that the bounding boxes within a group are disjoint."""
     group = np.full(len(apart), -1)
     for k in np.argsort(-size.prod(axis=1), kind="stable"):
-        taken = group[~apart[k]]
-        group[k] = np.setdiff1d(np.arange(len(apart) + 1), taken)[0]
+        occupied = group[~apart[k]]
+        group[k] = np.setdiff1d(np.arange(len(apart) + 1), occupied)[0]
     return group
 
 
-def _first_cut(vertices: np.ndarray, triangles: np.ndarray, group: np.ndarray) -> np.ndarray | None:
-    """Where a body leads through the surface of another first [m]: the middle of an edge that does; None if none does."""
+def _first_intersection(vertices: np.ndarray, triangles: np.ndarray, group: np.ndarray) -> np.ndarray | None:
+    """Midpoint [m] of the first edge of a body that passes through the surface of another; None if there is none."""
     first = None
     start, end = vertices[triangles].reshape(-1, 3), vertices[np.roll(triangles, -1, axis=1)].reshape(-1, 3)
     number = np.repeat(np.arange(len(triangles)), 3)
     for k in range(int(group.max()) + 1):
         query, other = DistanceQuery(vertices, triangles[group == k]), np.flatnonzero(group[number] != k)
-        cut = other[query.pierced(start[other], end[other])]
-        if len(cut) and (first is None or cut[0] < first):
-            first = int(cut[0])
+        crossing = other[query.pierced(start[other], end[other])]
+        if len(crossing) and (first is None or crossing[0] < first):
+            first = int(crossing[0])
     return None if first is None else 0.5 * (start[first] + end[first])

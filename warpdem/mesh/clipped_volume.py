@@ -1,15 +1,16 @@
 """Volume of the inside of a closed mesh within a box."""
 
 import numpy as np
+import numpy.typing as npt
 
 from warpdem.mesh.triangle_mesh import TriangleMesh
 
 
-def clipped_volume(mesh: TriangleMesh, box) -> float:
+def clipped_volume(mesh: TriangleMesh, box: npt.ArrayLike) -> float:
     """Volume [m3] of the inside of a closed mesh within an axis-aligned box, exact.
 
     The divergence theorem for the field (0, 0, clip(z, z_low, z_high)), whose flux through the cut faces of the box is
-    zero or, at its lids, constant: only the mesh's own triangles, cut at the box, are needed.
+    zero or, at its lids, constant: only the triangles of the mesh, clipped at the box, are needed.
 
     Args:
         mesh: Closed mesh.
@@ -28,13 +29,13 @@ def clipped_volume(mesh: TriangleMesh, box) -> float:
 
 
 def _split(t: np.ndarray, axis: int, value: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (t, 3, 3) cut at the plane x[axis] = value: those below it and those above it, wound as before."""
+    """Triangles (t, 3, 3) split at the plane x[axis] = value: those below it and those above it, with the same winding."""
     d = t[:, :, axis] - value
     below, above = (d <= 0.0).all(axis=1), (d >= 0.0).all(axis=1) & ~(d <= 0.0).all(axis=1)
     cut = ~below & ~above
     t_cut, d = t[cut], d[cut]
     high = d > 0.0
-    # turn each so that the corner alone on its side comes first; a corner in the plane counts as below
+    # permute each so that the corner alone on its side comes first; a corner in the plane counts as below
     alone_high = high.sum(axis=1) == 1
     lone = np.where(alone_high, high.argmax(axis=1), (~high).argmax(axis=1))
     index = (lone[:, None] + np.arange(3)) % 3

@@ -1,4 +1,4 @@
-"""Signed distance from a closed surface: its search tree, built once."""
+"""Signed distance from a closed surface, by a search tree that is built once."""
 
 import numpy as np
 import warp as wp
@@ -7,7 +7,7 @@ from warpdem.kernels.wall import distance as kernels
 
 
 class DistanceQuery:
-    """Search tree of a closed mesh on the CPU, built once; answers signed distances.
+    """Search tree of a closed mesh on the CPU for signed distances.
 
     Args:
         vertices: Corners [m], shape (v, 3).
@@ -15,13 +15,13 @@ class DistanceQuery:
     """
 
     def __init__(self, vertices: np.ndarray, outward: np.ndarray) -> None:
-        held = vertices[outward]
-        low, high = held.min(axis=(0, 1)), held.max(axis=(0, 1))
+        corners = vertices[outward]
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         self._centre, self._size = 0.5 * (low + high), float((high - low).max())
         unit = ((vertices - self._centre) / self._size).astype(np.float32)
         with wp.ScopedDevice("cpu"):
-            self._vertex = wp.array(vertices, dtype=wp.vec3d)
-            self._triangle = wp.array(np.ascontiguousarray(outward), dtype=wp.vec3i)
+            self._vertex: wp.array[wp.vec3d] = wp.array(vertices, dtype=wp.vec3d)
+            self._triangle: wp.array[wp.vec3i] = wp.array(np.ascontiguousarray(outward), dtype=wp.vec3i)
             self._tree = wp.Mesh(
                 wp.array(unit, dtype=wp.vec3),
                 wp.array(outward.flatten(), dtype=wp.int32),
@@ -46,10 +46,10 @@ class DistanceQuery:
             outputs=[distance, gradient],
             device="cpu",
         )
-        return distance.numpy(), gradient.numpy()
+        return distance.numpy(), gradient.numpy()  # type: ignore[no-untyped-call]
 
     def pierced(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Whether the line from each point to another, without its very ends, leads through the surface.
+        """Whether the segment from each point to another, without its end points, intersects the surface.
 
         Args:
             start: Points [m], shape (n, 3).
@@ -59,4 +59,4 @@ class DistanceQuery:
         unit = [((p - self._centre) / self._size).astype(np.float32) for p in (start, end)]
         inputs = [self._tree.id, *(wp.array(p, dtype=wp.vec3, device="cpu") for p in unit)]
         wp.launch(kernels.pierced, dim=len(start), inputs=inputs, outputs=[hit], device="cpu")
-        return hit.numpy() == 1
+        return np.asarray(hit.numpy() == 1)  # type: ignore[no-untyped-call]

@@ -7,25 +7,25 @@ import numpy as np
 from warpdem.mesh.grouping import first_and_group
 
 ANGLE_ROUNDING = 1e-5
-"""An angle so near to `SMOOTH_ANGLE` counts as equal [rad]: a tube of twelve facets must not fall into random parts."""
+"""Rounding of angles [rad]: an angle this close to `SMOOTH_ANGLE` counts as equal, as in a tube of twelve facets."""
 
 
 class Edges:
     """Which triangles meet at each edge."""
 
-    def __init__(self, triangles: np.ndarray):
+    def __init__(self, triangles: np.ndarray) -> None:
         ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
         key = np.sort(ends, axis=1)
         first, group = first_and_group(key)
         uses = np.bincount(group)
         self.border = key[first[uses == 1]]
         """Ends of the edges that only one triangle has, in the order of the triangles, shape (b, 2)."""
-        way = np.bincount(group, np.where(ends[:, 0] == key[:, 0], 1.0, -1.0), minlength=len(first))
-        self.forked = key[first[(uses > 2) & (way != 0.0)]]
-        """Ends of the edges at which three or more triangles meet, not as many one way as the other, shape (f, 2)."""
-        self.shared = key[first[(uses > 2) & (way == 0.0)]]
-        """Ends of the edges at which four or more meet, as many one way as the other: bodies touch there, shape (s, 2)."""
-        at = np.flatnonzero(((uses > 2) & (way == 0.0))[group])
+        orientation = np.bincount(group, np.where(ends[:, 0] == key[:, 0], 1.0, -1.0), minlength=len(first))
+        self.forked = key[first[(uses > 2) & (orientation != 0.0)]]
+        """Ends of the edges at which three or more triangles meet, with unbalanced orientations, shape (f, 2)."""
+        self.shared = key[first[(uses > 2) & (orientation == 0.0)]]
+        """Ends of the edges at which four or more meet with balanced orientations: bodies touch there, shape (s, 2)."""
+        at = np.flatnonzero(((uses > 2) & (orientation == 0.0))[group])
         self._at_shared = at[np.argsort(group[at], kind="stable")]
         self._ends, self._edge = ends[self._at_shared], group[self._at_shared]
         self.is_closed = not (uses % 2).any()
@@ -42,10 +42,10 @@ class Edges:
         """Ends of the edge between the two, shape (e, 2)."""
 
     def pairs_at_shared(self, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """Triangles of one body at the edges where bodies touch, shape (p, 2), if the windings there are right.
+        """Pairs of triangles of one body at the edges where bodies touch, shape (p, 2), if the windings there are right.
 
-        Around the edge from its lower to its higher end, a triangle that runs the other way begins a body, as its normal
-        points outwards, and one that runs this way ends it.
+        Around the edge from its lower to its higher end, a triangle of the opposite orientation begins a body, since its normal
+        points outwards, and a triangle of the same orientation ends it.
         """
         if not len(self._at_shared):
             return np.zeros((0, 2), np.int64)
@@ -59,7 +59,7 @@ class Edges:
         first = first[np.cumsum(np.isin(np.arange(len(arm)), first)) - 1]
         zero = arm[first] - (arm[first] * axis).sum(axis=1)[:, None] * axis
         angle = np.arctan2((arm * np.cross(axis, zero)).sum(axis=1), (arm * zero).sum(axis=1))
-        # faces that lie on each other: what ends there does so before the next begins
+        # coincident faces: a body ends before the next begins
         angle = np.rint(angle / ANGLE_ROUNDING) % round(2.0 * math.pi / ANGLE_ROUNDING)
         begins = self._ends[:, 0] != low
         order = np.lexsort((begins, angle, self._edge))
@@ -72,4 +72,4 @@ class Edges:
                     open_ones.append(use)
                 else:
                     pairs.append((open_ones.pop(), use))
-        return self._at_shared[np.array(pairs)] // 3
+        return np.asarray(self._at_shared[np.array(pairs)] // 3)

@@ -1,9 +1,9 @@
-"""Mesh files (STL, OBJ, PLY) to loose triangles. Nothing in a file is believed before it is checked.
+"""Triangles of mesh files (STL, OBJ, PLY). Every declaration in a file is checked before it is used.
 
-What a file says it holds is compared with its length before anything is read, so that no count of a damaged file takes
-memory that the file could not fill. STL and PLY are read by trimesh. OBJ is read here: its text needs checking line by
-line anyway, and trimesh takes the index 0 for the first point, counts relative indices from the end of the file and cuts
-polygons into fans even where they are not convex.
+The counts declared in a file are compared with its length before anything is read, so that a wrong count in a damaged file
+does not allocate memory. STL and PLY are read by trimesh. OBJ is read here: its text must be checked line by line anyway, and
+trimesh takes index 0 for the first point, counts relative indices from the end of the file and triangulates polygons as fans
+even if they are not convex.
 """
 
 import struct
@@ -11,6 +11,7 @@ import warnings
 from array import array
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,14 +21,14 @@ from warpdem.mesh.polygons import triangulate
 STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file: header with the number of triangles, and each triangle."""
 LONGEST_LINE = 1 << 20
-"""Most bytes of a line of an OBJ file or of the header of a PLY file [-]."""
+"""Largest length of a line of an OBJ file or of a PLY header [bytes]."""
 PLY_BYTES = {
     **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
     **dict.fromkeys(("short", "ushort", "int16", "uint16", "float16"), 2),
     **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
     **dict.fromkeys(("double", "int64", "uint64", "float64"), 8),
 }
-"""Bytes of the types of a PLY file."""
+"""Size of the data types of a PLY file [bytes]."""
 
 
 def read_triangles(path: Path, key: str) -> np.ndarray:
@@ -38,7 +39,7 @@ def read_triangles(path: Path, key: str) -> np.ndarray:
         key: Scene key, for messages.
 
     Raises:
-        SceneError: File missing, of another kind, unreadable, damaged or without triangles.
+        SceneError: The file is missing, of another type, unreadable, damaged or without triangles.
     """
     if not path.is_file():
         raise SceneError(f"{key}: no such mesh file: {path}")
@@ -47,7 +48,7 @@ def read_triangles(path: Path, key: str) -> np.ndarray:
     size = path.stat().st_size
     try:
         corners = READERS[path.suffix.lower()](path, size)
-    except Exception as error:  # whatever the parsers run into
+    except Exception as error:  # any error of the parsers
         raise SceneError(f"{key}: {path.name} ({size} bytes) cannot be read as a mesh: {error}") from error
     if len(corners) == 0:
         raise SceneError(f"{key}: {path.name} ({size} bytes): the mesh is empty (0 triangles)")
@@ -72,7 +73,7 @@ def _read_stl(path: Path, size: int) -> np.ndarray:
 
 
 def _check_ascii_stl(path: Path, start: bytes, count: int) -> int:
-    """Number of facets of an ASCII STL file that starts so, and that as a binary one would hold ``count`` triangles."""
+    """Number of facets of an ASCII STL file with this start; as a binary file it would hold ``count`` triangles."""
     if not start.lstrip()[:5].lower() == b"solid" or b"\0" in start:
         raise ValueError(
             f"it is no ASCII STL (does not start with 'solid'), and as a binary STL it would hold {count} triangles in "
@@ -83,7 +84,7 @@ def _check_ascii_stl(path: Path, start: bytes, count: int) -> int:
     if ends == 0 or solids < 2 * ends:
         raise ValueError("it starts as an ASCII STL but has no matching 'endsolid'; truncated?")
     if text[text.rfind(b"endsolid") :].count(b"facet"):
-        raise ValueError("it goes on after the last 'endsolid'; truncated?")
+        raise ValueError("it continues after the last 'endsolid'; truncated?")
     return faces
 
 
@@ -96,14 +97,15 @@ def _read_ply(path: Path, size: int) -> np.ndarray:
     ((vertices, faces),) = _parsed(path, load_ply, skip_materials=True, fix_texture=False)
     if len(vertices) != declared[0] or len(faces) < declared[1]:
         raise ValueError(
-            f"its header names {declared[0]} vertices and {declared[1]} faces, it holds {len(vertices)} and {len(faces)}"
+            f"its header declares {declared[0]} vertices and {declared[1]} faces, it holds {len(vertices)} and {len(faces)}"
         )
-    return vertices[triangulate(vertices, np.full(len(faces), faces.shape[1]), faces)]
+    return np.asarray(vertices[triangulate(vertices, np.full(len(faces), faces.shape[1]), faces)])
 
 
 def _check_ply_header(path: Path, size: int) -> tuple[int, int]:
-    """Numbers of vertices and faces that a PLY header declares, once the file is long enough to hold all it declares."""
-    elements: list[list] = []  # name, count, least number of bytes of one
+    """Numbers of vertices and faces declared by a PLY header, after a check that the file is long enough for them."""
+    elements: list[tuple[str, int]] = []  # name and count
+    least: list[int] = []  # smallest number of bytes of an entry of each
     with path.open("rb") as file:
         if file.readline(LONGEST_LINE).strip() != b"ply":
             raise ValueError("it does not start with 'ply'")
@@ -117,30 +119,31 @@ def _check_ply_header(path: Path, size: int) -> tuple[int, int]:
             elif words[:1] == ["element"]:
                 if len(words) != 3 or not words[2].isdecimal() or len(words[2]) > 18:
                     raise ValueError(f"bad line in its header: {' '.join(words)[:60]!r}")
-                elements.append([words[1], int(words[2]), 0])
+                elements.append((words[1], int(words[2])))
+                least.append(0)
             elif words[:1] == ["property"]:
                 is_list = words[1:2] == ["list"]
-                kinds = words[2:-1] if is_list else words[1:-1]
-                if not elements or len(kinds) != 1 + is_list or not set(kinds) <= PLY_BYTES.keys():
+                types = words[2:-1] if is_list else words[1:-1]
+                if not elements or len(types) != 1 + is_list or not set(types) <= PLY_BYTES.keys():
                     raise ValueError(f"bad line in its header: {' '.join(words)[:60]!r}")
-                # of a list at least its length is there; in text at least a digit and a blank or line end
-                elements[-1][2] += 2 if is_ascii else PLY_BYTES[kinds[0]]
+                # a list has at least its length; in text a value has at least a digit and a blank or line end
+                least[-1] += 2 if is_ascii else PLY_BYTES[types[0]]
         left = size - file.tell()
-    needed = sum(count * max(row, 1) for _, count, row in elements)
-    if needed > left + 1:  # the last line of a text may lack its end
-        held = ", ".join(f"{count} of {name}" for name, count, _ in elements)
-        raise ValueError(f"its header names {held}: at least {needed} bytes, but {left} follow; truncated or damaged?")
-    count = {name: number for name, number, _ in elements}
-    return count.get("vertex", 0), count.get("face", 0)
+    needed = sum(count * max(size, 1) for (_, count), size in zip(elements, least, strict=True))
+    if needed > left + 1:  # the last line of a text may lack its line end
+        declared = ", ".join(f"{count} of {name}" for name, count in elements)
+        raise ValueError(f"its header declares {declared}: at least {needed} bytes, but {left} follow; truncated or damaged?")
+    counts = dict(elements)
+    return counts.get("vertex", 0), counts.get("face", 0)
 
 
-def _parsed(path: Path, load: Callable[..., dict], **options) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Points (v, 3), float64, and the point numbers of each face (f, corners) of the parts that a loader of trimesh finds.
+def _parsed(path: Path, load: Callable[..., Any], **options: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Points (v, 3), float64, and point numbers of each face (f, corners), of the parts returned by a loader of trimesh.
 
-    The loaders are called themselves: `trimesh.load_mesh` would weld and drop corners of files with several parts.
+    The loaders are called directly: `trimesh.load_mesh` would weld and drop corners of files with several parts.
     """
     with path.open("rb") as file, warnings.catch_warnings():
-        # how NumPy tells of text that is no number
+        # NumPy's warning for text that is no number
         warnings.simplefilter("error", DeprecationWarning)
         found = load(file, **options)
     parts = list(found["geometry"].values()) if "geometry" in found else [found]
@@ -151,25 +154,25 @@ def _parsed(path: Path, load: Callable[..., dict], **options) -> list[tuple[np.n
 
 def _read_obj(path: Path, size: int) -> np.ndarray:
     points, corners, counts = array("d"), array("q"), array("q")
-    number, held = 0, b""
+    number, continued = 0, b""
     with path.open("rb") as file:
         while line := file.readline(LONGEST_LINE):
             number += 1
-            if len(line) + len(held) >= LONGEST_LINE:
+            if len(line) + len(continued) >= LONGEST_LINE:
                 raise ValueError(f"line {number} is longer than {LONGEST_LINE} bytes")
-            line = held + line.rstrip()
-            held = line[:-1] + b" " if line.endswith(b"\\") else b""  # goes on in the next line
-            words = line.split() if not held else ()
+            line = continued + line.rstrip()
+            continued = line[:-1] + b" " if line.endswith(b"\\") else b""
+            words = line.split() if not continued else []
             try:
                 if words and words[0] == b"v":
                     points.extend([float(words[1]), float(words[2]), float(words[3])])
                 elif words and words[0] == b"f":
-                    there = len(points) // 3
+                    defined = len(points) // 3
                     before = len(corners)
                     for word in words[1:]:
                         named = int(word.split(b"/", 1)[0])
-                        # from 1, or backwards from the last point so far
-                        corners.append(named - 1 if named > 0 else named + there if named < 0 else -1)
+                        # from 1 upwards, or backwards from the last point so far
+                        corners.append(named - 1 if named > 0 else named + defined if named < 0 else -1)
                     counts.append(len(corners) - before)
                     if counts[-1] < 3:
                         raise ValueError("a face needs at least 3 corners")
@@ -181,8 +184,9 @@ def _read_obj(path: Path, size: int) -> np.ndarray:
     vertices = np.frombuffer(points, np.float64).reshape(-1, 3) if points else np.zeros((0, 3))
     if not counts:
         raise ValueError(f"it holds no faces ({number} lines, {len(vertices)} points)")
-    return vertices[triangulate(vertices, np.frombuffer(counts, np.int64), np.frombuffer(corners, np.int64))]
+    triangles = triangulate(vertices, np.frombuffer(counts, np.int64), np.frombuffer(corners, np.int64))
+    return np.asarray(vertices[triangles])
 
 
 READERS = {".stl": _read_stl, ".obj": _read_obj, ".ply": _read_ply}
-"""How each kind of file is read, by its suffix."""
+"""Reader of each file type, by suffix."""

@@ -1,11 +1,11 @@
-"""Equal rows, connected components and their numbers: what welding, edges and pieces of a mesh have in common."""
+"""Groups of equal rows, connected components and their numbers, for welding, edges and pieces of a mesh."""
 
 import numpy as np
 
 
 def first_and_group(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First row of each set of equal rows (ascending) and the set each row belongs to; faster than `np.unique`."""
-    order = np.lexsort(keys.T)  # stable: the first row of a set comes first
+    """First row of each group of equal rows (ascending), and the group of each row; faster than `np.unique`."""
+    order = np.lexsort(keys.T)  # stable: the first row of a group comes first
     new = np.ones(len(keys), bool)
     new[1:] = (keys[order[1:]] != keys[order[:-1]]).any(axis=1)
     first = order[new]
@@ -16,16 +16,16 @@ def first_and_group(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def components(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Label of the connected component of each of `count` nodes: its least node, shape (count,).
+    """Label of the connected component of each of `count` nodes: its lowest node, shape (count,).
 
-    Labels sink along the pairs and along themselves (pointer jumping) until none changes; about log(count) rounds.
+    Labels decrease along the pairs and by pointer jumping until none changes; this takes about log(count) rounds.
     """
     label = np.arange(count)
     a, b = pairs.T
     while True:
         low = np.minimum(label[a], label[b])
         before = label.copy()
-        # hook the root of each end, not only the end itself, to the lower label
+        # the root of each end gets the lower label too
         np.minimum.at(label, before[a], low)
         np.minimum.at(label, before[b], low)
         label = label[label]

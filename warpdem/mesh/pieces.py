@@ -12,23 +12,23 @@ from warpdem.mesh.edges import ANGLE_ROUNDING, Edges
 from warpdem.mesh.grouping import components, renumber
 
 SMOOTH_ANGLE = math.radians(30.0)
-"""Triangles that meet at a smaller angle belong to one smooth piece [rad]."""
+"""Triangles whose normals differ by less belong to one smooth piece [rad]."""
 ROUNDING = 2.0**-21
 """Rounding of a corner in the file relative to the largest coordinate [-]: four units in the last place of float32,
 which also covers ASCII files written with seven digits."""
 SLIVER = 8.0
-"""A triangle thinner than this many roundings has no direction of its own [-]."""
+"""A triangle thinner than this many roundings has no meaningful normal [-]."""
 
 
 class Shape:
-    """Normal, area and thickness of triangles; all that deciding about pieces needs."""
+    """Normal, area and height of triangles, as needed to find pieces."""
 
-    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, rounding: float):
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, rounding: float) -> None:
         p = vertices[triangles]
         cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
         double_area = np.linalg.norm(cross, axis=1)
         length = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2)
-        # a thousandth of the corners' own rounding is no area: the corners lie on a line
+        # below a thousandth of the rounding of the corners there is no area: the corners are collinear
         on_line = double_area <= 1e-3 * rounding * length.max(axis=1)
         self.corners = p
         self.rounding = rounding
@@ -40,17 +40,17 @@ class Shape:
         self.is_sliver = self.height < SLIVER * rounding
 
     def select(self, keep: np.ndarray) -> "Shape":
-        """The same of some triangles."""
+        """The shape of a selection of triangles."""
         part = object.__new__(Shape)
         part.__dict__.update({k: v[keep] if isinstance(v, np.ndarray) else v for k, v in self.__dict__.items()})
         return part
 
 
 def find_pieces(shape: Shape, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the smooth and of the flat piece of each triangle.
+    """Numbers of the smooth piece and of the flat piece of each triangle.
 
-    A sliver's normal is rounding noise. It belongs to the neighbour at its longest edge, and its neighbours there and
-    at its other edges are judged as if they touched each other.
+    The normal of a sliver is rounding noise. A sliver belongs to the neighbour at its longest edge, and its neighbours there
+    and at its other edges are compared as if they were adjacent.
     """
     count = len(shape.area)
     sides, sign = edges.sides, np.where(edges.twisted, -1.0, 1.0)
@@ -62,7 +62,7 @@ def find_pieces(shape: Shape, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
     across = neighbour[thin, shape.longest[thin]]
     follow = np.stack([thin, across], axis=1)[across >= 0]
     bridge = np.concatenate(
-        [np.stack([across, neighbour[thin, (shape.longest[thin] + turn) % 3]], axis=1) for turn in (1, 2)]
+        [np.stack([across, neighbour[thin, (shape.longest[thin] + shift) % 3]], axis=1) for shift in (1, 2)]
     )
     bridge = bridge[(bridge >= 0).all(axis=1)]
     bridge = bridge[~shape.is_sliver[bridge].any(axis=1)]
@@ -73,10 +73,11 @@ def find_pieces(shape: Shape, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
     cosine = sign * (first * second).sum(axis=1)
     sine = np.linalg.norm(np.cross(first, second), axis=1)
     smooth = np.arctan2(sine, cosine) < SMOOTH_ANGLE - ANGLE_ROUNDING
-    # rounding of the corners turns a normal by up to rounding / height
+    # rounding of the corners changes the direction of a normal by up to rounding / height
     loose = shape.rounding * (1.0 / shape.height[pairs]).sum(axis=1)
     flat = smooth & (sine <= loose)
-    return tuple(components(count, np.concatenate([pairs[joined], follow])) for joined in (smooth, flat))
+    smooth_label, flat_label = (components(count, np.concatenate([pairs[joined], follow])) for joined in (smooth, flat))
+    return smooth_label, flat_label
 
 
 def fit_planes(shape: Shape, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,23 +85,23 @@ def fit_planes(shape: Shape, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     count = int(plane.max()) + 1
     first = np.full(count, len(plane))
     np.minimum.at(first, plane, np.arange(len(plane)))
-    # triangles wound the other way would cancel: count all as their piece's first one
-    turn = np.where((shape.normal * shape.normal[first][plane]).sum(axis=1) < 0.0, -1.0, 1.0)
+    # triangles of opposite winding would cancel: all get the winding of the first one of their piece
+    sign = np.where((shape.normal * shape.normal[first][plane]).sum(axis=1) < 0.0, -1.0, 1.0)
     weight = shape.area / np.bincount(plane, shape.area, count)[plane]
 
-    def mean(values):
+    def mean(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(plane, weight * values[:, k], count) for k in range(3)], axis=1)
 
-    normal = mean(shape.normal * turn[:, None])
+    normal = mean(shape.normal * sign[:, None])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     return normal, (normal * mean(shape.corners.mean(axis=1))).sum(axis=1)
 
 
-def split_bent(shape: Shape, plane: np.ndarray) -> np.ndarray:
-    """Flat pieces that are not flat as a whole fall apart into their triangles.
+def split_curved(shape: Shape, plane: np.ndarray) -> np.ndarray:
+    """Split flat pieces that are not flat as a whole into their triangles.
 
-    On a surface tessellated so finely that neighbours differ by no more than rounding, joining neighbours would go on
-    around the bend.
+    On a surface tessellated so finely that neighbours differ by no more than rounding, joining neighbours would continue along
+    its curvature.
     """
     plane = renumber(plane)
     solid = shape.area > 0.0
@@ -111,6 +112,6 @@ def split_bent(shape: Shape, plane: np.ndarray) -> np.ndarray:
     gap = np.abs((corners * normal[number][:, None]).sum(axis=2) - offset[number][:, None]).max(axis=1)
     worst = np.zeros(len(flat))
     np.maximum.at(worst, number, gap)
-    bent = np.zeros(int(plane.max()) + 1, bool)
-    bent[flat] = worst > 4.0 * shape.rounding
-    return np.where(bent[plane], len(plane) + np.arange(len(plane)), plane)
+    curved = np.zeros(int(plane.max()) + 1, bool)
+    curved[flat] = worst > 4.0 * shape.rounding
+    return np.where(curved[plane], len(plane) + np.arange(len(plane)), plane)

@@ -1,4 +1,4 @@
-"""The part of an endless plane that is drawn: around what is seen, and no further than where other planes cut it off."""
+"""The part of an infinite plane that is drawn: around the visible objects, and clipped by other planes."""
 
 from collections.abc import Iterable
 
@@ -6,24 +6,24 @@ import numpy as np
 
 from warpdem.core.snapshot import WallMesh
 
-ROOM = 0.3
-"""Room around grains that lie on a plane, over their greatest extent [-]."""
+MARGIN = 0.3
+"""Margin around grains on a plane, over their greatest extent [-]."""
 RIM = 0.02
-"""Room around equipment that stands at a plane: no wider than that, but for a rim [-]."""
+"""Margin around equipment at a plane, over its greatest extent [-]."""
 
 Half = tuple[np.ndarray, float]
 """A half-space by its unit normal, shape (3,), and offset d [m]: n . x >= d is where grains are."""
 
 
-def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray, room: float = ROOM) -> WallMesh:
+def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray, margin: float = MARGIN) -> WallMesh:
     """Convex patch of the plane n . x = d, wound about n.
 
     Args:
         name: Name of the wall.
         half: The plane.
-        others: Planes that cut it off; one that would leave nothing is passed over.
-        around: Points that the patch lies under [m], shape (n, 3).
-        room: Room around them, over their greatest extent [-].
+        others: Planes that clip it; a plane that would leave nothing is ignored.
+        around: Points whose projections the patch contains [m], shape (n, 3).
+        margin: Margin around them, over their greatest extent [-].
     """
     normal, offset = half
     along = np.eye(3)[np.argmin(np.abs(normal))]
@@ -31,16 +31,16 @@ def patch(name: str, half: Half, others: Iterable[Half], around: np.ndarray, roo
     first /= np.linalg.norm(first)
     second = np.cross(normal, first)
     points = around if len(around) else np.zeros((1, 3))
-    shadow = points @ np.stack([first, second], axis=1)
-    low, high = shadow.min(axis=0), shadow.max(axis=0)
-    # a single grain has no extent: its height above the plane does
-    reach = max(np.max(high - low), np.abs(points @ normal - offset).max())
-    low, high = low - room * reach, high + room * reach
+    projection = points @ np.stack([first, second], axis=1)
+    low, high = projection.min(axis=0), projection.max(axis=0)
+    # a single grain has no extent: its height above the plane is used
+    extent = max(np.max(high - low), np.abs(points @ normal - offset).max())
+    low, high = low - margin * extent, high + margin * extent
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     polygon = offset * normal + corners[:, :1] * first + corners[:, 1:] * second
     for other, limit in others:
-        cut = _clipped(polygon, polygon @ other - limit)
-        polygon = cut if len(cut) >= 3 else polygon
+        clipped = _clipped(polygon, polygon @ other - limit)
+        polygon = clipped if len(clipped) >= 3 else polygon
     fan = np.arange(1, len(polygon) - 1)
     triangles = np.stack([np.zeros_like(fan), fan, fan + 1], axis=1).astype(np.int32)
     return WallMesh(name, polygon, triangles, infinite=True)
@@ -55,13 +55,13 @@ def plane_of(mesh: WallMesh) -> Half:
 
 
 def _clipped(polygon: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """What of a convex polygon, shape (n, 3), lies where the height of its corners, shape (n,), is positive."""
+    """Part of a convex polygon, shape (n, 3), where the height of its corners, shape (n,), is positive."""
     kept = []
     for k, corner in enumerate(polygon):
         before = height[k - 1]
         if (before > 0.0) != (height[k] > 0.0):
-            share = before / (before - height[k])
-            kept.append(polygon[k - 1] + share * (corner - polygon[k - 1]))
+            fraction = before / (before - height[k])
+            kept.append(polygon[k - 1] + fraction * (corner - polygon[k - 1]))
         if height[k] > 0.0:
             kept.append(corner)
     return np.array(kept)

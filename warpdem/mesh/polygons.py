@@ -1,13 +1,13 @@
-"""Polygons of mesh files cut into triangles: fans where they are convex, ears where they are not."""
+"""Triangulation of the polygons of mesh files: fans for convex polygons, ear clipping for others."""
 
 import numpy as np
 
-LARGEST_CONCAVE = 5000
-"""Most corners of a polygon that is cut by ears [-]: the effort grows with their square."""
+MAX_CONCAVE = 5000
+"""Largest number of corners of a polygon for ear clipping [-]: the effort grows with its square."""
 
 
 def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """Triangles of polygons, polygon after polygon, wound as these are.
+    """Triangles of polygons, polygon after polygon, with the winding of the polygons.
 
     Args:
         points: Corners, shape (v, 3).
@@ -19,44 +19,44 @@ def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> 
 
     Raises:
         ValueError: The counts do not fit the indices, a polygon has fewer than three corners, a corner does not exist, or
-            a polygon that is not convex has more than `LARGEST_CONCAVE` corners. The text tells which.
+            a polygon that is not convex has more than `MAX_CONCAVE` corners. The text names it.
     """
     counts, indices = np.asarray(counts, np.int64).ravel(), np.asarray(indices, np.int64).ravel()
     few = counts < 3
     if few.any():
         at = int(np.argmax(few))
         raise ValueError(f"face {at} has {counts[at]} corners, at least 3 are needed")
-    # in floating point: counts from a damaged file may sum up beyond 64 bits
+    # in floating point: the sum of counts from a damaged file may exceed 64 bits
     if counts.sum(dtype=float) != len(indices):
-        raise ValueError(f"the faces ask for {counts.sum(dtype=float):.0f} corners in all, there are {len(indices)}")
+        raise ValueError(f"the faces have {counts.sum(dtype=float):.0f} corners in all, but {len(indices)} are given")
     wrong = (indices < 0) | (indices >= len(points))
     if wrong.any():
         at = int(np.argmax(wrong))
         raise ValueError(f"a face names the point {indices[at]}, there are the points 0 to {len(points) - 1}")
-    # a corner that is no number is refused with its triangle, by whoever asked for these
+    # a corner that is not a number is refused later, with its triangle
     with np.errstate(invalid="ignore", over="ignore"):
-        return _cut(points, counts, indices)
+        return _triangulated(points, counts, indices)
 
 
-def _cut(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """As `triangulate`, for faces that fit."""
+def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """As `triangulate`, for valid faces."""
     first = np.cumsum(counts) - counts
     faces, triangles = [], []
     for corners in np.unique(counts):
         number = np.flatnonzero(counts == corners)
         polygon = indices[first[number, None] + np.arange(corners)]
-        bent = np.zeros(len(number), bool) if corners == 3 else ~_is_convex(points[polygon])
-        even, k = polygon[~bent], np.arange(1, corners - 1)
-        fan = np.stack([np.broadcast_to(even[:, :1], (len(even), corners - 2)), even[:, k], even[:, k + 1]], axis=2)
+        concave = np.zeros(len(number), bool) if corners == 3 else ~_is_convex(points[polygon])
+        convex, k = polygon[~concave], np.arange(1, corners - 1)
+        fan = np.stack([np.broadcast_to(convex[:, :1], (len(convex), corners - 2)), convex[:, k], convex[:, k + 1]], axis=2)
         triangles.append(fan.reshape(-1, 3))
-        faces.append(np.repeat(number[~bent], corners - 2))
-        for which in np.flatnonzero(bent):
-            if corners > LARGEST_CONCAVE:
+        faces.append(np.repeat(number[~concave], corners - 2))
+        for which in np.flatnonzero(concave):
+            if corners > MAX_CONCAVE:
                 raise ValueError(
-                    f"face {number[which]} is not convex and has {corners} corners, allowed are {LARGEST_CONCAVE}; cut it "
-                    "into triangles in the program the mesh came from"
+                    f"face {number[which]} is not convex and has {corners} corners, allowed are {MAX_CONCAVE}; triangulate "
+                    "it in the program that made the mesh"
                 )
-            triangles.append(polygon[which][_ears(_flattened(points[polygon[which]]))])
+            triangles.append(polygon[which][_ears(_projected(points[polygon[which]]))])
             faces.append(np.full(corners - 2, number[which]))
     if not triangles:
         return np.zeros((0, 3), np.int64)
@@ -66,18 +66,18 @@ def _cut(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndar
 def _normal(polygon: np.ndarray) -> np.ndarray:
     """Twice the vector area of polygons, shape (..., n, 3) gives (..., 3) (Newell)."""
     arm = polygon - polygon[..., :1, :]
-    return np.cross(arm, np.roll(arm, -1, axis=-2)).sum(axis=-2)
+    return np.asarray(np.cross(arm, np.roll(arm, -1, axis=-2)).sum(axis=-2))
 
 
 def _is_convex(polygon: np.ndarray) -> np.ndarray:
-    """Whether no corner of a polygon turns back, shape (f, n, 3) gives (f,)."""
+    """Whether a polygon has no reflex corner, shape (f, n, 3) gives (f,)."""
     edge = np.roll(polygon, -1, axis=1) - polygon
     bend = np.cross(np.roll(edge, 1, axis=1), edge)
-    return ((bend * _normal(polygon)[:, None]).sum(axis=2) >= 0.0).all(axis=1)
+    return np.asarray(((bend * _normal(polygon)[:, None]).sum(axis=2) >= 0.0).all(axis=1))
 
 
-def _flattened(polygon: np.ndarray) -> np.ndarray:
-    """A polygon (n, 3) seen along the axis nearest to its normal, so that it runs anticlockwise, shape (n, 2)."""
+def _projected(polygon: np.ndarray) -> np.ndarray:
+    """Counterclockwise projection of a polygon (n, 3) along the axis nearest to its normal, shape (n, 2)."""
     normal = _normal(polygon)
     axis = int(np.argmax(np.abs(normal)))
     seen = polygon[:, [(axis + 1) % 3, (axis + 2) % 3]]
@@ -85,13 +85,13 @@ def _flattened(polygon: np.ndarray) -> np.ndarray:
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _ears(p: np.ndarray) -> np.ndarray:
-    """Triangles of an anticlockwise polygon (n, 2) by cutting off ears, shape (n - 2, 3).
+    """Triangles of a counterclockwise polygon (n, 2) by ear clipping, shape (n - 2, 3).
 
-    Where a polygon crosses itself there may be no ear; then the sharpest corner goes.
+    A polygon that intersects itself may have no ear; then the sharpest corner is clipped.
     """
     ring = list(range(len(p)))
     triangles = []
@@ -99,21 +99,21 @@ def _ears(p: np.ndarray) -> np.ndarray:
     while len(ring) > 3:
         here = np.array(ring)
         before, after = np.roll(here, 1), np.roll(here, -1)
-        turn = _cross(p[here] - p[before], p[after] - p[here])
-        # an ear holds no corner that turns back
-        reflex = here[turn <= 0.0]
+        corner = _cross(p[here] - p[before], p[after] - p[here])
+        # an ear contains no reflex corner
+        reflex = here[corner <= 0.0]
         order = np.roll(np.arange(len(ring)), -start)
-        ear = next((k for k in order if turn[k] > 0.0 and not _holds(p, before[k], here[k], after[k], reflex)), None)
-        ear = int(np.argmax(turn)) if ear is None else int(ear)
+        found = next((k for k in order if corner[k] > 0.0 and not _holds(p, before[k], here[k], after[k], reflex)), None)
+        ear = int(np.argmax(corner)) if found is None else int(found)
         triangles.append((before[ear], here[ear], after[ear]))
         del ring[ear]
-        # going on from here avoids a fan of slivers about one corner
+        # continuing from here avoids a fan of slivers about one corner
         start = ear % len(ring)
     return np.array([*triangles, ring], dtype=np.int64)
 
 
 def _holds(p: np.ndarray, a: int, b: int, c: int, others: np.ndarray) -> bool:
-    """Whether the triangle a, b, c of points (n, 2) holds one of the others that is none of its corners."""
+    """Whether the triangle a, b, c of points (n, 2) contains one of the others that is none of its corners."""
     q = p[others[~np.isin(others, (a, b, c))]]
     corners = p[[a, b, c]]
     edge = np.roll(corners, -1, axis=0) - corners

@@ -1,34 +1,34 @@
 """Repair of the triangles of a mesh file: duplicates and windings.
 
-Triangles that are there twice count once. In a closed mesh, triangles that are wound against their neighbours are turned
-round, and so are whole bodies: with outward normals, one more normal points inwards for each body that a body lies in.
-Nothing else is changed; what cannot be mended is counted and said with its place.
+Duplicate triangles count once. In a closed mesh, triangles whose winding is opposite to that of their neighbours are flipped,
+and so are whole bodies: the normals of a body point outwards if it lies in an even number of other bodies. Nothing else is
+changed; faults that cannot be repaired are reported with their number and position.
 """
 
 import math
 
 import numpy as np
 
-from warpdem.mesh.bodies import MOST_BODIES
+from warpdem.mesh.bodies import MAX_BODIES
 from warpdem.mesh.edges import Edges
 from warpdem.mesh.grouping import components, first_and_group
 
 PROBES = 8
-"""Points of a body that must agree on which other bodies it lies in [-]."""
+"""Number of points of a body that must agree on the bodies that contain it [-]."""
 
 
 def first_of_each(triangles: np.ndarray) -> np.ndarray:
-    """Whether a triangle is the first with its three corners, whichever way they run, shape (t, 3) gives (t,)."""
+    """Whether a triangle is the first with its three corners, in any order; shape (t, 3) gives (t,)."""
     first = np.zeros(len(triangles), bool)
     first[first_and_group(np.sort(triangles, axis=1))[0]] = True
     return first
 
 
 def not_cancelled(triangles: np.ndarray, solid: np.ndarray, single: np.ndarray, distinct: np.ndarray) -> np.ndarray:
-    """Which triangles count, shape (t,): the first of each, but none of those at which two bodies touch face to face.
+    """Which triangles count, shape (t,): the first of duplicates, but none of those at which two bodies touch face to face.
 
-    There a triangle is there twice, once for each body and with opposite windings. Left in once it would fork the surface;
-    that both are left out is only meant where nothing stays open then.
+    Such a triangle exists twice, once for each body, with opposite windings. If one of them stayed, its edges would be
+    non-manifold. Both are left out only if no edge is open then.
 
     Args:
         triangles: Corner numbers, shape (t, 3).
@@ -41,16 +41,16 @@ def not_cancelled(triangles: np.ndarray, solid: np.ndarray, single: np.ndarray, 
     group = first_and_group(np.sort(triangles, axis=1))[1]
     low = triangles.argmin(axis=1)[:, None]
     following = np.take_along_axis(triangles, np.concatenate([(low + 1) % 3, (low + 2) % 3], axis=1), axis=1)
-    way = np.bincount(group, np.where(following[:, 0] < following[:, 1], 1.0, -1.0))
-    meant = single & (way[group] != 0.0)
-    return meant if Edges(triangles[np.where(solid, meant, distinct)]).is_closed else single
+    winding = np.bincount(group, np.where(following[:, 0] < following[:, 1], 1.0, -1.0))
+    counted: np.ndarray = single & (winding[group] != 0.0)
+    return counted if Edges(triangles[np.where(solid, counted, distinct)]).is_closed else single
 
 
 def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, area: np.ndarray) -> np.ndarray:
-    """Which triangles of a closed mesh to turn round so that all are wound alike, shape (t,).
+    """Which triangles of a closed mesh to flip so that all windings are consistent, shape (t,).
 
-    In each body the smaller part of its area is turned; among bodies those that disagree with most of the area. A
-    one-sided surface (Klein's bottle) has no such winding; nothing of it is turned, nor whole bodies beside it.
+    In each body the smaller part of its area is flipped; among bodies those that disagree with most of the area. A one-sided
+    surface (Klein bottle) has no consistent winding; nothing of it is flipped, nor other bodies of the mesh.
 
     Args:
         vertices: Corners [m], shape (v, 3).
@@ -60,38 +60,38 @@ def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, are
     """
     count = len(triangles)
     a, b = edges.sides.T
-    # each triangle stands for two: as it is, and (count further on) turned round; those that fit together are joined
+    # each triangle has two nodes: as it is, and (offset by count) flipped; consistent neighbours are joined
     other = np.where(edges.twisted, count, 0)
     c, d = edges.pairs_at_shared(vertices, triangles).T
     fits = np.concatenate(
         [np.stack(pair, axis=1) for pair in ((a, b + other), (a + count, b + count - other), (c, d), (c + count, d + count))]
     )
-    as_is, turned = components(2 * count, fits).reshape(2, count)
-    body = first_and_group(np.minimum(as_is, turned)[:, None])[1]
-    wrong = as_is > turned
-    one_sided = np.bincount(body, as_is == turned) > 0
+    as_is, flipped = components(2 * count, fits).reshape(2, count)
+    body = first_and_group(np.minimum(as_is, flipped)[:, None])[1]
+    wrong: np.ndarray = as_is > flipped
+    one_sided = np.bincount(body, as_is == flipped) > 0
     wrong ^= (2.0 * np.bincount(body, area * wrong) > np.bincount(body, area))[body]
-    if one_sided.any() or not 1 < body.max() + 1 <= MOST_BODIES:
+    if one_sided.any() or not 1 < body.max() + 1 <= MAX_BODIES:
         return wrong
     wound = np.where(wrong[:, None], triangles[:, ::-1], triangles)
     inverted, doubt = _inverted_bodies(vertices[wound], body)
     of_area = np.bincount(body, area)
     if of_area[inverted & ~doubt].sum() > of_area[~inverted & ~doubt].sum():
         inverted = ~inverted
-    return wrong ^ (inverted & ~doubt)[body]
+    return np.asarray(wrong ^ (inverted & ~doubt)[body])
 
 
 def _inverted_bodies(corners: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the normals of a body point the wrong way: outwards is right for one that lies in an even number of others.
+    """Whether the normals of a body point the wrong way: outwards is right if it lies in an even number of others.
 
-    A body that is partly in another is in doubt.
+    A body that is partly inside another is undecided.
 
     Args:
         corners: Corners of the triangles [m], shape (t, 3, 3), wound alike within each body.
         body: Number of the body of each triangle, shape (t,).
 
     Returns:
-        For each body whether it is inverted, and whether that is in doubt.
+        For each body whether it is inverted, and whether it is undecided.
     """
     count = int(body.max()) + 1
     order = np.argsort(body, kind="stable")
@@ -111,7 +111,7 @@ def _inverted_bodies(corners: np.ndarray, body: np.ndarray) -> tuple[np.ndarray,
 
 
 def _winding(corners: np.ndarray, point: np.ndarray) -> float:
-    """How often closed triangles (t, 3, 3) run round a point: the sum of their solid angles over 4 pi.
+    """Winding number of closed triangles (t, 3, 3) about a point: the sum of their solid angles over 4 pi.
 
     Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """

@@ -1,19 +1,20 @@
-"""The size of a mesh compared with that of the grains: a file in other units is found by it."""
+"""Size of a mesh compared with that of the grains, which reveals a file in other units."""
 
 import numpy as np
+import numpy.typing as npt
 
 from warpdem.errors import SceneError
 
 LARGEST_MESH = 20_000.0
-"""Largest mesh in mean grain diameters [-]: more grains abreast than that never fit into a computer."""
+"""Largest size of a mesh in mean grain diameters [-]: more grains side by side do not fit into any computer."""
 SMALLEST_MESH = 0.2
-"""Smallest mesh in mean grain diameters [-]: a thinner needle is no wall for such grains."""
+"""Smallest size of a mesh in mean grain diameters [-]: a thinner needle is no wall for such grains."""
 USUAL_MESH = (3.0, 1000.0)
-"""Sizes in mean grain diameters [-] beyond which a mesh is allowed but told about."""
+"""Range of sizes in mean grain diameters [-] outside which a warning is given."""
 
 
-def size_warning(name: str, bounds: np.ndarray, diameters, key: str) -> str | None:
-    """What is odd about the size of a mesh beside that of its grains, as when millimetres are read as metres.
+def size_warning(name: str, bounds: np.ndarray, diameters: npt.ArrayLike, key: str) -> str | None:
+    """Warning if the size of a mesh is unusual for its grains, as when millimetres are read as metres; None if it is not.
 
     Args:
         name: File of the mesh.
@@ -24,7 +25,7 @@ def size_warning(name: str, bounds: np.ndarray, diameters, key: str) -> str | No
     Raises:
         SceneError: The mesh is more than `LARGEST_MESH` or less than `SMALLEST_MESH` mean grain diameters large.
     """
-    diameter = float(np.mean(diameters))
+    diameter = float(np.mean(np.asarray(diameters)))
     size = float((bounds[1] - bounds[0]).max())
     ratio = size / diameter
     low, high = USUAL_MESH

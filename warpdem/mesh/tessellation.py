@@ -1,22 +1,27 @@
-"""Triangles of analytic walls for drawing only: contacts never see them."""
+"""Triangles of analytic walls, for drawing only: contacts use the analytic shapes."""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from warpdem.core.snapshot import WallMesh
-from warpdem.mesh.plane_patch import RIM, ROOM, patch
+from warpdem.mesh.plane_patch import MARGIN, RIM, patch
+from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.scene.base import Vec3
 from warpdem.scene.wall_shapes import Plane, Revolved, Sphere
+from warpdem.scene.walls import Wall
 
 SECTIONS = 96
-"""Facets around: chords leave the circle by 0.05 % of the radius."""
+"""Facets around the axis: chords deviate from the circle by 0.05 % of the radius."""
 
 
-def drawings(walls, meshes: dict, positions: np.ndarray) -> list[WallMesh]:
-    """What is drawn of the walls of a scene, each in its body axes.
+def drawings(walls: Sequence[Wall], meshes: Mapping[str, TriangleMesh], positions: np.ndarray) -> list[WallMesh]:
+    """Meshes for drawing the walls of a scene, each in its body axes.
 
     Args:
         walls: The walls of the scene.
         meshes: Triangles of the mesh walls, by name.
-        positions: Where grains are at the start [m], shape (n, 3): what has no end is drawn around them.
+        positions: Initial positions of the grains [m], shape (n, 3): infinite shapes are drawn around them.
     """
     drawn = [WallMesh(name, mesh.vertices, mesh.triangles) for name, mesh in meshes.items()]
     around = np.concatenate([positions, *(mesh.vertices for mesh in drawn)])
@@ -27,46 +32,46 @@ def drawings(walls, meshes: dict, positions: np.ndarray) -> list[WallMesh]:
     patches = []
     for name, half in planes.items():
         others = [planes[other] for other in planes if other != name and motions[other] == motions[name]]
-        patches.append(patch(name, half, others, around, RIM if drawn else ROOM))
+        patches.append(patch(name, half, others, around, RIM if drawn else MARGIN))
     return drawn + patches
 
 
-def tessellated(name: str, shape, around: np.ndarray) -> WallMesh:
+def tessellated(name: str, shape: Revolved | Sphere, around: np.ndarray) -> WallMesh:
     """Triangles of a cylinder, cone or sphere.
 
     Args:
         name: Name of the wall.
         shape: The shape.
-        around: Points [m], shape (n, 3), that what has no end is drawn as far as, and a little further.
+        around: Points [m], shape (n, 3): an infinite shape is drawn up to them and a little further.
     """
     if isinstance(shape, Sphere):
         polar = np.linspace(0.0, np.pi, SECTIONS // 2 + 1)
         return _lathe(name, shape.centre, (0.0, 0.0, 1.0), -shape.radius * np.cos(polar), shape.radius * np.sin(polar))
-    begin, end = _stretch(shape, around)
-    height, radius = (np.array([begin, end]) * run + foot for run, foot in zip(shape.run, shape.foot, strict=True))
+    begin, end = _drawn_range(shape, around)
+    height, radius = (np.array([begin, end]) * run + foot for run, foot in zip(shape.direction, shape.foot, strict=True))
     return _lathe(name, shape.origin, shape.axis, height, radius)
 
 
-def _stretch(shape: Revolved, around: np.ndarray) -> tuple[float, float]:
-    """From where to where along its generatrix a shape is drawn [m]."""
-    begin, end = shape.reach
+def _drawn_range(shape: Revolved, around: np.ndarray) -> tuple[float, float]:
+    """Start and end of the drawn part of a shape along its generatrix [m]."""
+    begin, end = shape.limits
     if np.isfinite([begin, end]).all():
         return begin, end
-    along = (around - np.array(shape.origin)) @ np.array(shape.axis) / shape.run[0] if len(around) else np.zeros(1)
-    room = max(0.05 * np.ptp(along), 0.5 * shape.foot[1])
-    low = along.min() - room if shape.run[1] == 0.0 else 0.0  # a cone begins at its apex
-    return low, max(along.max() + room, low + 2.0 * room)
+    along = (around - np.array(shape.origin)) @ np.array(shape.axis) / shape.direction[0] if len(around) else np.zeros(1)
+    margin = max(0.05 * np.ptp(along), 0.5 * shape.foot[1])
+    low = along.min() - margin if shape.direction[1] == 0.0 else 0.0  # a cone begins at its apex
+    return float(low), float(max(along.max() + margin, low + 2.0 * margin))
 
 
-def _lathe(name: str, origin, axis, height: np.ndarray, radius: np.ndarray) -> WallMesh:
-    """A line (height, radius) [m], shapes (k,), turned about an axis."""
-    axis = np.array(axis)
-    across = np.eye(3)[np.argmin(np.abs(axis))]
-    first = np.cross(axis, across)
+def _lathe(name: str, origin: Vec3, axis: Vec3, height: np.ndarray, radius: np.ndarray) -> WallMesh:
+    """Surface of revolution of a line (height, radius) [m], shapes (k,), about an axis."""
+    along = np.array(axis)
+    across = np.eye(3)[np.argmin(np.abs(along))]
+    first = np.cross(along, across)
     first /= np.linalg.norm(first)
     angle = 2.0 * np.pi * np.arange(SECTIONS) / SECTIONS
-    circle = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(axis, first)
-    vertices = np.array(origin) + height[:, None, None] * axis + radius[:, None, None] * circle
+    circle = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(along, first)
+    vertices = np.array(origin) + height[:, None, None] * along + radius[:, None, None] * circle
     k, s = np.meshgrid(np.arange(len(height) - 1), np.arange(SECTIONS), indexing="ij")
     a, b = k * SECTIONS + s, k * SECTIONS + (s + 1) % SECTIONS
     c, d = b + SECTIONS, a + SECTIONS

@@ -1,15 +1,17 @@
-"""Mesh files to triangles in metres, mended and taken apart into smooth and flat pieces; distance and volume of closed ones.
+"""Triangle meshes in metres: read from a file, repaired and divided into smooth and flat pieces; signed distance.
 
 Everything after the file is float64.
 """
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from warpdem.errors import SceneError
 from warpdem.mesh import file as mesh_file
@@ -18,64 +20,76 @@ from warpdem.mesh.bodies import Bodies, find_bodies
 from warpdem.mesh.distance import DistanceQuery
 from warpdem.mesh.edges import Edges
 from warpdem.mesh.grouping import renumber
-from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, split_bent
+from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, split_curved
 from warpdem.mesh.repair import first_of_each, not_cancelled, wrongly_wound
 from warpdem.mesh.weld import weld
 from warpdem.usd.stage import USD_SUFFIXES
 
 LARGEST_NUMBER = 1e30
-"""Largest coordinate that is taken for one [-]: its square still fits into a float64, and float32 holds it."""
+"""Largest valid coordinate [-]: its square fits into float64, and float32 can hold it."""
+
+
+class Rotate(Protocol):
+    """A rotation about the origin, as the key ``rotate`` of a wall."""
+
+    @property
+    def axis(self) -> Sequence[float]:
+        """Direction of the axis [-], any length but zero."""
+
+    @property
+    def angle(self) -> float:
+        """Angle [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A triangle mesh in metres, placed where it stands at time 0, with its pieces."""
+    """A triangle mesh in metres at its position at time 0, with its pieces."""
 
     name: str
-    """File it came from, for messages."""
+    """Name of its file, for messages."""
     vertices: np.ndarray
-    """Corners [m], shape (v, 3), float64; corners that are one in the file are one here."""
+    """Corners [m], shape (v, 3), float64; each corner of the file once."""
     triangles: np.ndarray
     """Corner numbers of each triangle, shape (t, 3), int32."""
     dropped: int
-    """Triangles without area that the file held and that were left out."""
+    """Number of triangles without area in the file, which are left out."""
     duplicates: int
-    """Triangles that the file held a second time and that were left out."""
-    turned: int
-    """Triangles of a closed mesh that were wound the wrong way and were turned round."""
+    """Number of duplicate triangles in the file, which are left out."""
+    flipped: int
+    """Number of triangles of a closed mesh whose wrong winding was reversed."""
     open_edges: int
-    """Edges that only one triangle has."""
-    forked_edges: int
-    """Edges at which three or more triangles meet that do not close a surface: as many run one way as the other in those of
-    bodies that touch."""
-    twisted_edges: int
-    """Edges whose two triangles are wound against each other."""
+    """Number of edges of only one triangle."""
+    nonmanifold_edges: int
+    """Number of edges at which three or more triangles meet with unbalanced orientations; where closed bodies touch, the
+    orientations are balanced."""
+    mismatched_edges: int
+    """Number of edges whose two triangles have inconsistent windings."""
     bodies: Bodies | None
-    """The closed bodies, if there are several that may lie in each other, touch or cut; else None."""
+    """The closed bodies, if there are several that may be nested, touch or intersect; else None."""
     notes: tuple[str, ...]
-    """What was mended, left out or is odd, each with its count and the place of the first, for people."""
+    """Repairs, omissions and faults, each with its number and the position of the first, for the user."""
     volume: float
-    """Enclosed volume [m3]; negative when the normals of a closed mesh point inwards, without meaning when open."""
+    """Enclosed volume [m3]; negative if the normals of a closed mesh point inwards, meaningless for an open mesh."""
     bounds: np.ndarray
-    """Least and greatest corner [m], shape (2, 3)."""
+    """Minimum and maximum of the coordinates [m], shape (2, 3)."""
     piece: np.ndarray
-    """Smooth piece each triangle belongs to, shape (t,), int32: joined where they meet below `SMOOTH_ANGLE`."""
+    """Smooth piece of each triangle, shape (t,), int32: neighbours below `SMOOTH_ANGLE` belong to one piece."""
     plane: np.ndarray
-    """Flat piece each triangle belongs to, shape (t,), int32."""
+    """Flat piece of each triangle, shape (t,), int32."""
     plane_normal: np.ndarray
-    """Unit normal of each flat piece [-], shape (p, 3), on the side its triangles turn to."""
+    """Unit normal of each flat piece [-], shape (p, 3), with the orientation of its triangles."""
     plane_offset: np.ndarray
     """Offset of each flat piece [m], shape (p,): its points satisfy normal . x = offset."""
 
     @property
     def is_closed(self) -> bool:
-        """Whether the triangles at each edge are two, or as many one way as the other."""
-        return self.open_edges == self.forked_edges == 0
+        """Whether each edge has two triangles, or triangles of balanced orientations."""
+        return self.open_edges == self.nonmanifold_edges == 0
 
     @property
     def corners(self) -> np.ndarray:
         """Corners of each triangle [m], shape (t, 3, 3)."""
-        return self.vertices[self.triangles]
+        return np.asarray(self.vertices[self.triangles])
 
     @functools.cached_property
     def _query(self) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -86,23 +100,30 @@ class TriangleMesh:
 
 
 def load_mesh(
-    path, scale=1.0, rotate=None, translate=(0.0, 0.0, 0.0), prim="", key: str = "mesh", folders=None
+    path: str | Path,
+    scale: float = 1.0,
+    rotate: Rotate | None = None,
+    translate: Sequence[float] = (0.0, 0.0, 0.0),
+    prim: str = "",
+    key: str = "mesh",
+    folders: Sequence[Path] | None = None,
 ) -> TriangleMesh:
-    """Read a mesh file, weld its corners, then scale, rotate and translate it, and mend it (see `warpdem.mesh.repair`).
+    """Read a mesh file, weld its corners, then scale, rotate, translate and repair it (see `warpdem.mesh.repair`).
 
     Args:
-        path: STL (binary or ASCII), OBJ, PLY or USD file; of a USD file the lengths are metres and z is upwards already.
-        scale: Metres per unit of the file [m], one number.
-        rotate: None, or an object with `axis` (any length) and `angle` [rad] (turn about the origin).
-        translate: Shift after scaling and turning [m].
+        path: STL (binary or ASCII), OBJ, PLY or USD file; a USD file is converted to metres with z upwards first.
+        scale: Metres per unit of the file [m].
+        rotate: Rotation about the origin; None for none.
+        translate: Translation after scaling and rotation [m].
         prim: Path of a prim of a USD file; "" if the file holds one surface only.
         key: Scene key, for messages.
-        folders: Folders that all files which a USD file refers to must lie in; None is no bound.
+        folders: Folders that must hold all files which a USD file refers to; None for no restriction.
 
     Raises:
-        SceneError: File missing, unreadable, empty, or with a corner that is not a finite number.
+        SceneError: The file is missing, unreadable, empty, or has a corner that is not a finite number.
     """
-    path, notes = Path(path), ()
+    path = Path(path)
+    notes: tuple[str, ...] = ()
     if path.suffix.lower() in USD_SUFFIXES:
         corners, notes = usd_geometry.read_triangles(path, prim, key, folders)
     else:
@@ -112,19 +133,21 @@ def load_mesh(
 
 
 def build_mesh(
-    corners: np.ndarray, pose=None, name: str = "mesh", key: str = "mesh", notes: tuple[str, ...] = ()
+    corners: npt.ArrayLike,
+    pose: tuple[np.ndarray, np.ndarray] | None = None,
+    name: str = "mesh", key: str = "mesh", notes: tuple[str, ...] = ()
 ) -> TriangleMesh:
     """Mesh of loose triangles.
 
     Args:
         corners: Corners in units of the file, shape (t, 3, 3).
-        pose: None, or matrix (3, 3) and shift (3,) that take the file's coordinates to metres.
+        pose: Matrix (3, 3) and translation (3,) from the file's coordinates to metres; None if they are metres.
         name: Shown in messages.
         key: Scene key, for messages.
-        notes: What reading the file has noted already.
+        notes: Notes from reading the file.
 
     Raises:
-        SceneError: No triangle with an area, or a corner that is not a finite number.
+        SceneError: There is no triangle with an area, or a corner that is not a finite number.
     """
     corners = np.asarray(corners, np.float64)
     bad = ~(np.abs(corners) <= LARGEST_NUMBER).all(axis=(1, 2))
@@ -147,31 +170,31 @@ def build_mesh(
     report = _Report(vertices, list(notes))
     report.joined(joined, apart * size)
     dropped = report.triangles(triangles[~solid], "without area left out")
-    # a triangle whose corners coincide cancels itself; one with three corners on a line still joins its neighbours
+    # a triangle with coincident corners has no effect; one with three collinear corners still connects its neighbours
     distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    meant = not_cancelled(triangles, solid, single, distinct)
+    counted = not_cancelled(triangles, solid, single, distinct)
     cancelled = report.triangles(
-        triangles[solid & single & ~meant], "left out at which bodies touch face to face: two of opposite winding cancel"
+        triangles[solid & single & ~counted], "left out where bodies touch face to face: two of opposite winding cancel"
     )
-    duplicates = report.triangles(triangles[solid & ~single], "that are there twice left out") if not cancelled else cancelled
-    triangles = triangles[np.where(solid, meant, distinct)]
+    duplicates = report.triangles(triangles[solid & ~single], "given twice left out") if not cancelled else cancelled
+    triangles = triangles[np.where(solid, counted, distinct)]
     shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
-    turned = 0
+    flipped = 0
     if edges.is_closed:
         wrong = wrongly_wound(vertices, triangles, edges, shape.area)
-        turned = report.triangles(triangles[wrong], "wound the wrong way turned round")
-    if turned:
+        flipped = report.triangles(triangles[wrong], "of wrong winding flipped")
+    if flipped:
         triangles = np.where(wrong[:, None], triangles[:, ::-1], triangles)
         shape, edges = Shape(vertices, triangles, rounding), Edges(triangles)
     report.edges(edges.border, "open edges (of one triangle only)")
     report.edges(edges.forked, "edges at which three or more triangles meet")
-    report.edges(edges.ends[edges.twisted], "edges whose two triangles are wound against each other")
+    report.edges(edges.ends[edges.twisted], "edges whose two triangles have inconsistent windings")
     keep = shape.area > 0.0
     bodies = find_bodies(vertices, triangles, edges, keep)
     if bodies is not None and bodies.note:
         report.notes.append(bodies.note)
     piece, plane = find_pieces(shape, edges)
-    plane = split_bent(shape, plane)
+    plane = split_curved(shape, plane)
     piece, plane = renumber(piece[keep]), renumber(plane[keep])
     normal, offset = fit_planes(shape.select(keep), plane)
     p = vertices[triangles]
@@ -181,10 +204,10 @@ def build_mesh(
         triangles=triangles[keep].astype(np.int32),
         dropped=dropped,
         duplicates=duplicates,
-        turned=turned,
+        flipped=flipped,
         open_edges=len(edges.border),
-        forked_edges=len(edges.forked),
-        twisted_edges=int(edges.twisted.sum()),
+        nonmanifold_edges=len(edges.forked),
+        mismatched_edges=int(edges.twisted.sum()),
         bodies=bodies,
         notes=tuple(report.notes),
         volume=float(np.linalg.det(p - p.mean(axis=(0, 1))).sum() / 6.0),
@@ -197,14 +220,14 @@ def build_mesh(
 
 
 class _Report:
-    """Collects notes about triangles and edges: how many, and where the first is."""
+    """Collects notes about triangles and edges: their number, and the position of the first."""
 
-    def __init__(self, vertices: np.ndarray, notes: list[str]):
+    def __init__(self, vertices: np.ndarray, notes: list[str]) -> None:
         self._vertices = vertices
         self.notes = notes
 
     def triangles(self, which: np.ndarray, what: str) -> int:
-        """Note triangles (k, 3), if there are any; returns how many."""
+        """Note triangles (k, 3), if there are any; returns their number."""
         self._add(which, "triangle" if len(which) == 1 else "triangles", what)
         return len(which)
 
@@ -213,10 +236,10 @@ class _Report:
         self._add(ends, "", what)
 
     def joined(self, count: int, apart: float) -> None:
-        """Note corners that were joined, up to ``apart`` [m] from each other."""
+        """Note corners that were joined, at distances up to ``apart`` [m]."""
         if count:
             noun = "corner" if count == 1 else "corners"
-            self.notes.append(f"{count} {noun} joined with others, up to {apart:.2g} m away: one point but for its rounding")
+            self.notes.append(f"{count} {noun} joined with others at up to {apart:.2g} m: equal within rounding of the file")
 
     def _add(self, corners: np.ndarray, noun: str, what: str) -> None:
         if len(corners):
@@ -225,48 +248,49 @@ class _Report:
 
 
 def require_closed(mesh: TriangleMesh, key: str, remedy: str) -> None:
-    """Refuse a mesh that has no inside.
+    """Require a mesh that has an inside.
 
     Args:
         mesh: The mesh.
         key: Scene key, for messages.
-        remedy: What to write instead, for messages.
+        remedy: Remedy, for messages.
 
     Raises:
-        SceneError: The triangles at some edge are neither two nor as many one way as the other, or the two are wound
-            against each other and cannot be mended since the surface has only one side.
+        SceneError: An edge has neither two triangles nor triangles of balanced orientations, or the surface is one-sided, so
+            that the windings of its triangles cannot be made consistent.
     """
-    if mesh.is_closed and not mesh.twisted_edges:
+    if mesh.is_closed and not mesh.mismatched_edges:
         return
     found = "; ".join(note for note in mesh.notes if "edges" in note)
     raise SceneError(
-        f"{key}: {mesh.name}: the mesh must be closed to tell inside from outside, each edge shared by exactly two "
-        f"triangles (where bodies touch, by as many one way as the other), but has {found}; {remedy}"
+        f"{key}: {mesh.name}: the mesh must be closed to have an inside, each edge shared by exactly two "
+        f"triangles (where bodies touch, by as many of either orientation), but has {found}; {remedy}"
     )
 
 
-def signed_distance(mesh: TriangleMesh, points) -> tuple[np.ndarray, np.ndarray]:
-    """Distance of points from the surface of a closed mesh, negative inside, whichever way its normals point.
+def signed_distance(mesh: TriangleMesh, points: npt.ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of points from the surface of a closed mesh, negative inside, for any orientation of its normals.
 
     Args:
         mesh: Closed mesh (see `require_closed`).
         points: Points [m], shape (n, 3).
 
     Returns:
-        Distance [m], shape (n,), and its gradient [-], shape (n, 3): the unit vector that leads outwards.
+        Distance [m], shape (n,), and its gradient [-], shape (n, 3): a unit vector that points outwards.
     """
     return mesh._query(np.asarray(points, float).reshape(-1, 3))
 
 
-def inside(mesh: TriangleMesh, points) -> np.ndarray:
+def inside(mesh: TriangleMesh, points: npt.ArrayLike) -> np.ndarray:
     """Whether points [m], shape (n, 3), lie inside a closed mesh; bool, shape (n,)."""
     return signed_distance(mesh, points)[0] < 0.0
 
 
-def _rotation_matrix(rotate) -> np.ndarray:
-    """Matrix of a turn by `rotate.angle` about `rotate.axis` (Rodrigues' formula), shape (3, 3)."""
+def _rotation_matrix(rotate: Rotate | None) -> np.ndarray:
+    """Matrix of a rotation (Rodrigues' formula), shape (3, 3)."""
     if rotate is None:
         return np.eye(3)
     x, y, z = np.asarray(rotate.axis, float) / np.linalg.norm(rotate.axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(rotate.angle) * cross + 2.0 * math.sin(0.5 * rotate.angle) ** 2 * (cross @ cross)
+    increment = math.sin(rotate.angle) * cross + 2.0 * math.sin(0.5 * rotate.angle) ** 2 * (cross @ cross)
+    return np.asarray(np.eye(3) + increment)

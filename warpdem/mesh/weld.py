@@ -1,15 +1,14 @@
-"""Corners of loose triangles that are one point: equal ones, and those that differ by no more than the file's own rounding.
+"""Welding of the corners of separate triangles: equal corners, and corners that differ by no more than the file's rounding.
 
-An STL file repeats each corner in every triangle that has it, and programs write one corner in more than one way: 1.2e-16
-for a cosine of 90 degrees in one facet and 0 in the next, or another last digit. Corners that are equal in float32 are one
-always. Beyond that corners are joined only where the surface has a gap (at edges that an odd number of triangles have),
-first the nearest, within
+An STL file repeats each corner in every triangle, and programs write one corner in more than one way: 1.2e-16 for a cosine of
+90 degrees in one facet and 0 in the next, or another last digit. Corners that are equal in float32 are always joined. Other
+corners are joined only where the surface has a gap (at edges of an odd number of triangles), nearest first, within
 
     2^-22 of the largest coordinate: two units in the last place of float32, or
     1e-6, 1e-5 of it where all numbers are written with seven, with six digits: one unit in the last place of these,
 
-and only where that closes edges. So a surface without gaps is taken as it is, however small its features, and no triangle
-with an area loses a corner. None of it depends on the order of the triangles.
+and only where that closes edges. So a surface without gaps is not changed, however small its features, and no triangle with an
+area loses a corner. The result does not depend on the order of the triangles.
 """
 
 import itertools
@@ -20,32 +19,32 @@ from warpdem.mesh.grouping import components, first_and_group
 from warpdem.mesh.pieces import ROUNDING, Shape
 
 BINARY = (2.0**-40, 2.0**-26, 2.0**-22)
-"""Distances that are tried, over the largest coordinate [-]: what is left of a zero first, then the rounding of float32."""
+"""Distances to try, over the largest coordinate [-]: first rounded zeros, then the rounding of float32."""
 MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
-"""Odd numbers that spread cells over all of 64 bits [-]."""
+"""Odd multipliers that hash cells to 64 bits [-]."""
 DECIMAL = {7: 1.05e-6, 6: 1.05e-5}
-"""One unit in the last of so many digits, over the largest number [-]; fewer digits are exact numbers, not rounded ones."""
+"""One unit in the last of so many digits, over the largest number [-]; numbers of fewer digits are exact."""
 
 
 def weld(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Vertices (v, 3) and corner numbers (t, 3) of triangles (t, 3, 3), in the order of the file.
 
     Returns:
-        Vertices, corner numbers, how many vertices were joined with others that are not equal in float32, and how far they
-        were apart at most, in units of the file.
+        Vertices, corner numbers, the number of vertices that were joined with others not equal in float32, and their largest
+        distance, in units of the file.
     """
     vertices, triangles = _equal(corners)
-    loose, gaps = _loose(triangles)
+    loose, gaps = _open_ends(triangles)
     if not gaps:
         return vertices, triangles, 0, 0.0
     before, largest = len(vertices), float(np.abs(vertices).max())
-    # only here may something change
+    # only these triangles may change
     at_loose = np.isin(np.arange(before), loose)
     near = np.flatnonzero(at_loose[triangles].any(axis=1))
     part, farthest = triangles[near], 0.0
-    for share in _shares(corners):
-        kept = _joined(vertices, part, loose, share * largest)
-        left, open_still = _loose(kept[part], at_loose)
+    for fraction in _relative_distances(corners):
+        kept = _joined(vertices, part, loose, fraction * largest)
+        left, open_still = _open_ends(kept[part], at_loose)
         if open_still < gaps:
             moved = np.linalg.norm(vertices - vertices[kept], axis=1)
             farthest, part, loose, gaps = max(farthest, float(moved.max())), kept[part], left, open_still
@@ -67,14 +66,14 @@ def _equal(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return flat[first] + 0.0, group.reshape(-1, 3)
 
 
-def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> tuple[np.ndarray, int]:
-    """Ends of the edges that an odd number of triangles have, ascending, and how many such edges there are.
+def _open_ends(triangles: np.ndarray, among: np.ndarray | None = None) -> tuple[np.ndarray, int]:
+    """Ends of the edges of an odd number of triangles, ascending, and the number of such edges.
 
-    A triangle that is there twice counts once.
+    A duplicate triangle counts once.
 
     Args:
         triangles: Corner numbers, shape (t, 3).
-        among: Whether an edge at each vertex may be one, shape (v,); None if any may.
+        among: Vertices at which such edges are possible, bool, shape (v,); None for all.
     """
     once = triangles[first_and_group(np.sort(triangles, axis=1))[0]]
     edge = np.sort(np.stack([once, np.roll(once, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
@@ -87,27 +86,27 @@ def _loose(triangles: np.ndarray, among: np.ndarray | None = None) -> tuple[np.n
     return np.unique(np.divmod(odd, size)), len(odd)
 
 
-def _shares(corners: np.ndarray) -> list[float]:
+def _relative_distances(corners: np.ndarray) -> list[float]:
     """Distances to try over the largest coordinate [-], ascending."""
     values = np.abs(corners[corners != 0.0])
     for digits in sorted(DECIMAL):
         scaled = values * 10.0 ** (digits - 1.0 - np.floor(np.log10(values)))
-        # what is left of a zero is no number that was written with so many digits, or it is one that does not matter
+        # a rounded zero either was not written with so many digits, or does not matter
         if (np.abs(scaled - np.rint(scaled)) <= 1e-6).all():
             return [*BINARY, *(DECIMAL[d] for d in sorted(DECIMAL, reverse=True) if d >= digits)]
     return list(BINARY)
 
 
 def _joined(vertices: np.ndarray, triangles: np.ndarray, loose: np.ndarray, distance: float) -> np.ndarray:
-    """Vertex that each vertex becomes, shape (v,): loose ones within about ``distance`` of each other become one.
+    """Vertex that replaces each vertex, shape (v,): ``loose`` ones within about ``distance`` of each other are joined.
 
-    Of a cluster the vertex stays that most triangles have, and of equals the least by its coordinates.
+    Of a cluster the vertex with the most triangles is kept, among equals the lowest by its coordinates.
     """
     points = vertices[loose]
     label = components(len(points), _close(points, distance))
     cluster = np.arange(len(vertices))
     cluster[loose] = loose[label]
-    # two corners of a triangle with an area stay two, and so does all that would go with them
+    # two corners of a triangle with an area are never joined, nor is the rest of their cluster
     moving = triangles[(cluster[triangles] != triangles).any(axis=1)]
     solid = moving[Shape(vertices, moving, ROUNDING * np.abs(vertices).max()).area > 0.0]
     of_corner = cluster[solid]
@@ -125,7 +124,7 @@ def _joined(vertices: np.ndarray, triangles: np.ndarray, loose: np.ndarray, dist
 
 
 def _close(points: np.ndarray, distance: float) -> np.ndarray:
-    """Pairs (k, 2) that link all points (n, 3) within ``distance`` of each other along each axis; none twice as far is.
+    """Pairs (k, 2) that link all points (n, 3) within ``distance`` along each axis, and none beyond twice the distance.
 
     Two such points share a cell of edge 2 ``distance`` in at least one of eight grids, each shifted by half a cell or not.
     """
@@ -133,7 +132,7 @@ def _close(points: np.ndarray, distance: float) -> np.ndarray:
     pairs = [np.zeros((0, 2), np.int64)]
     for shift in itertools.product((0.0, 0.5), repeat=3):
         cell = np.floor(points / edge + shift).astype(np.int64)
-        # one number for each cell: sorting by it takes a third of the time; that two cells have the same is made harmless
+        # a hash of each cell: sorting by it takes a third of the time; collisions are removed below
         mixed = (cell.astype(np.uint64) * MIX).sum(axis=1, dtype=np.uint64)
         first, group = first_and_group(mixed[:, None])
         link = np.stack([first[group], np.arange(len(points))], axis=1)

@@ -75,7 +75,7 @@ def _built(features: Features) -> Built:
     }  # fmt: skip
     scheme = backend.scheme
     # a scheme with frame-relative velocities sees contacts as if the frame were at rest
-    turning = frame.turns and not scheme.RELATIVE
+    turning = frame.rotates and not scheme.RELATIVE
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
     pair_pack = pairs.build(backend.real, pair_law, pair_parts, images, backend.lanes, **shared, turning_frame=turning)
@@ -93,7 +93,7 @@ def _built(features: Features) -> Built:
     if measures.energy or measures.momentum:
         sums = budget.build(
             backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
-            walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.turns,
+            walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
             moving_frame=frame.moves, periodic=any(domain.period),
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
@@ -107,8 +107,8 @@ def _built(features: Features) -> Built:
         Rows,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
-        travel.travelled,
-        scheme.build(**spins, turning_frame=frame.turns, moving_frame=frame.moves),
+        travel,
+        scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves),
         images,
         orientation.build(turning_axes=turning) if measures.orientation else None,
         sums,

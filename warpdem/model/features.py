@@ -54,7 +54,7 @@ class ContactFeatures:
 class FrameFeatures:
     """Motion of the frame."""
 
-    turns: bool
+    rotates: bool
     """The frame's axes turn."""
     moves: bool
     """The frame moves at all."""
@@ -327,7 +327,7 @@ def choose_features(
             gap=law_gap(scene),
         ),
         frame=FrameFeatures(
-            turns=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
+            rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
         ),
         walls=WallFeatures(
             meshes=sum(w.mesh is not None for w in scene.walls),

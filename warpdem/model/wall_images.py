@@ -128,7 +128,7 @@ class _Along:
         shape, d = self.wall.shape, self.direction
         if isinstance(shape, Plane):
             return abs(np.dot(shape.normal, d)) <= ROUNDING
-        return isinstance(shape, Cylinder) and not shape.ends and np.linalg.norm(np.cross(shape.axis, d)) <= ROUNDING
+        return isinstance(shape, Cylinder) and not shape.has_ends and np.linalg.norm(np.cross(shape.axis, d)) <= ROUNDING
 
     def _extent(self) -> tuple[float, float]:
         """Least and greatest coordinate along the axis of the wall's body [m]."""
@@ -142,8 +142,8 @@ class _Along:
         if isinstance(shape, Revolved):
             middle, tilt = float(np.dot(shape.origin, d)), float(np.dot(shape.axis, d))
             across = np.linalg.norm(np.cross(shape.axis, d))
-            if shape.ends:
-                ends = [np.array(shape.foot) + s * np.array(shape.run) for s in shape.reach]
+            if shape.has_ends:
+                ends = [np.array(shape.foot) + s * np.array(shape.direction) for s in shape.limits]
                 both = [middle + tilt * h + sign * across * r for h, r in ends for sign in (-1.0, 1.0)]
                 return min(both), max(both)
             if not isinstance(shape, Cone) and abs(tilt) <= ROUNDING:

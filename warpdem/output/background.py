@@ -1,15 +1,15 @@
-"""Work that is done beside the run, one piece at a time."""
+"""Work that is done in a thread of its own while the run goes on, one piece at a time."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class Background:
-    """A thread that does one piece of work while the caller goes on; what goes wrong in it comes out of the next call."""
+    """A thread that does one piece of work while the caller goes on; the next call raises the errors of that work."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="warpdem-output")
-        self._work: Future | None = None
+        self._work: Future[None] | None = None
 
     def start(self, work: Callable[[], None]) -> None:
         """Do ``work`` as soon as what was started before is done, which is waited for.

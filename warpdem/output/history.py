@@ -55,4 +55,7 @@ def history_row(columns: Sequence[Column], readings: Readings) -> list[float]:
 
 
 def _wall_columns(wall: str) -> list[Column]:
-    return [Column(f"{wall} {name}", unit, lambda r, read=read: read(r.wall_loads[wall])) for name, unit, read in WALL]
+    def of_load(read: Callable[[WallLoad], float]) -> Callable[[Readings], float]:
+        return lambda readings: read(readings.wall_loads[wall])
+
+    return [Column(f"{wall} {name}", unit, of_load(read)) for name, unit, read in WALL]

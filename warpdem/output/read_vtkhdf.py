@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import h5py
 import numpy as np
@@ -14,6 +15,22 @@ from warpdem.errors import WarpdemError
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtkhdf_series import TOPOLOGIES
 from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Points and arrays of one frame of a file."""
+
+    points: np.ndarray
+    """Points [m], shape (n, 3)."""
+    point_data: dict[str, np.ndarray]
+    """Arrays of the points by name."""
+    cell_data: dict[str, np.ndarray]
+    """Arrays of the cells by name."""
+    field_data: dict[str, np.ndarray]
+    """Arrays of the frame by name."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +44,7 @@ class VtkhdfResults:
     def frame(self, k: int) -> Snapshot:
         """Snapshot of frame ``k``; its ``walls`` is empty, since the walls' vertices are in place already."""
         data = self._read(GRAINS, lambda root: _frame(root, k))
-        return snapshot_of(self.folder / GRAINS, data["Points"], data["PointData"], data["FieldData"])
+        return snapshot_of(self.folder / GRAINS, data.points, data.point_data, data.field_data)
 
     def walls(self, k: int) -> list[WallMesh]:
         """Walls at frame ``k``, vertices in frame axes."""
@@ -38,15 +55,15 @@ class VtkhdfResults:
     def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
         """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
         if not wall:
-            return self._read(GRAINS, lambda root: _frame(root, k))["PointData"]
+            return self._read(GRAINS, lambda root: _frame(root, k)).point_data
         return self._read(WALLS, lambda root: _of_wall(root, _frame(root, k), wall))
 
     def contacts(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
         data = self._read(CONTACTS, lambda root: _frame(root, k))
-        return {**data["CellData"], "points": data["Points"].reshape(-1, 2, 3)}
+        return {**data.cell_data, "points": data.points.reshape(-1, 2, 3)}
 
-    def _read(self, name: str, what: Callable):
+    def _read(self, name: str, what: Callable[[h5py.Group], T]) -> T:
         return _opened(self.folder / name, what)
 
 
@@ -65,8 +82,8 @@ def read_vtkhdf(folder: Path) -> VtkhdfResults:
     return VtkhdfResults(folder, times)
 
 
-def _opened(path: Path, what: Callable):
-    """What ``what`` reads off the group VTKHDF of a file."""
+def _opened(path: Path, what: Callable[[h5py.Group], T]) -> T:
+    """Result of ``what`` for the group VTKHDF of a file."""
     if not path.exists():
         raise WarpdemError(f"{path}: no such file")
     try:
@@ -77,7 +94,7 @@ def _opened(path: Path, what: Callable):
         raise WarpdemError(f"{path}: cannot be read as a VTKHDF file ({error})") from error
 
 
-def _frame(root: h5py.Group, k: int) -> dict:
+def _frame(root: h5py.Group, k: int) -> Frame:
     """Points and arrays of frame ``k``."""
     steps = root["Steps"]
     points = int(root["NumberOfPoints"][k])
@@ -85,32 +102,34 @@ def _frame(root: h5py.Group, k: int) -> dict:
 
     def rows(name: str, offset: h5py.Dataset, count: int) -> np.ndarray:
         first = int(offset[k])
-        return root[name][first : first + count]
+        return np.asarray(root[name][first : first + count])
 
-    data: dict = {"Points": rows("Points", steps["PointOffsets"], points)}
-    for group, count in {"PointData": points, "CellData": cells}.items():
+    def arrays(group: str, count: int) -> dict[str, np.ndarray]:
         offsets = steps[f"{group}Offsets"]
-        data[group] = {name: rows(f"{group}/{name}", offsets[name], count) for name in offsets}
+        return {name: rows(f"{group}/{name}", offsets[name], count) for name in offsets}
+
     offsets, sizes = steps["FieldDataOffsets"], steps["FieldDataSizes"]
-    data["FieldData"] = {name: rows(f"FieldData/{name}", offsets[name], int(sizes[name][k, 1])) for name in offsets}
-    return data
+    field_data = {name: rows(f"FieldData/{name}", offsets[name], int(sizes[name][k, 1])) for name in offsets}
+    position = rows("Points", steps["PointOffsets"], points)
+    return Frame(position, arrays("PointData", points), arrays("CellData", cells), field_data)
 
 
 def _names(root: h5py.Group) -> list[str]:
-    return json.loads(root.parent.attrs["walls"])
+    names: list[str] = json.loads(root.parent.attrs["walls"])
+    return names
 
 
-def _walls(root: h5py.Group, data: dict) -> list[WallMesh]:
+def _walls(root: h5py.Group, data: Frame) -> list[WallMesh]:
     """Each wall with its own vertices."""
-    number, infinite = data["CellData"]["wall"], data["FieldData"]["infinite"]
+    number, infinite = data.cell_data["wall"], data.field_data["infinite"]
     corners = root["Polygons/Connectivity"][: 3 * len(number)].reshape(-1, 3)
     walls = []
     for k, name in enumerate(_names(root)):
         used, triangles = np.unique(corners[number == k], return_inverse=True)
-        walls.append(WallMesh(name, data["Points"][used], triangles.reshape(-1, 3).astype(np.int32), bool(infinite[k])))
+        walls.append(WallMesh(name, data.points[used], triangles.reshape(-1, 3).astype(np.int32), bool(infinite[k])))
     return walls
 
 
-def _of_wall(root: h5py.Group, data: dict, wall: str) -> dict[str, np.ndarray]:
-    here = data["CellData"].pop("wall") == _names(root).index(wall)
-    return {name: values[here] for name, values in data["CellData"].items()}
+def _of_wall(root: h5py.Group, data: Frame, wall: str) -> dict[str, np.ndarray]:
+    here = data.cell_data["wall"] == _names(root).index(wall)
+    return {name: values[here] for name, values in data.cell_data.items() if name != "wall"}

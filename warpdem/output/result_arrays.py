@@ -7,6 +7,7 @@ time [s], step, gravity in laboratory axes [m/s2], and position and motion of th
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -127,14 +128,17 @@ def snapshot_of(
             raise WarpdemError(f"{path}: not a grain file of warpdem, array {name!r} is missing")
         return of[name]
 
-    rotation, *vectors = (array(frame, f"frame_{name}")[0] for name in ("rotation", "translation", "spin", "velocity"))
+    rotation, translation, spin, velocity = (
+        array(frame, f"frame_{name}")[0] for name in ("rotation", "translation", "spin", "velocity")
+    )
+    fields_of_grains: dict[str, Any] = {entry.field: array(grains, entry.name) for entry in GRAIN_ARRAYS}
     parts = tuple(_part(row) for row in frame.get("frame_parts", ()))  # an inertial frame has none
     return Snapshot(
         step=int(array(frame, "step")[0]),
         time=float(array(frame, "time")[0]),
-        frame=FramePose(rotation.reshape(3, 3), *vectors, parts),
+        frame=FramePose(rotation.reshape(3, 3), translation, spin, velocity, parts),
         position=position,
-        **{entry.field: array(grains, entry.name) for entry in GRAIN_ARRAYS},
+        **fields_of_grains,
         orientation=grains.get(ORIENTATION.name),
         gravity=frame["gravity"][0] if "gravity" in frame else None,  # older results do not tell it
     )

@@ -1,8 +1,14 @@
 """Frames of some attributes in files that a USD stage plays as one set of value clips."""
 
-from pathlib import Path
+from __future__ import annotations
 
-from warpdem.scene.write_usd import export, state_units
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warpdem.scene.write_usd import export, set_units
+
+if TYPE_CHECKING:
+    from pxr import Sdf
 
 PARTS = "result_usd"
 """Folder of the files beside the root layer."""
@@ -31,7 +37,7 @@ class ValueClips:
         self._frames, self._overlap = frames, overlap
         self.name = name
         self.clips: list[tuple[float, str]] = []
-        self._layer = None
+        self._layer: Sdf.Layer | None = None
         self._codes = 0
         self._last: tuple[float, dict[str, object]] | None = None
         self._manifest = f"./{PARTS}/{'manifest' if file == 'chunk' else file}.usda"
@@ -39,14 +45,14 @@ class ValueClips:
 
     def add(self, code: float, samples: dict[str, object], size: float) -> None:
         """Write a frame of ``size`` bytes; samples by attribute path."""
-        room = max(1 + self._overlap, min(self._frames, int(_CHUNK_BYTES / max(1.0, size))))
-        if self._layer is None or self._codes >= room:
+        capacity = max(1 + self._overlap, min(self._frames, int(_CHUNK_BYTES / max(1.0, size))))
+        if self._layer is None or self._codes >= capacity:
             self._layer, self._codes, begin = self._new_layer(".usdc"), 0, code
             if self._overlap and self._last is not None:
-                begin, _ = self._last
-                self._set(*self._last)
+                begin, earlier = self._last
+                self._set(self._layer, begin, earlier)
             self.clips.append((begin, f"./{PARTS}/{self._file}_{len(self.clips):04d}.usdc"))
-        self._set(code, samples)
+        self._set(self._layer, code, samples)
         export(self._layer, self._folder / self.clips[-1][1])
         self._last = (code, samples)
 
@@ -61,17 +67,17 @@ class ValueClips:
             "primPath": prim,
         }
 
-    def _set(self, code: float, samples: dict[str, object]) -> None:
+    def _set(self, layer: Sdf.Layer, code: float, samples: dict[str, object]) -> None:
         for path, value in samples.items():
-            self._layer.SetTimeSample(path, code, value)
+            layer.SetTimeSample(path, code, value)
         self._codes += 1
 
-    def _new_layer(self, suffix: str):
+    def _new_layer(self, suffix: str) -> Sdf.Layer:
         """Layer that declares the attributes, without values."""
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(suffix)
-        state_units(layer)
+        set_units(layer)
         layer.timeCodesPerSecond = self._rate
         for path, kind in self._types.items():
             prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
@@ -79,6 +85,6 @@ class ValueClips:
         return layer
 
 
-def bytes_of(value: object) -> int:
+def bytes_of(value: Any) -> int:
     """Bytes of an array of the USD library, roughly; next to nothing for single numbers."""
     return memoryview(value).nbytes if hasattr(value, "__len__") and len(value) > 3 else 24

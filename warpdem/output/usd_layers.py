@@ -1,12 +1,19 @@
 """The USD layers of a result that hold no frames: root layer, walls, and the grains for no time in particular."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from warpdem.core.pose import FramePose, RotationPart, SampledPart, TranslationPart
 from warpdem.core.snapshot import WallMesh
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, STATE, extent, usd_value
 from warpdem.scene.write_usd import WALLS as _WALLS
-from warpdem.scene.write_usd import state_units
+from warpdem.scene.write_usd import set_units
+
+if TYPE_CHECKING:
+    from pxr import Sdf, Usd
 
 FRAME = "/World/Frame"
 _SAND = (0.85, 0.68, 0.42)
@@ -14,13 +21,13 @@ _GLASS = (0.70, 0.78, 0.85)
 PLACEMENT_OPS = ("xformOp:translate", "xformOp:orient")
 
 
-def root_layer(frame: FramePose, wall_paths: list[str], rate: float):
+def root_layer(frame: FramePose, wall_paths: list[str], rate: float) -> Sdf.Layer:
     """Root layer without frames: units, prims, transform ops."""
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usda")
     stage = Usd.Stage.Open(layer)
-    state_units(layer)
+    set_units(layer)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(25.0)
     UsdGeom.Xform.Define(stage, "/World")
@@ -39,7 +46,7 @@ def root_layer(frame: FramePose, wall_paths: list[str], rate: float):
     return layer
 
 
-def _author_frame_ops(stage, frame: FramePose) -> None:
+def _author_frame_ops(stage: Usd.Stage, frame: FramePose) -> None:
     """One group of transform ops for each motion of the frame, outermost first; angles are not wrapped.
 
     A rotation is x = o + B Rz(angle) B^T (x' - o), B the constant turn that takes z onto the axis. An orient op would be
@@ -91,7 +98,7 @@ def frame_samples(frame: FramePose) -> dict[str, object]:
     return samples
 
 
-def fixed_motions(frame: FramePose) -> list[tuple]:
+def fixed_motions(frame: FramePose) -> list[tuple[object, ...]]:
     """What must not change during a run: the kinds of the frame's motions, and axes and origins of rotations."""
     return [
         (type(part), *part.axis.tolist(), *part.origin.tolist()) if isinstance(part, RotationPart) else (type(part),)
@@ -99,12 +106,12 @@ def fixed_motions(frame: FramePose) -> list[tuple]:
     ]
 
 
-def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, str]):
+def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, str]) -> Sdf.Layer:
     """Layer with the wall meshes in their body axes; those in ``loaded`` have room for a pressure."""
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
-    state_units(layer)
+    set_units(layer)
     stage = Usd.Stage.Open(layer)
     UsdGeom.Scope.Define(stage, _WALLS)
     for wall in walls:
@@ -126,12 +133,12 @@ def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, 
     return layer
 
 
-def first_layer(shown: dict[str, object]):
+def first_layer(shown: dict[str, object]) -> Sdf.Layer:
     """Layer with places and sizes of the grains of a frame, for no time in particular."""
     from pxr import Sdf
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
-    state_units(layer)
+    set_units(layer)
     grains = Sdf.CreatePrimInLayer(layer, GRAINS)
     for one in DISPLAY:
         if one.name in ("points", "widths", "extent"):

@@ -1,14 +1,20 @@
 """VTK data sets from NumPy arrays, and the files that hold them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
-from warpdem.core.vtk_header import overclaim
+from warpdem.core.vtk_header import excessive_count
 from warpdem.errors import WarpdemError
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkFieldData, vtkImageData, vtkPolyData
 
 
 @contextmanager
@@ -24,7 +30,7 @@ def quiet_vtk() -> Iterator[None]:
         vtkLogger.SetStderrVerbosity(before)
 
 
-def polydata(points: np.ndarray):
+def polydata(points: np.ndarray) -> vtkPolyData:
     """Data set with these points (n, 3) [m], without cells."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonCore import vtkPoints
@@ -37,7 +43,7 @@ def polydata(points: np.ndarray):
     return data
 
 
-def cells_of(size: int, numbers: np.ndarray):
+def cells_of(size: int, numbers: np.ndarray) -> vtkCellArray:
     """Cells of ``size`` corners each, whose numbers follow one another."""
     from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonDataModel import vtkCellArray
@@ -47,7 +53,7 @@ def cells_of(size: int, numbers: np.ndarray):
     return cells
 
 
-def add_array(group, name: str, values: np.ndarray) -> None:
+def add_array(group: vtkFieldData, name: str, values: np.ndarray) -> None:
     """Add an array to point, cell or field data."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
@@ -56,14 +62,15 @@ def add_array(group, name: str, values: np.ndarray) -> None:
     group.AddArray(array)
 
 
-def points_of(data) -> np.ndarray:
+def points_of(data: vtkPolyData) -> np.ndarray:
     """Points of a data set [m], shape (n, 3), float64."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64, copy=False).reshape(-1, 3)
+    points: np.ndarray = vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64, copy=False)
+    return points.reshape(-1, 3)
 
 
-def save(data, path: Path) -> None:
+def save(data: vtkPolyData | vtkImageData, path: Path) -> None:
     """Write LZ4-packed blocks: as fast as raw ones and smaller; VTK's default, zlib, takes 15 times as long."""
     from vtkmodules import vtkIOXML
 
@@ -79,7 +86,7 @@ def save(data, path: Path) -> None:
             raise not_written(path)
 
 
-def load_polydata(path: Path):
+def load_polydata(path: Path) -> vtkPolyData:
     """Data set of a VTP file.
 
     Raises:
@@ -89,7 +96,7 @@ def load_polydata(path: Path):
 
     if not Path(path).is_file():
         raise WarpdemError(f"{path}: no such file")
-    if reason := overclaim(path):
+    if reason := excessive_count(path):
         raise WarpdemError(f"{path}: {reason}")
     problems: list[str] = []
     reader = vtkXMLPolyDataReader()
@@ -97,7 +104,7 @@ def load_polydata(path: Path):
     reader.SetFileName(str(path))
     with quiet_vtk():  # VTK would print pages about a broken file; the error below says it once
         reader.Update()
-    data = reader.GetOutput()
+    data: vtkPolyData = reader.GetOutput()
     if problems or reader.GetErrorCode() or data.GetPoints() is None:
         raise WarpdemError(f"{path}: cannot be read as a VTP file; is it cut off?")
     return data

@@ -4,14 +4,15 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpdem.core.journaled_file import JournaledFile
 from warpdem.errors import WarpdemError
 
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
-# rows in a piece of an array: of tables with a row per frame, and the least of those that grow by a frame of grains
+# rows of a chunk: of tables with a row per frame, and at least of arrays that grow by a frame of grains
 _TABLE_ROWS, _LEAST_ROWS = 64, 1024
-_LARGEST_PIECE = 16e6  # [B]
+_LARGEST_CHUNK = 16e6  # [B]
 
 
 class Series:
@@ -60,18 +61,18 @@ class Series:
             OutputError: The file cannot be written.
         """
         groups = {"PointData": point_data or {}, "CellData": cell_data or {}, "FieldData": field_data or {}}
-        if self._file is None:
-            self._open(time, groups, points, about or {})
-        # a file that is gone on with may be older than an array
+        if self._file is None or self._disk is None:
+            self._disk, self._file = self._open(time, groups, points, about or {})
+        # a file that is continued may lack an array that was added since
         groups = {
             group: {name: values for name, values in arrays.items() if f"{group}/{name}" in self._rows}
             for group, arrays in groups.items()
         }
         count, number = self._cells(cells), self._rows["Steps/Values"].length
         for name in TOPOLOGIES:
-            mine = count if name == self._topology else 0
-            self._rows[f"{name}/NumberOfCells"].add([mine])
-            self._rows[f"{name}/NumberOfConnectivityIds"].add([mine * self._size])
+            number_here = count if name == self._topology else 0
+            self._rows[f"{name}/NumberOfCells"].add([number_here])
+            self._rows[f"{name}/NumberOfConnectivityIds"].add([number_here * self._size])
         self._rows["NumberOfPoints"].add([len(points)])
         self._rows["Steps/PointOffsets"].add([self._stored("Points", points)])
         for group, arrays in groups.items():
@@ -89,29 +90,32 @@ class Series:
 
     def close(self) -> None:
         """Close the file; every frame is on disk already."""
-        if self._file is not None:
+        if self._file is not None and self._disk is not None:
             self._file.close()
             self._disk.close()
 
     def _open(
         self, time: float, groups: dict[str, dict[str, np.ndarray]], points: np.ndarray, about: dict[str, str]
-    ) -> None:
-        self._disk = JournaledFile(self._path, resume=self._resume)
+    ) -> tuple[JournaledFile, h5py.File]:
+        disk = JournaledFile(self._path, resume=self._resume)
         try:
-            self._file = h5py.File(self._disk, "r+" if self._resume else "w")
+            file = h5py.File(disk, "r+" if self._resume else "w")
         except OSError as error:
             raise WarpdemError(f"{self._path}: cannot be read as a VTKHDF file ({error})") from error
         if self._resume:
-            _cut(self._file["VTKHDF"], time)
+            _cut(file["VTKHDF"], time)
         else:
-            self._create(groups, points, about)
-        self._file["VTKHDF"].visititems(self._know)
+            self._create(file, groups, points, about)
+        file["VTKHDF"].visititems(self._register)
+        return disk, file
 
-    def _create(self, groups: dict[str, dict[str, np.ndarray]], points: np.ndarray, about: dict[str, str]) -> None:
+    def _create(
+        self, file: h5py.File, groups: dict[str, dict[str, np.ndarray]], points: np.ndarray, about: dict[str, str]
+    ) -> None:
         """Groups and empty datasets of a new file."""
         for name, value in about.items():
-            self._file.attrs[name] = value
-        root = self._file.create_group("VTKHDF")
+            file.attrs[name] = value
+        root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 3])
         root.attrs.create("Type", np.bytes_("PolyData"))
         steps = root.create_group("Steps")
@@ -140,7 +144,7 @@ class Series:
                 if group == "FieldData":
                     _dataset(steps["FieldDataSizes"], name, np.zeros((0, 2), np.int64))
 
-    def _know(self, name: str, item: h5py.Group | h5py.Dataset) -> None:
+    def _register(self, name: str, item: h5py.Group | h5py.Dataset) -> None:
         if isinstance(item, h5py.Dataset):
             self._rows[name] = _Rows(item)
 
@@ -157,7 +161,7 @@ class Series:
         return count
 
     def _stored(self, name: str, values: np.ndarray) -> int:
-        """First row of ``values`` in the dataset, after they are stored unless they are those of the frame before."""
+        """First row of ``values`` in the dataset; they are stored unless they equal those of the frame before."""
         if name in self._last:
             before, first = self._last[name]
             # most arrays that change do so in their first rows
@@ -169,29 +173,29 @@ class Series:
 
 
 class _Rows:
-    """A dataset that grows by rows, opened once: to look one up takes h5py longer than to write a short one."""
+    """A dataset that grows by rows. It is opened once, since h5py takes longer to find a dataset than to write a short one."""
 
     def __init__(self, dataset: h5py.Dataset):
         self.length = len(dataset)
         self._id, self._shape, self._type = dataset.id, dataset.shape[1:], dataset.dtype
 
-    def add(self, rows) -> int:
+    def add(self, rows: ArrayLike) -> int:
         """Add ``rows``; returns the number of the first."""
-        rows = np.ascontiguousarray(rows, self._type)
-        first, count = self.length, len(rows)
+        values = np.ascontiguousarray(rows, self._type)
+        first, count = self.length, len(values)
         if count:
             self.length += count
             self._id.set_extent((self.length, *self._shape))
             there = self._id.get_space()
             there.select_hyperslab((first, *(0 for _ in self._shape)), (count, *self._shape))
-            self._id.write(h5py.h5s.create_simple((count, *self._shape)), there, rows)
+            self._id.write(h5py.h5s.create_simple((count, *self._shape)), there, values)
         return first
 
 
 def _dataset(group: h5py.Group, name: str, like: np.ndarray, least: int = _TABLE_ROWS) -> h5py.Dataset:
-    """An empty dataset for rows such as those of ``like``, in pieces of a frame each but not of less than ``least`` rows."""
+    """An empty dataset for rows such as those of ``like``, in chunks of a frame each but of at least ``least`` rows."""
     size = max(int(np.prod(like.shape[1:])), 1) * like.dtype.itemsize
-    rows = max(least, min(len(like), int(_LARGEST_PIECE / size)))
+    rows = max(least, min(len(like), int(_LARGEST_CHUNK / size)))
     shape = like.shape[1:]
     return group.create_dataset(name, (0, *shape), like.dtype, maxshape=(None, *shape), chunks=(rows, *shape))
 

@@ -1,5 +1,6 @@
 """Coarse-grained fields as VTK image data: ``grid_000000.vti`` ... with ``grid.pvd``, in frame axes."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from warpdem.core.snapshot import Snapshot
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
 from warpdem.output.pvd_index import Entry, read_index, write_index
 from warpdem.output.vtk_files import add_array, save
+from warpdem.scene.measures import Grid
 
 INDEX = "grid.pvd"
 
@@ -22,7 +24,7 @@ class GridWriter:
         resume: keep the frames of an earlier run that come before the first new one.
     """
 
-    def __init__(self, folder: Path, grid, period: tuple[float, float, float], *, resume: bool = False) -> None:
+    def __init__(self, folder: Path, grid: Grid, period: Sequence[float], *, resume: bool = False) -> None:
         self._folder, self._period = Path(folder), period
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lattice = Lattice.across(grid.box.min, grid.box.max, grid.cell)

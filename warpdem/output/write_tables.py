@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class HistoryWriter:
         self._earlier: list[list[str]] = []
         if resume and self._path.exists():
             self._earlier = self._read_rows()
-        self._file = None
+        self._file: TextIO | None = None
 
     def write(self, values: Sequence[float]) -> None:
         """Append one row, numbers with all their digits.
@@ -45,29 +46,27 @@ class HistoryWriter:
         """
         if len(values) != len(self._columns):
             raise ValueError(f"{self._path}: {len(values)} values for {len(self._columns)} columns")
-        if self._file is None:
-            self._open(first=float(values[0]))
+        file = self._file or self._open(first=float(values[0]))
         try:
-            self._table.writerow([_digits(value) for value in values])
-            self._file.flush()
+            csv.writer(file, lineterminator="\n").writerow([_digits(value) for value in values])
+            file.flush()
         except OSError as error:
             raise not_written(self._path, error) from error
 
     def close(self) -> None:
         """Close the file; a writer that got no row leaves a header alone."""
-        if self._file is None:
-            self._open(first=math.inf)
+        file = self._file or self._open(first=math.inf)
         try:
-            self._file.close()
+            file.close()
         except OSError as error:
             raise not_written(self._path, error) from error
 
-    def _open(self, first: float) -> None:
+    def _open(self, first: float) -> TextIO:
         kept = [row for row in self._earlier if float(row[0]) < first]
         with replaced(self._path) as part, open(part, "w", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows([self._columns, *kept])
         self._file = open(self._path, "a", newline="", encoding="utf-8")
-        self._table = csv.writer(self._file, lineterminator="\n")
+        return self._file
 
     def _read_rows(self) -> list[list[str]]:
         # a killed run may have left its last row unfinished, cut within its last number
@@ -78,7 +77,7 @@ class HistoryWriter:
         return [row for row in rows if len(row) == len(header)]
 
 
-def write_run_record(path: Path, data: dict) -> None:
+def write_run_record(path: Path, data: dict[str, Any]) -> None:
     """Write ``data`` as JSON, atomically.
 
     NumPy numbers and arrays become plain numbers and lists, paths become text, and numbers that JSON cannot hold
@@ -92,7 +91,7 @@ def _digits(value: float) -> str:
     return str(int(value)) if isinstance(value, (int, np.integer)) else repr(float(value))
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):

@@ -18,9 +18,11 @@ began with (``/World/Grains``, switched off in the root layer), from ``primvars:
 (frame axes, relative to the frame), ``radii`` and ``types``. Contacts begin anew: only checkpoints keep their history.
 """
 
+from __future__ import annotations
+
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +41,11 @@ from warpdem.scene.write_usd import WALLS as _WALLS
 from warpdem.scene.write_usd import export, unused_paths, write_usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
+if TYPE_CHECKING:
+    from pxr import Sdf
+
+    from warpdem.scene.model import Scene
+
 ROOT = "result.usda"
 SCENE = "scene.usda"
 _FIRST = f"./{PARTS}/grains.usdc"
@@ -52,7 +59,7 @@ class UsdWriter:
         folder: Path,
         walls: list[WallMesh],
         *,
-        scene=None,
+        scene: Scene | None = None,
         time_codes_per_second: float = 1000.0,
         frames_per_chunk: int = 50,
         resume: bool = False,
@@ -77,7 +84,8 @@ class UsdWriter:
         self._rate = time_codes_per_second
         self._frames_per_chunk = frames_per_chunk
         self._resume = resume and (self._folder / ROOT).exists()
-        self._root = None
+        self._root: Sdf.Layer  # made with the first frame
+        self._started = False
         self._loaded: dict[str, str] = {}  # path of each wall that comes with loads
         self._sets: list[ValueClips] = []
         self._widths: tuple[np.ndarray, Any] | None = (
@@ -92,8 +100,9 @@ class UsdWriter:
             WarpdemError: The frame moves about another axis or in another way than before.
         """
         code = self._code(snapshot)
-        if self._root is None:
+        if not self._started:
             self._start(snapshot, code)
+            self._started = True
         elif fixed_motions(snapshot.frame) != fixed_motions(self._first_frame):
             raise WarpdemError(
                 f"{self._folder / ROOT}: the frame's axes or motions changed at t = {snapshot.time} s, must be fixed"
@@ -142,6 +151,7 @@ class UsdWriter:
         """Write the scene and put it below the results, which take the place of its grains."""
         from pxr import Sdf, Vt
 
+        assert self._scene is not None
         tables = scene_tables(self._scene, self._kept_file)
         tables.pop("start", None)  # what it says of frame and walls is in their motions by now
         write_usd_scene(self._folder / SCENE, tables)
@@ -169,7 +179,7 @@ class UsdWriter:
                 shutil.copyfile(file, part)
         return relative_to(self._folder)(kept)
 
-    def _keep(self, earlier, code: float) -> None:
+    def _keep(self, earlier: Sdf.Layer, code: float) -> None:
         """Take over what an earlier run wrote for times before ``code``."""
         if earlier.startTimeCode >= code:
             return
@@ -215,7 +225,7 @@ class UsdWriter:
         path = self._wall_paths[name]
         placement = snapshot.walls[name]
         last = None if self._last is None else self._last.walls[name]
-        if last is not None:
+        if last is not None and self._last is not None:
             if np.array_equal(last.rotation, placement.rotation) and np.array_equal(
                 last.translation, placement.translation
             ):

@@ -10,8 +10,11 @@ pressure [Pa] of each triangle, and force, torque [N m] about the point torque_a
 data.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
@@ -27,6 +30,9 @@ from warpdem.output.result_arrays import (
     wall_arrays,
 )
 from warpdem.output.vtk_files import add_array, cells_of, polydata, save
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 INDEX, CONTACT_INDEX = "result.pvd", "contacts.pvd"
 
@@ -67,6 +73,7 @@ class VtkWriter:
             self._entries, self._frame = kept, len({entry.time for entry in kept[INDEX]})
         if CONTACT_INDEX in self._entries:
             name = f"contacts_{self._frame:06d}.vtp"
+            assert snapshot.contacts is not None
             save(_contacts_polydata(snapshot.contacts), self._folder / name)
             self._entries[CONTACT_INDEX].append(Entry(snapshot.time, 0, "contacts", name))
             write_index(self._folder / CONTACT_INDEX, self._entries[CONTACT_INDEX])
@@ -98,7 +105,7 @@ class VtkWriter:
         return file
 
 
-def _grains_polydata(snapshot: Snapshot):
+def _grains_polydata(snapshot: Snapshot) -> vtkPolyData:
     count = len(snapshot.id)
     data = polydata(snapshot.position)
     # a vertex cell for each grain: without cells ParaView shows nothing
@@ -110,7 +117,7 @@ def _grains_polydata(snapshot: Snapshot):
     return data
 
 
-def _contacts_polydata(network: ContactNetwork):
+def _contacts_polydata(network: ContactNetwork) -> vtkPolyData:
     ends, arrays = contact_arrays(network)
     data = polydata(ends)
     data.SetLines(cells_of(2, np.arange(len(ends))))
@@ -119,7 +126,7 @@ def _contacts_polydata(network: ContactNetwork):
     return data
 
 
-def _wall_polydata(wall: WallMesh, load: WallLoad | None):
+def _wall_polydata(wall: WallMesh, load: WallLoad | None) -> vtkPolyData:
     data = polydata(wall.vertices)
     data.SetPolys(cells_of(3, wall.triangles))
     if wall.infinite:

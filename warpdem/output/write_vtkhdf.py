@@ -61,7 +61,7 @@ class VtkhdfWriter:
             OutputError: A file cannot be written; it then holds the frames before this one.
         """
         if self._shapes is not None:
-            self._write_walls(snapshot)
+            self._write_walls(self._shapes, snapshot)
         if self._lines is not None and snapshot.contacts is not None:
             points, cells = contact_arrays(snapshot.contacts)
             self._lines.write(snapshot.time, points, cells=len(points) // 2, cell_data=cells)
@@ -76,7 +76,7 @@ class VtkhdfWriter:
             if series is not None:
                 series.close()
 
-    def _write_walls(self, snapshot: Snapshot) -> None:
+    def _write_walls(self, shapes: Series, snapshot: Snapshot) -> None:
         placed = [_placed(wall.vertices, snapshot.walls[wall.name]) for wall in self._walls]
         cell_data, field_data = (
             {"wall": self._number},
@@ -93,14 +93,14 @@ class VtkhdfWriter:
                 )
             for entry in WALL_ARRAYS:
                 field_data[entry.name] = np.array([getattr(load, entry.field) for load in loads])
-        self._shapes.write(
+        shapes.write(
             snapshot.time, np.concatenate(placed), cells=np.concatenate(self._triangles), cell_data=cell_data,
             field_data=field_data, about={"walls": json.dumps([wall.name for wall in self._walls])},
         )  # fmt: skip
 
 
 def _placed(vertices: np.ndarray, placement: Placement) -> np.ndarray:
-    return vertices @ placement.rotation.T + placement.translation
+    return np.asarray(vertices @ placement.rotation.T + placement.translation)
 
 
 def _padded(values: np.ndarray, rows: int) -> np.ndarray:

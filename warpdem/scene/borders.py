@@ -8,7 +8,7 @@ from warpdem.scene.base import Name, Point, SceneModel, validation_error
 from warpdem.scene.units import Quantity
 
 Coordinate = Annotated[float, Quantity("m")]
-# the tags steer validation and are left out of messages
+# the tags select the branch of validation and are left out of messages
 BothSides = Annotated[Literal["periodic", "open", "stop"], Tag("~both")]
 TwoSides = Annotated[list[Literal["open", "stop"]], Field(min_length=2, max_length=2), Tag("~two")]
 
@@ -16,16 +16,16 @@ TwoSides = Annotated[list[Literal["open", "stop"]], Field(min_length=2, max_leng
 class Border(SceneModel):
     """The borders of one axis."""
 
-    min: Coordinate | None = Field(None, description="Lower border [m]; none if not given.")
-    max: Coordinate | None = Field(None, description="Upper border [m]; none if not given.")
+    min: Coordinate | None = Field(None, description="Lower border [m]; default none.")
+    max: Coordinate | None = Field(None, description="Upper border [m]; default none.")
     kind: BothSides | TwoSides = Field(
         discriminator=Discriminator(lambda value: "~two" if isinstance(value, (list, tuple)) else "~both"),
         description='"periodic" (both borders), "open" (grains beyond are removed and counted), "stop" (a grain beyond '
-        "stops the run), or [at min, at max] of the last two."
+        'stops the run), or [at min, at max] for "open" and "stop".'
     )
 
     @model_validator(mode="after")
-    def _is_whole(self) -> "Border":
+    def _keys_agree(self) -> "Border":
         if self.min is None and self.max is None:
             raise validation_error([(("min",), None, "missing: give min, max or both")])
         if self.kind == "periodic" and (self.min is None or self.max is None):
@@ -44,20 +44,20 @@ class Borders(SceneModel):
 
 
 class Box(SceneModel):
-    """Box along the frame axes."""
+    """Box aligned with the frame axes."""
 
     min: Point = Field(description="Lowest corner [m].")
     max: Point = Field(description="Highest corner [m], above min along each axis.")
 
     @model_validator(mode="after")
-    def _has_inside(self) -> "Box":
+    def _is_not_empty(self) -> "Box":
         if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
             raise validation_error([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
         return self
 
 
 class Outlet(SceneModel):
-    """A region that takes grains out of the run and counts them."""
+    """A region that removes grains from the run and counts them."""
 
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
-    box: Box = Field(description="Where grains are removed: as soon as their centre is inside.")
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
+    box: Box = Field(description="Region of the outlet: a grain is removed as soon as its centre is inside.")

@@ -1,8 +1,9 @@
-"""What the parts of a scene must agree on: names that refer to something, names and ids given once, streams, measures."""
+"""Consistency of the parts of a scene: references by name, unique names and ids, streams, measures."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
+from warpdem.core.key_path import KeyPath
 from warpdem.scene import models
 from warpdem.scene.base import Problem, file_system_name
 from warpdem.scene.borders import Borders, Outlet
@@ -25,7 +26,7 @@ def quoted(names: Iterable[str]) -> str:
     return ", ".join(f'"{name}"' for name in names) or "none"
 
 
-def material_problems(uses: Iterable[tuple[tuple[str | int, ...], str]], materials: Iterable[str]) -> Iterator[Problem]:
+def material_problems(uses: Iterable[tuple[KeyPath, str]], materials: Iterable[str]) -> Iterator[Problem]:
     """Names of materials that the scene does not have.
 
     Args:
@@ -43,7 +44,7 @@ def source_problems(grains: Sequence[Grains], streams: Sequence[Stream], start: 
     if not grains and not streams and start is None:
         yield ("grains",), None, "missing: give at least one group of grains, a stream, or a start"
     if grains and start is not None:
-        yield ("grains",), None, "cannot stand beside start, which brings the grains; streams may add others"
+        yield ("grains",), None, "cannot be given together with start, which provides the grains; streams may add others"
 
 
 def name_problems(lists: Mapping[str, Sequence[Named]]) -> Iterator[Problem]:
@@ -55,7 +56,7 @@ def name_problems(lists: Mapping[str, Sequence[Named]]) -> Iterator[Problem]:
                 yield (key, i, "name"), name, f"{key}[{names.index(name)}] has this name too: names must differ"
             elif key in ("walls", "phases") and file_system_name(name) in map(file_system_name, names[:i]):
                 other = list(map(file_system_name, names)).index(file_system_name(name))
-                reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case, for files have them'
+                reason = f'{key}[{other}] is "{names[other]}": names must differ in more than case: files are named by them'
                 yield (key, i, "name"), name, reason
 
 
@@ -82,15 +83,15 @@ def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], border
         for outlet in outlets:
             sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
             if all(low < high_out and low_out < high for low, high, low_out, high_out in sides):
-                yield ("streams", i, "box"), None, f'meets the box of the outlet "{outlet.name}", which takes grains out'
+                yield ("streams", i, "box"), None, f'overlaps the box of the outlet "{outlet.name}", which removes grains'
         for k, axis in enumerate("xyz"):
             border = getattr(borders, axis) if borders else None
             if border is None:
                 continue
             if border.min is not None and stream.box.min[k] < border.min:
-                yield ("streams", i, "box", "min", k), stream.box.min[k], f"is beyond borders.{axis}.min = {border.min:g} m"
+                yield ("streams", i, "box", "min", k), stream.box.min[k], f"is below borders.{axis}.min = {border.min:g} m"
             if border.max is not None and stream.box.max[k] > border.max:
-                yield ("streams", i, "box", "max", k), stream.box.max[k], f"is beyond borders.{axis}.max = {border.max:g} m"
+                yield ("streams", i, "box", "max", k), stream.box.max[k], f"is above borders.{axis}.max = {border.max:g} m"
 
 
 def measure_problems(measures: Measures, integrator: str) -> Iterator[Problem]:

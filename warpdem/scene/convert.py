@@ -1,4 +1,4 @@
-"""A scene file in another format: TOML from a USD stage, a USD stage from TOML, or either one for another folder."""
+"""Conversion of scene files: TOML from a USD stage, a USD stage from TOML, or either one for another folder."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from warpdem.scene.tables import relative_to, scene_tables
 from warpdem.scene.write_toml import toml_text
 
 SUFFIXES = (".toml", ".usda", ".usdc", ".usd")
-"""Endings of the files that are written."""
+"""Suffixes of the files that are written."""
 
 
 def convert(
@@ -24,29 +24,29 @@ def convert(
 ) -> tuple[str, ...]:
     """Write the scene of ``source`` to ``target``: the same scene when it is read again.
 
-    Numbers come out in SI; comments, and what a stage says beside the scene, stay behind. Files that the scene names are
-    named from the folder of ``target``.
+    Numbers are written in SI. Comments, and content of a stage that is no part of the scene, are not written. Paths of files
+    become relative to the folder of ``target``.
 
     Args:
         source: Scene file, TOML or USD.
-        target: File to write; its ending says the format.
-        at: With the result stage of a run, instant of the frame [s]; the last one by default.
-        overwrite: Allow a target that exists.
-        allow_paths: As ``load_scene`` takes them.
-        plugins: As ``load_scene`` takes them.
+        target: File to write; its suffix selects the format.
+        at: For the result stage of a run, time of the frame [s]; the last frame by default.
+        overwrite: Allow an existing target.
+        allow_paths: As for ``load_scene``.
+        plugins: As for ``load_scene``.
 
     Returns:
-        Notes on what of the source the scene has no place for, and the target therefore lacks.
+        Notes on content of the source that the scene cannot hold, so that the target lacks it.
 
     Raises:
-        SceneError: The scene is wrong, or the target exists or has another ending.
+        SceneError: The scene is wrong, or the target exists or has another suffix.
         OutputError: The target cannot be written.
     """
     if target.suffix.lower() not in SUFFIXES:
-        raise SceneError(f"{target}: must end in {', '.join(SUFFIXES)}: the ending says which format is written")
+        raise SceneError(f"{target}: must end in {', '.join(SUFFIXES)}: the suffix selects the format")
     if target.exists() and (not overwrite or target.resolve() == source.resolve()):
-        remedy = "take another name" + ("" if target.resolve() == source.resolve() else ", or say --overwrite")
-        raise SceneError(f"{target}: is there already; {remedy}")
+        remedy = "choose another name" + ("" if target.resolve() == source.resolve() else ", or use --overwrite")
+        raise SceneError(f"{target}: exists already; {remedy}")
     if not target.parent.is_dir():
         raise SceneError(f"{target}: there is no folder {target.parent}")
     scene = load_scene(source, at=at, allow_paths=allow_paths, plugins=plugins)

@@ -1,4 +1,4 @@
-"""Scene files: TOML to ``Scene``, every mistake answered in the words of ``warpdem.scene.messages``; the JSON schema."""
+"""Scene files: a ``Scene`` from TOML or USD, with the messages of ``warpdem.scene.messages``; the JSON schema."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from warpdem.scene.messages import PYTHON_ONLY, line, report, scene_error, short
 from warpdem.scene.model import Scene
 from warpdem.scene.overrides import apply_override
 from warpdem.scene.phases import NOT_IN_A_PHASE
-from warpdem.scene.read_toml import NotToml, kind_of, parsed, read_text, syntax_error, too_much
+from warpdem.scene.read_toml import InvalidToml, find_excess, non_file_type, parsed, read_text, syntax_error
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -31,18 +31,20 @@ def load_scene(
     """Return the scene of a TOML file or of a USD stage.
 
     Args:
-        path: the file; relative paths in it start from its folder.
-        overrides: changes such as "time.end=0.5", "engine.skin='0.1 mm'", "walls.0.scale=0.001": a dotted key with
-            list indices, and a value in TOML; what is not TOML is taken as a string.
-        allow_paths: folders that the scene may read files from, beside its own folder and what lies below it.
-        plugins: .py files with models of your own that the scene may load; code runs from no other.
-        at: with the result stage of a run, instant of the frame to start from [s]; the last frame by default.
+        path: The file; relative paths in it start from its folder.
+        overrides: Changes such as "time.end=0.5", "engine.skin='0.1 mm'", "walls.0.scale=0.001": a dotted key with
+            list indices, and a value in TOML; any other text is taken as a string.
+        allow_paths: Folders that the scene may read files from, in addition to its own folder and its subfolders.
+        plugins: .py files with your own models that the scene may load; no other code is run.
+        at: For the result stage of a run, time of the frame to start from [s]; the last frame by default.
 
     Raises:
-        SceneError: the file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
+        SceneError: The file is missing, no TOML or no USD, or the scene is wrong; one message lists all problems.
     """
     file = expanded(path)
-    access, origins, time, notes = access_of_file(file.parent, allow_paths, plugins), {}, 0.0, ()
+    access = access_of_file(file.parent, allow_paths, plugins)
+    origins: dict[KeyPath, str] = {}
+    time, notes = 0.0, list[str]()
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():
             raise SceneError(f"{file}: no such file{similar_files(file)}")
@@ -65,19 +67,19 @@ def scene_from_dict(
     access: Access | None = None,
     origins: Mapping[KeyPath, str] = {},
 ) -> Scene:
-    """Return the scene of nested tables as TOML gives them.
+    """Return the scene of nested tables, as read from TOML.
 
     Args:
-        data: the tables.
-        base: folder that relative paths start from.
-        source: name of the file, for messages.
-        access: files that the scene may read and load as code; None is any, for tables of your own.
-        origins: where in the file each place of the tables comes from, for messages.
+        data: The tables.
+        base: Folder that relative paths start from.
+        source: Name of the file, for messages.
+        access: Files that the scene may read and load as code; None for any, for your own tables.
+        origins: Prim or attribute of the file that each key path comes from, for messages.
 
     Raises:
-        SceneError: the scene is wrong, or a file that it names is missing.
+        SceneError: The scene is wrong, or a file that it names is missing.
     """
-    if found := too_much(data):
+    if found := find_excess(data):
         raise SceneError(report(source, [line(*found)]))
     for key in PYTHON_ONLY:
         if key in data:
@@ -85,8 +87,8 @@ def scene_from_dict(
     try:
         scene = Scene(**{**data, "base": Path(base), "access": access or Access(), "source": source})
     except ValidationError as error:
-        told = scene_error(error, source, Scene, origins)
-        raise SceneError(f"{told}{all_refused(data, Path(base), access or Access())}") from None
+        problems = scene_error(error, source, Scene, origins)
+        raise SceneError(f"{problems}{all_refused(data, Path(base), access or Access())}") from None
     missing = list(missing_files(scene))
     if missing:
         raise SceneError(report(source, missing))
@@ -104,11 +106,11 @@ def scene_schema() -> dict[str, Any]:
 
 def _read_toml(file: Path) -> dict[str, Any]:
     try:
-        kind = kind_of(file)
-        if kind == "a folder":
+        entry = non_file_type(file)
+        if entry == "a folder":
             raise SceneError(f"{file}: is a folder, not a scene file{similar_files(file / 'scene.toml')}")
-        if kind is not None:
-            raise SceneError(f"{file}: is {kind}, not a scene file; give the path of a file on disk")
+        if entry is not None:
+            raise SceneError(f"{file}: is {entry}, not a scene file; give the path of a file on disk")
         text = read_text(file)
     except FileNotFoundError:
         raise SceneError(f"{file}: no such file{similar_files(file)}") from None
@@ -116,5 +118,5 @@ def _read_toml(file: Path) -> dict[str, Any]:
         raise SceneError(f"{shorten(str(file), 200, quote=False)}: cannot be read ({error.strerror})") from None
     try:
         return parsed(text)
-    except NotToml as error:
+    except InvalidToml as error:
         raise SceneError(syntax_error(str(file), text, str(error))) from None

@@ -1,4 +1,4 @@
-"""Where the grains of a scene come from: given one by one, a state file, a filling, or a stream while the run goes on."""
+"""Sources of grains as scene data: positions given one by one, a state file, a filling, or a stream during the run."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,82 +21,82 @@ Whole = Annotated[int, Field(strict=True, ge=0)]
 GROUP_NAME = Field(
     None,
     min_length=1,
-    description="Name of the grains' group in results; entries of one name are one group; default: one of its own.",
+    description="Name of the grains' group in results; entries of the same name form one group; default: a group of its own.",
 )
 
 
 class Fill(SceneModel):
-    """Grains placed at random, dense and without overlap, inside a mesh wall or a box.
+    """Grains at random positions, dense and without overlap, inside a mesh wall or a box.
 
-    How many follows from their number, their mass, or their share of the volume that walls leave. Fillings keep clear of all
-    walls, of each other, and of the grains given by positions or files.
+    The number of grains follows from count, mass, or solid fraction in the volume that walls leave free. Fillings do not
+    overlap walls, each other, or grains given by positions or files.
     """
 
-    wall: str | None = Field(None, description="Name of the mesh wall to fill; this or box.")
-    box: Box | None = Field(None, description="Box to fill; this or wall.")
-    region: Box | None = Field(None, description="With wall: only the part of its inside that lies in this box.")
+    wall: str | None = Field(None, description="Name of the mesh wall to fill; either this or box.")
+    box: Box | None = Field(None, description="Box to fill; either this or wall.")
+    region: Box | None = Field(None, description="With wall: fill only the part of its inside that lies in this box.")
     point: Point | None = Field(
-        None, description="With wall: a point of the space to fill [m], where the mesh bounds more than one."
+        None, description="With wall: a point inside the space to fill [m], if the mesh bounds several spaces."
     )
     height: Length | None = Field(
         None,
-        description="Only what lies less than this above the lowest point, against gravity [m], > 0; without count, mass and "
-        "solid_fraction it is filled to 0.55 of its volume, as a poured bed.",
+        description="Fill only up to this height above the lowest point, against gravity [m], > 0; without count, mass and "
+        "solid_fraction to a solid fraction of 0.55, as in a poured bed.",
     )
     count: Annotated[int, Field(strict=True, ge=1)] | None = Field(
-        None, description="Number of grains [-], >= 1; this, mass or solid_fraction."
+        None, description="Number of grains [-], >= 1; either this, mass or solid_fraction."
     )
     mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
-        None, description="Mass of the grains [kg], > 0, met within half a grain; this, count or solid_fraction."
+        None, description="Total mass [kg], > 0, reached within half a grain; either this, count or solid_fraction."
     )
     solid_fraction: Annotated[float, Quantity("-", gt=0, le=0.74)] | None = Field(
-        None, description="Volume of the grains over volume filled [-], > 0 and <= 0.74; about 0.6 is within reach."
+        None, description="Volume of the grains over filled volume [-], > 0 and <= 0.74; about 0.6 can be reached."
     )
     diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
-    seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0: same seed, same grains.")
+    seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0: the same seed gives the same grains.")
 
     @model_validator(mode="after")
-    def _groups(self) -> "Fill":
+    def _keys_agree(self) -> "Fill":
         exactly_one(self, "wall", "box")
         amounts = ("count", "mass", "solid_fraction")
         if self.height is None or any(getattr(self, key) is not None for key in amounts):
             exactly_one(self, *amounts)
         if self.point is not None and self.wall is None:
-            raise validation_error([(("point",), None, "tells which space of a wall is meant; a box is filled whole")])
+            raise validation_error([(("point",), None, "selects a space of a wall; a box is filled completely")])
         if self.region is not None and self.wall is None:
-            raise validation_error([(("region",), None, "clips the inside of a wall; with box give the smaller box itself")])
+            raise validation_error([(("region",), None, "clips the inside of a wall; for a box give the smaller box itself")])
         return self
 
 
 class Stream(SceneModel):
-    """Grains that come in while the run goes on, at random places of a region that are free of grains and walls."""
+    """Inlet: grains inserted during the run at random positions of a region that are free of grains and walls."""
 
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
-    box: Box = Field(description="Region in which they appear, whole.")
+    box: Box = Field(description="Region in which they are inserted; it holds each grain completely.")
     diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
     velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
         (0.0, 0.0, 0.0), description="Their velocity relative to the frame [m/s], default 0."
     )
     mass_rate: Annotated[float, Quantity("kg/s", gt=0)] | None = Field(
-        None, description="Mass per time [kg/s], > 0; this or count_rate."
+        None, description="Mass per time [kg/s], > 0; either this or count_rate."
     )
     count_rate: Annotated[float, Quantity("1/s", gt=0)] | None = Field(
-        None, description="Grains per time [1/s], > 0; this or mass_rate."
+        None, description="Grains per time [1/s], > 0; either this or mass_rate."
     )
-    start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="When it begins [s], >= 0, default 0.")
-    until: Duration | None = Field(None, description="When it ends [s], > 0 and above start; default never.")
-    seed: Whole = Field(0, description="Start of the random numbers [-], >= 0, default 0.")
+    start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="Start time [s], >= 0, default 0.")
+    until: Duration | None = Field(None, description="End time [s], > 0 and above start; default none.")
+    seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0.")
 
     @model_validator(mode="after")
-    def _is_whole(self) -> "Stream":
+    def _keys_agree(self) -> "Stream":
         exactly_one(self, "mass_rate", "count_rate")
         if self.until is not None and self.until <= self.start:
             raise validation_error([(("until",), self.until, f"must be later than start = {self.start:g} s")])
         largest = size_law(self.diameter).extremes[1]
         sides = [high - low for low, high in zip(self.box.min, self.box.max, strict=True)]
         if min(sides) < largest:
-            reason = f"its shortest side of {min(sides):g} m must hold the largest grain, {largest:g} m in diameter"
+            reason = f"its shortest side of {min(sides):g} m must be at least the diameter of the largest grain, {largest:g} m"
             raise validation_error([(("box",), None, reason)])
         return self
 
@@ -108,13 +108,13 @@ def _id_array(value: Any) -> np.ndarray:
     try:
         ids = np.asarray(value)
     except ValueError:
-        # NumPy's word for rows of different length
+        # NumPy's error for rows of different length
         raise ValueError(rule) from None
     if ids.ndim != 1 or ids.size == 0 or ids.dtype.kind not in "iu" or ids.min() < 0 or ids.max() >= 2**63:
         raise ValueError(rule)
     values, counts = np.unique(ids, return_counts=True)
     if values.size < ids.size:
-        raise ValueError(f"ids must be unique; {values[counts > 1][0]} comes {counts[counts > 1][0]} times")
+        raise ValueError(f"ids must be unique; {values[counts > 1][0]} is given {counts[counts > 1][0]} times")
     ids = ids.astype(np.int64)
     ids.flags.writeable = False
     return ids
@@ -137,13 +137,13 @@ class Grains(SceneModel):
     """Grains of one material from exactly one source: positions, file or fill.
 
     The arrays are read-only float64 (ids int64). ``explicit_radii``, ``explicit_velocities`` and ``explicit_spins``
-    give the columns that belong to ``positions`` with all defaults filled in.
+    give the arrays for ``positions`` with all defaults filled in.
     """
 
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     positions: Annotated[np.ndarray, Array(Quantity("m"), columns=3)] | None = Field(
-        None, description="Centres [m], shape (n, 3); this, file or fill."
+        None, description="Centres [m], shape (n, 3); either this, file or fill."
     )
     radius: Length | None = Field(None, description="With positions: radius of all grains [m], > 0.")
     radii: Annotated[np.ndarray, Array(Quantity("m", gt=0))] | None = Field(
@@ -163,11 +163,11 @@ class Grains(SceneModel):
         None, description="With positions: ids of the grains [-], whole numbers >= 0, all different, shape (n,)."
     )
     file: FileName | None = Field(
-        None, description="State file (.npz, .csv or .vtp), relative to the scene file; this, positions or fill."
+        None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
     )
-    fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; this, positions or file.")
+    fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
     velocities_in: Literal["frame", "laboratory"] = Field(
-        "frame", description='What velocities and spins are relative to: "frame" (default) or "laboratory".'
+        "frame", description='Axes that velocities and spins are relative to: "frame" (default) or "laboratory".'
     )
 
     @field_validator("file")
@@ -183,17 +183,17 @@ class Grains(SceneModel):
         sizes = ("radius", "radii", "diameter", "diameters")
         if self.positions is not None:
             exactly_one(self, *sizes)
-            self._check_lengths()
+            self._check_lengths(self.positions)
             return self
         stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
         if stray:
             source = "file" if self.file is not None else "fill"
-            reason = f"belongs to positions and cannot stand beside {source}"
+            reason = f"belongs to positions and cannot be given with {source}"
             raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 
-    def _check_lengths(self) -> None:
-        count = len(self.positions)
+    def _check_lengths(self, positions: np.ndarray) -> None:
+        count = len(positions)
         for key in ("radii", "diameters", "velocities", "spins", "ids"):
             values = getattr(self, key)
             if values is not None and len(values) != count:
@@ -203,10 +203,12 @@ class Grains(SceneModel):
     @property
     def explicit_radii(self) -> np.ndarray:
         """Radii [m] of the grains given by ``positions``, shape (n,)."""
+        if self.radii is not None:
+            return np.array(self.radii)
+        if self.diameters is not None:
+            return np.asarray(0.5 * self.diameters)
         radius = 0.5 * self.diameter if self.diameter is not None else self.radius
-        if radius is not None:
-            return np.full(len(self.positions), radius)
-        return np.array(self.radii) if self.radii is not None else 0.5 * self.diameters
+        return np.full(0 if self.positions is None else len(self.positions), radius, dtype=float)
 
     @property
     def explicit_velocities(self) -> np.ndarray:
@@ -219,7 +221,7 @@ class Grains(SceneModel):
         return np.zeros_like(self.positions) if self.spins is None else np.array(self.spins)
 
     def __eq__(self, other: object) -> bool:
-        # pydantic compares field by field with ==, which has no single answer for arrays
+        # pydantic compares field by field with ==, which gives an array for arrays
         return isinstance(other, Grains) and self.model_dump(mode="json") == other.model_dump(mode="json")
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""Keys of a scene that say what is measured while it runs."""
+"""Measurements during a run, as scene data."""
 
 from typing import Literal
 
@@ -9,13 +9,13 @@ from warpdem.scene.borders import Box
 
 
 class FlowPlane(SceneModel):
-    """A plane, or a disk of one, whose crossings are counted."""
+    """A plane, or a disk, through which the flow of grains is counted."""
 
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
-    point: Point = Field(description="Point of the plane [m]; the centre, if it has a radius.")
-    normal: Direction = Field(description="Direction that counts as positive [-], any length but zero; held as a unit vector.")
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
+    point: Point = Field(description="Point of the plane [m]; with a radius, the centre of the disk.")
+    normal: Direction = Field(description="Direction of positive flow [-], any length but zero; held as a unit vector.")
     radius: Length | None = Field(
-        None, description="Only what crosses within this distance of the point counts [m], > 0, default the whole plane."
+        None, description="Radius of the disk around the point within which crossings count [m], > 0, default the whole plane."
     )
     fixed_to: Literal["frame", "laboratory"] = Field(
         "frame", description='What the plane is fixed to: "frame" (default) or "laboratory".'
@@ -23,56 +23,56 @@ class FlowPlane(SceneModel):
 
 
 class Region(SceneModel):
-    """A box, or the whole run, that bulk properties are averaged over."""
+    """A box, or all grains, over which bulk properties are averaged."""
 
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
     box: Box | None = Field(
         None,
-        description="Box in frame axes. Grains count by their centres, solid fraction and contact stress by the parts of balls "
-        "and branch vectors in the box. Default: all grains, without what needs a volume.",
+        description="Box in frame axes. Grains count by their centres, solid fraction and contact stress by the parts of "
+        "spheres and branch vectors in the box. Default: all grains, without the quantities that need a volume.",
     )
 
 
 class Mixing(SceneModel):
-    """Two kinds of grains whose mixing is told by Lacey's index."""
+    """Mixing of two classes of grains by Lacey's index."""
 
-    name: Name = Field(description="Name, one of a kind: letters, digits, _ and -.")
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
     by: Literal["material", "group", "size", "x", "y", "z"] = Field(
-        description='What makes the two kinds: "material" or "group" (the first of the scene against the rest), "size" '
-        '(against the median radius), or "x", "y", "z" (below or above the median of the start along a frame axis).',
+        description='Property that defines the two classes: "material" or "group" (the first of the scene against the rest), '
+        '"size" (against the median radius), or "x", "y", "z" (below or above the initial median along a frame axis).',
     )
-    cell: Length = Field(description="Edge of the cubic cells that are the samples [m], > 0; some 3 to 5 grain diameters.")
+    cell: Length = Field(description="Edge of the cubic sample cells [m], > 0; some 3 to 5 grain diameters.")
 
 
 class Grid(SceneModel):
-    """A grid that coarse-grained fields are written on."""
+    """The grid of the coarse-grained fields."""
 
     box: Box = Field(description="Box in frame axes that the grid spans.")
-    cell: Length = Field(description="Distance of grid points [m], > 0.")
+    cell: Length = Field(description="Spacing of the grid points [m], > 0.")
     width: Length | None = Field(
         None, description="Radius of the averaging kernel [m], > 0, default 2 cell; some 1.5 to 3 grain diameters."
     )
 
 
 class Measures(SceneModel):
-    """What is measured while the run goes on: columns of history.csv, and fields on a grid."""
+    """Measurements during the run: columns of history.csv, and fields on a grid."""
 
     energy: StrictBool = Field(
         False,
-        description="Whether the energy budget is added up at every step, default false: what is dissipated by damping, "
-        "sliding and rolling, work of walls and fields, and what does not close.",
+        description="Whether the energy budget is accumulated at every step, default false: dissipation by damping, sliding "
+        "and rolling, work of walls and fields, and the residual.",
     )
     momentum: StrictBool = Field(
         False,
-        description="Whether the budgets of momentum and angular momentum are added up at every step, default false: impulse "
-        "of walls, gravity and fields, and what does not close.",
+        description="Whether the budgets of momentum and angular momentum are accumulated at every step, default false: "
+        "impulse of walls, gravity and fields, and the residual.",
     )
     flow: list[FlowPlane] = Field(
-        [], description="Planes whose crossings are counted at every step, default none."
+        [], description="Planes through which the flow is counted at every step, default none."
     )
     regions: list[Region] = Field(
         [],
-        description="Regions of which mass, velocity, granular temperature, coordination number and stress are told, "
+        description="Regions in which mass, velocity, granular temperature, coordination number and stress are measured, "
         "default none.",
     )
     mixing: list[Mixing] = Field([], description="Mixing indices, default none.")

@@ -203,4 +203,4 @@ def _all_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
 def _description(key_path: KeyPath, root: type[BaseModel]) -> str:
     """Description of a key in its model."""
     *parent, key = key_path
-    return next(model.model_fields[key].description for model in _models_at(parent, root) if key in model.model_fields)
+    return next(str(model.model_fields[key].description) for model in _models_at(parent, root) if key in model.model_fields)

@@ -1,4 +1,4 @@
-"""A scene: everything a run is told, validated, in SI units and immutable.
+"""A scene: the complete input of a run, validated, in SI units and immutable.
 
 Positions, velocities and spins are in frame axes (the axes of ``Scene.frame``), velocities and spins relative to the
 frame. Frame axes and laboratory axes coincide at time 0. A scene without a frame is inertial.
@@ -6,7 +6,7 @@ frame. Frame axes and laboratory axes coincide at time 0. A scene without a fram
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,9 +17,10 @@ from pydantic.json_schema import SkipJsonSchema
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
+from warpdem.scene.base import FileName, Label, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.checks import (
+    Named,
     grain_problems,
     material_problems,
     measure_problems,
@@ -32,7 +33,7 @@ from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
-from warpdem.scene.model_names import model_name, plugin_refusal, user_model
+from warpdem.scene.model_names import ModelName, plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
@@ -54,16 +55,16 @@ class Material(SceneModel):
 class Contact(SceneModel):
     """Contact laws, the same for all contacts of grains with grains and walls."""
 
-    normal: model_name("normal") = Field(
+    normal: Annotated[FileName, ModelName("normal")] = Field(
         "hertz",
         description='Normal law: "hertz" (from the moduli; default), "hooke" (linear, stiffness per pair) or a .py file.',
     )
-    tangential: model_name("tangential", "none") = Field(
+    tangential: Annotated[FileName, ModelName("tangential", ("none",))] = Field(
         "mindlin",
         description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history), '
         '"none" or a .py file.',
     )
-    rolling: model_name("rolling", "none") = Field(
+    rolling: Annotated[FileName, ModelName("rolling", ("none",))] = Field(
         "none",
         description='Rolling law: "none" (default), "constant" (directional torque), "spring" (EPSD) or a .py file.',
     )
@@ -107,50 +108,50 @@ class Pair(SceneModel):
 
 
 class Scene(SceneModel):
-    """A whole scene. From Python: ``Scene.model_validate({...})``; from a file: ``load_scene(path)``."""
+    """A complete scene. From Python: ``Scene.model_validate({...})``; from a file: ``load_scene(path)``."""
 
-    # first: the parts that name files of the user are checked against it
+    # base and access come first: parts that name files of the user are checked against them
     base: SkipJsonSchema[Path] = Field(
         default_factory=Path.cwd, exclude=True, description="Folder that relative paths start from."
     )
     access: SkipJsonSchema[Access] = Field(
-        Access(), exclude=True, description="Files that the scene may read and load as code, default any: Python code made it."
+        Access(), exclude=True, description="Files that the scene may read and load as code, default any."
     )
-    title: str = Field("", description="Title, for people.")
+    title: str = Field("", description="Title, for display.")
     gravity: Annotated[Vec3, Vector(Quantity("m/s2"))] = Field(
         (0.0, 0.0, -9.81), description="Gravity [m/s2] in laboratory axes, default (0, 0, -9.81)."
     )
     materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
-    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each two materials that can meet.")
+    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can touch.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
     frame: Motions | None = Field(
         None, description="Motion of the frame axes: one, or a list, outermost first; default none (inertial)."
     )
     fields: list[ExternalField] = Field([], description="External fields beside gravity, default none.")
-    measures: Measures = Field(Measures(), description="What is measured while the run goes on, default nothing.")
-    observers: list[Observer] = Field([], description="Numbers read off each grain for history.csv, default none.")
+    measures: Measures = Field(Measures(), description="Measurements during the run, default none.")
+    observers: list[Observer] = Field([], description="Quantities of the grains for history.csv, default none.")
     borders: Borders | None = Field(None, description="Borders of the domain along the frame axes, default none.")
-    outlets: list[Outlet] = Field([], description="Regions that take grains out of the run and count them, default none.")
-    streams: list[Stream] = Field([], description="Grains that come in while the run goes on, default none.")
+    outlets: list[Outlet] = Field([], description="Regions that remove grains and count them, default none.")
+    streams: list[Stream] = Field([], description="Grains inserted during the run, default none.")
     start: Start | None = Field(None, description="Checkpoint of another run to start from, in place of grains; default none.")
     phases: list[Phase] = Field(
-        [], description="Parts of the run, one after the other, each with its changes of the scene; default one, without any."
+        [], description="Successive parts of the run, each with its changes of the scene; default one part without changes."
     )
     time: Time = Field(description="Length and step of the run, or of each phase.")
-    output: Output = Field(Output(), description="What is written, and how often.")
-    engine: Engine = Field(Engine(), description="How the run is computed.")
+    output: Output = Field(Output(), description="Output: what is written, and how often.")
+    engine: Engine = Field(Engine(), description="Numerical settings of the run.")
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
     notes: SkipJsonSchema[tuple[str, ...]] = Field(
-        (), exclude=True, description="What of the file is not taken into the scene, for people."
+        (), exclude=True, description="Notes on content of the file that the scene does not take over."
     )
 
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
 
         Raises:
-            SceneError: the scene may not read it; see ``warpdem.core.access``.
+            SceneError: The scene may not read it; see ``warpdem.core.access``.
         """
         if refusal := self.access.refusal(path, self.base):
             raise SceneError(f'{self.source}: "{path}" {refusal}')
@@ -166,12 +167,12 @@ class Scene(SceneModel):
         for key_path, motions in moving:
             for k, motion in enumerate(motions or ()):
                 if isinstance(motion, Sampled):
-                    yield (*key_path, *[k] * (len(motions) > 1), "usd"), motion.usd
+                    yield (*key_path, *[k] * (len(motions or ()) > 1), "usd"), motion.usd
 
     def later(self, time: float) -> "Scene":
-        """The scene as it goes on from ``time`` [s] on: its motions have been going on, its streams are as much nearer."""
+        """The scene from ``time`` [s] on: its motions are ahead by this time, its streams start and end earlier by it."""
 
-        def ahead(motions: tuple | None) -> tuple | None:
+        def ahead(motions: Motions | None) -> Motions | None:
             return motions and tuple(
                 m if isinstance(m, FixedPlacement) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
             )
@@ -185,16 +186,16 @@ class Scene(SceneModel):
         return self.model_copy(update={"frame": ahead(self.frame), "walls": walls, "streams": streams})
 
     def located(self, name: str) -> str:
-        """Name of a model as ``models.model`` takes it: files of the user by their absolute path."""
+        """Name of a model for ``models.model``: a file of the user by its absolute path."""
         return models.located(name, self.base)
 
     @classmethod
-    def model_validate(cls, obj: Any, **keys) -> "Scene":
-        """The scene of nested tables; ``Scene(...)`` gives the same, with pydantic's own errors.
+    def model_validate(cls, obj: Any, **keys: Any) -> "Scene":
+        """The scene of nested tables; ``Scene(...)`` does the same with pydantic's own errors.
 
         Args:
-            obj: The tables, as a scene file holds them.
-            **keys: As pydantic's.
+            obj: The tables of a scene file.
+            **keys: As for pydantic.
 
         Raises:
             SceneError: The scene is wrong; one message lists all problems.
@@ -207,8 +208,8 @@ class Scene(SceneModel):
 
     @property
     def group_names(self) -> list[str]:
-        """Name of the group of each entry of ``grains``, then of each of ``streams``; those without one by their key."""
-        entries = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
+        """Name of the group of each entry of ``grains``, then of each of ``streams``; an entry without a name has its key."""
+        entries: list[tuple[str, Grains | Stream]] = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
         entries += [(f"streams[{k}]", entry) for k, entry in enumerate(self.streams)]
         return [entry.name or key for key, entry in entries]
 
@@ -221,7 +222,7 @@ class Scene(SceneModel):
         """Coefficients of two materials, in either order.
 
         Raises:
-            KeyError: the scene has none for them (they cannot meet).
+            KeyError: The scene has none for them (they cannot be in contact).
         """
         for pair in self.pairs:
             if sorted(pair.materials) == sorted((first, second)):
@@ -230,11 +231,14 @@ class Scene(SceneModel):
 
     @field_validator("fields", "observers")
     @classmethod
-    def _parameters_fit_their_models(cls, parts: list, info: ValidationInfo) -> list:
-        checked, problems = [], []
+    def _parameters_fit_their_models(
+        cls, parts: list[ExternalField | Observer], info: ValidationInfo
+    ) -> list[ExternalField | Observer]:
+        checked: list[ExternalField | Observer] = []
+        problems: list[Problem] = []
         for i, part in enumerate(parts):
             try:
-                module = user_model({"fields": "field", "observers": "observer"}[info.field_name], part.model, info.data)
+                module = user_model({"fields": "field", "observers": "observer"}[str(info.field_name)], part.model, info.data)
             except SceneError as error:
                 problems.append(((i, "model"), part.model, str(error)))
                 continue
@@ -258,7 +262,9 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
-        named = {"walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases}
+        named: dict[str, Sequence[Named]] = {
+            "walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases
+        }  # fmt: skip
         problems = [
             *material_problems(self._material_uses(), self.materials),
             *source_problems(self.grains, self.streams, self.start),
@@ -277,12 +283,13 @@ class Scene(SceneModel):
     def _material_uses(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Key path and name of each material that a part of the scene names."""
         for key in ("grains", "walls", "streams"):
-            yield from (((key, i, "material"), part.material) for i, part in enumerate(getattr(self, key)))
+            users: list[Grains | Wall | Stream] = getattr(self, key)
+            yield from (((key, i, "material"), user.material) for i, user in enumerate(users))
         for i, pair in enumerate(self.pairs):
             yield from ((("pairs", i, "materials", k), name) for k, name in enumerate(pair.materials))
 
     @model_validator(mode="after")
-    def _phases_stand(self) -> "Scene":
+    def _phases_are_valid(self) -> "Scene":
         data = self._tables() if self.phases else {}
         for k, phase in enumerate(self.phases):
             known = [key for key in Scene.model_fields if key not in NOT_IN_A_PHASE]
@@ -291,10 +298,10 @@ class Scene(SceneModel):
                 reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
                 reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
                 raise validation_error([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
-            there = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
+            present = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
             for name in phase.without:
-                if name not in there:
-                    reason = f"no such wall or outlet; there are {quoted(there)}"
+                if name not in present:
+                    reason = f"no such wall or outlet; there are {quoted(present)}"
                     raise validation_error([(("phases", k, "without"), name, reason)])
             data = changed(data, phase)
             try:
@@ -311,24 +318,24 @@ class Scene(SceneModel):
     def _phase(self, number: int, data: dict[str, Any]) -> "Scene":
         kept = {"base": self.base, "access": self.access, "source": self.source, "notes": self.notes}
         name = self.phases[number].name
-        begin = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
-        return Scene(**{**data, **begin, **kept, "title": f"{self.title or self.source}: {name}"})
+        start = {"grains": self.grains, "start": self.start} if number == 0 else {"start": {"checkpoint": "checkpoint.h5"}}
+        return Scene(**{**data, **start, **kept, "title": f"{self.title or self.source}: {name}"})
 
     def phase(self, number: int) -> "Scene":
-        """The scene of one phase; all but the first start from a checkpoint that is still to be named."""
+        """The scene of one phase; all but the first start from a checkpoint whose path is set later."""
         data = self._tables()
         for phase in self.phases[: number + 1]:
             data = changed(data, phase)
         return self._phase(number, data)
 
     def continues(self, number: int) -> tuple[str, ...]:
-        """What goes on in a phase as it was, since the phase does not give it: frame, streams, names of walls."""
+        """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
         moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to"} & wall.keys()]
-        there = {wall.name for wall in self.phase(number - 1).walls}
+        before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]
-        return (*names, *(wall.name for wall in scene.walls if wall.name in there and wall.name not in moved))
+        return (*names, *(wall.name for wall in scene.walls if wall.name in before and wall.name not in moved))
 
 
 def _pair_problems(scene: Scene) -> Iterator[Problem]:
@@ -341,7 +348,7 @@ def _pair_problems(scene: Scene) -> Iterator[Problem]:
         given.setdefault(key, i)
 
     # in the order of the scene, without repeats; unknown names have been named already
-    sources = [*scene.grains, *scene.streams]
+    sources: list[Grains | Stream] = [*scene.grains, *scene.streams]
     of_grains = [name for name in dict.fromkeys(g.material for g in sources) if name in scene.materials]
     of_walls = [name for name in dict.fromkeys(w.material for w in scene.walls) if name in scene.materials]
     meeting = [*itertools.combinations_with_replacement(of_grains, 2), *itertools.product(of_grains, of_walls)]

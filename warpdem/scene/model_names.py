@@ -1,41 +1,63 @@
 """Names of models in a scene: a file of ``kernels/<role>/``, or a file of the user that the scene may load."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import AfterValidator, Field
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
 
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import FileName
 
 
-def model_name(role: str, *others: str) -> Any:
-    """Annotation of a model's name: a file of ``kernels/<role>/``, a file of the user, or one of ``others``."""
-    known = [*models.model_names(role), *others]
+@dataclass(frozen=True)
+class ModelName:
+    """Annotation of a model's name: a file of ``kernels/<role>/``, a file of the user, or one of ``others``.
 
-    def check(name: str) -> str:
+    ``Annotated[FileName, ModelName("tangential", "none")]`` accepts "mindlin", "none" and "own_law.py".
+    """
+
+    role: str
+    others: tuple[str, ...] = ()
+
+    def validate(self, name: str) -> str:
+        """The name itself.
+
+        Raises:
+            ValueError: No model has this name; the text names the allowed ones.
+        """
+        known = self._known()
         if name not in known and not models.is_file(name):
-            raise ValueError(models.allowed(role, *others) + models.nearest(name, known))
+            raise ValueError(models.allowed(self.role, *self.others) + models.nearest(name, known))
         return name
 
-    schema = {"anyOf": [{"enum": known}, {"pattern": r"\.py$"}]}
-    return Annotated[FileName, AfterValidator(check), Field(json_schema_extra=schema)]
+    def _known(self) -> list[str]:
+        return [*models.model_names(self.role), *self.others]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(self.validate, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {**handler(schema), "anyOf": [{"enum": self._known()}, {"pattern": r"\.py$"}]}
 
 
 def plugin_refusal(name: str, known: Mapping[str, Any]) -> str | None:
-    """Why a scene with this ``base`` and ``access`` may not load a model; None if it may."""
-    return known.get("access", Access()).plugin_refusal(name, known.get("base", Path())) if models.is_file(name) else None
+    """Reason why a scene may not load a model; None if it may. ``known`` holds the scene's ``base`` and ``access``."""
+    access: Access = known.get("access", Access())
+    return access.plugin_refusal(name, known.get("base", Path())) if models.is_file(name) else None
 
 
 def user_model(role: str, name: str, known: Mapping[str, Any]) -> ModuleType:
-    """Module of a model that a scene with this ``base`` and ``access`` names.
+    """Module of a model that a scene names. ``known`` holds the scene's ``base`` and ``access``.
 
     Raises:
-        SceneError: the file of a user may not be loaded, or is no model of this role.
+        SceneError: The file of a user may not be loaded, or is no model of this role.
     """
     if refusal := plugin_refusal(name, known):
         raise SceneError(refusal)

@@ -137,7 +137,8 @@ class FixedPlacement(SceneModel):
     @functools.cached_property
     def axes(self) -> np.ndarray:
         """A, shape (3, 3), long double."""
-        return np.eye(3, dtype=WIDE) + rigid_motion.quaternion_rotation_increment(rigid_motion.unit(self.quaternion)[None])[0]
+        increment = rigid_motion.quaternion_rotation_increment(rigid_motion.unit(self.quaternion)[None])[0]
+        return np.asarray(np.eye(3, dtype=WIDE) + increment)
 
     @property
     def displaces(self) -> bool:

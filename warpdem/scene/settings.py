@@ -1,4 +1,4 @@
-"""How a run is computed and what it writes: time, output and engine."""
+"""Settings of a run as scene data: time, output and engine."""
 
 from typing import Annotated, Literal
 
@@ -19,18 +19,18 @@ class Time(SceneModel):
     )
     max_speed: Annotated[float, Quantity("m/s", gt=0)] | None = Field(
         None,
-        description="Largest speed expected [m/s], > 0, for the automatic step; default: estimated from the scene.",
+        description="Largest expected speed [m/s], > 0, for the automatic step; default: estimated from the scene.",
     )
 
     @model_validator(mode="after")
-    def _step_fits(self) -> "Time":
+    def _step_is_within_end(self) -> "Time":
         if self.step != "auto" and self.step > self.end:
             raise validation_error([(("step",), self.step, f"must not be longer than time.end = {self.end:g} s")])
         return self
 
 
 class Output(SceneModel):
-    """What is written, and how often."""
+    """Output: what is written, and how often."""
 
     interval: Duration | None = Field(
         None, description="Time between two frames of the result [s], > 0, rounded to whole steps, default time.end / 50."
@@ -43,7 +43,7 @@ class Output(SceneModel):
     wall_loads: StrictBool = Field(
         True,
         description="Whether the frames hold the loads on mesh walls and their triangles, default true; VTK then writes a wall "
-        "at rest in every frame, not once: some 25 bytes per triangle. history.csv has those of whole walls in any case.",
+        "at rest in every frame, not once: some 25 bytes per triangle. history.csv always has the loads on whole walls.",
     )
     contacts: StrictBool = Field(
         False,
@@ -52,12 +52,12 @@ class Output(SceneModel):
     )
     orientation: StrictBool = Field(
         False,
-        description="Whether the run keeps how each grain is turned, and the frames hold it, default false.",
+        description="Whether the run integrates the orientation of each grain, and the frames hold it, default false.",
     )
     picture: StrictBool = Field(True, description="Whether a preview picture is drawn at the end, default true.")
     history_interval: Duration | None = Field(
         None,
-        description="Time between two rows of history.csv [s], > 0, default interval / 4; every frame has a row of its time.",
+        description="Time between two rows of history.csv [s], > 0, default interval / 4; every frame has a row at its time.",
     )
     checkpoint_interval: Duration | None = Field(
         None, description="Simulated time between two checkpoints [s], > 0, default none; see checkpoint_wall_time."
@@ -77,25 +77,27 @@ class Output(SceneModel):
 
 
 class Engine(SceneModel):
-    """How the run is computed; the physics does not depend on it."""
+    """Numerical settings; they do not change the physical model."""
 
     skin: Annotated[float | Literal["auto"], Quantity("m", gt=0, auto=True)] = Field(
-        "auto", description='Extra reach of the neighbour lists [m], > 0, or "auto" (default).'
+        "auto",
+        description='Skin of the neighbor lists: distance beyond contact up to which pairs are listed [m], > 0, or "auto" '
+        "(default).",
     )
     integrator: Literal[
         "exact_drift", "velocity_verlet", "modified_verlet", "scovel", "explicit_euler", "rk2", "rk4", "lobatto"
-    ] = Field("exact_drift", description='Time integrator: "exact_drift" (default), or one of the schemes to compare with.')
+    ] = Field("exact_drift", description='Time integrator: "exact_drift" (default), or one of the schemes for comparison.')
     precision: Literal["double", "mixed"] = Field(
         "double",
         description='Precision: "double" (default), or "mixed": law, forces and history of grain pairs in single precision.',
     )
     max_overlap: Annotated[float, Quantity("-", gt=0, le=1)] = Field(
         0.1,
-        description="Overlap over the smaller radius, with a wall over the radius, at which a run stops itself and up to "
-        "which it may start [-], > 0 and <= 1, default 0.1.",
+        description="Largest allowed overlap over the smaller radius (at a wall over the radius), at the start and during "
+        "the run, above which a run stops [-], > 0 and <= 1, default 0.1.",
     )
     guards: Literal["stop", "record"] = Field(
         "stop",
-        description='What happens when a run becomes unstable: "stop" (default), or "record" to note it in the summary and go '
-        "on, for studies of schemes that are meant to fail; a state that is not finite always stops.",
+        description='Action when a run becomes unstable: "stop" (default), or "record": note it in the summary and continue, '
+        "for studies of schemes that are meant to fail; a state that is not finite always stops the run.",
     )

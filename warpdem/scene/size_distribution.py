@@ -1,8 +1,8 @@
-"""Size distributions of grains: what a scene may say about diameters, and drawing from it.
+"""Size distributions of grains: diameters as scene data, and random samples of them.
 
-Every distribution becomes one polyline: its cumulative share by number, linear between nodes. A number is a polyline of
-one upright piece, a table of upright pieces only; bell curves are cut so finely that the polyline is within 1e-5 of
-them. Drawing is one interpolation of uniform random numbers, so the same generator gives the same bits.
+Every distribution becomes one polyline: its cumulative fraction by number, linear between nodes. A single diameter is one step,
+a table a sequence of steps; normal curves are divided so finely that the polyline deviates by less than 1e-5. A sample is one
+interpolation of uniform random numbers, so that the same generator gives the same bits.
 """
 
 import math
@@ -16,15 +16,15 @@ from warpdem.scene.base import Length, SceneModel, exactly_one, validation_error
 from warpdem.scene.units import Quantity, Vector
 
 FINE_RATIO = 0.003
-"""Largest step between two nodes in the logarithm of the diameter [-] when a share by mass becomes one by number."""
-LEAST_SHARE = 1e-6
-"""A bell curve of which less than this lies between the cut-offs is refused [-]."""
+"""Largest distance of two nodes in the logarithm of the diameter [-] when a fraction by mass is converted to one by number."""
+MIN_FRACTION = 1e-6
+"""Smallest fraction of a normal curve that must lie between the cut-offs [-]."""
 
 Share = Annotated[float, Quantity("-", ge=0)]
 
 
 class Spread(SceneModel):
-    """Bell curve of diameters with cut-offs; mean and deviation are those before the cut."""
+    """Normal or log-normal curve with cut-offs; mean and deviation are those of the uncut curve."""
 
     mean: Length = Field(description="Mean diameter [m], > 0.")
     deviation: Length = Field(description="Standard deviation of the diameter [m], > 0.")
@@ -39,23 +39,23 @@ class Spread(SceneModel):
 
 
 class DiameterDistribution(SceneModel):
-    """Distribution of diameters; exactly one kind."""
+    """Distribution of diameters; exactly one form is given."""
 
     uniform: Annotated[tuple[float, float], Vector(Quantity("m", gt=0), length=2)] | None = Field(
-        None, description="Smallest and largest diameter [m], > 0; shares are spread evenly between them."
+        None, description="Smallest and largest diameter [m], > 0; diameters are uniform between them."
     )
     normal: Spread | None = Field(None, description="Normal distribution of the diameter, cut off at min and max.")
     lognormal: Spread | None = Field(None, description="Log-normal distribution of the diameter, cut off at min and max.")
     table: Annotated[list[tuple[Length, Share]], Field(min_length=1)] | None = Field(
-        None, description="Rows [diameter [m], > 0, share [-], >= 0]: only these diameters; shares in any scale."
+        None, description="Rows [diameter [m], > 0, fraction [-], >= 0]: only these diameters; fractions in any scale."
     )
     cumulative: Annotated[list[tuple[Length, Share]], Field(min_length=2)] | None = Field(
         None,
-        description="Rows [diameter [m], > 0, share [-] that is finer, >= 0], rising from share 0 on, linear in between: "
-        "a sieve curve; shares in any scale.",
+        description="Rows [diameter [m], > 0, finer fraction [-], >= 0], increasing from fraction 0, linear in between: "
+        "a sieve curve; fractions in any scale.",
     )
     by: Literal["number", "mass"] = Field(
-        "number", description='What the shares count: the "number" of grains (default) or their "mass".'
+        "number", description='Quantity that the fractions count: the "number" of grains (default) or their "mass".'
     )
 
     @model_validator(mode="after")
@@ -65,39 +65,39 @@ class DiameterDistribution(SceneModel):
             raise validation_error([(("uniform",), self.uniform, "the first diameter must not be above the second")])
         if self.table is not None:
             if sum(share for _, share in self.table) <= 0.0:
-                raise validation_error([(("table",), self.table, "the shares must not all be 0")])
+                raise validation_error([(("table",), self.table, "the fractions must not all be 0")])
         if self.cumulative is not None:
             diameter, share = np.array(self.cumulative).T
             if (np.diff(diameter) <= 0.0).any() or (np.diff(share) < 0.0).any():
-                raise validation_error([(("cumulative",), self.cumulative, "diameters must rise and shares must not fall")])
+                raise validation_error([(("cumulative",), self.cumulative, "diameters must increase, fractions not decrease")])
             if share[0] != 0.0 or share[-1] <= 0.0:
-                raise validation_error([(("cumulative",), self.cumulative, "the share must start at 0 and end above 0")])
+                raise validation_error([(("cumulative",), self.cumulative, "the fraction must start at 0 and end above 0")])
         for key in ("normal", "lognormal"):
             spread = getattr(self, key)
             if spread is None or spread.min == spread.max:
                 continue
             inside = np.diff(_cumulative(self)[1][[0, -1]])[0]
-            if not inside > LEAST_SHARE:
-                reason = f"only {inside:.3g} of the distribution lies between min and max; at least {LEAST_SHARE:g} must"
+            if not inside > MIN_FRACTION:
+                reason = f"only {inside:.3g} of the distribution lies between min and max; at least {MIN_FRACTION:g} must"
                 raise validation_error([((key,), None, reason)])
         return self
 
 
 Diameter = Annotated[
     Annotated[Length, Tag("~number")] | Annotated[DiameterDistribution, Tag("~distribution")],
-    # the tags steer validation and show up in the places of errors; "~" lets the messages leave them out
+    # the tags select the branch of validation and appear in the key paths of errors; messages leave out those with "~"
     Discriminator(lambda value: "~distribution" if isinstance(value, (dict, DiameterDistribution)) else "~number"),
 ]
 
 
 @dataclass(frozen=True, eq=False)
 class SizeLaw:
-    """Cumulative distribution of diameters by number: linear between nodes, upright where a diameter comes twice."""
+    """Cumulative distribution of diameters by number: linear between nodes, a step where a diameter is repeated."""
 
     diameter: np.ndarray
-    """Nodes [m], shape (k,), not falling."""
+    """Nodes [m], shape (k,), not decreasing."""
     share: np.ndarray
-    """Share of the grains that are finer [-], shape (k,), from 0 to 1, not falling."""
+    """Fraction of finer grains [-], shape (k,), from 0 to 1, not decreasing."""
 
     @property
     def extremes(self) -> tuple[float, float]:
@@ -111,32 +111,32 @@ class SizeLaw:
 
     @property
     def mean_volume(self) -> float:
-        """Mean volume of a grain by number [m3]; times the density it turns a mass into a number of grains."""
+        """Mean volume of a grain by number [m3]."""
         a, b = self.diameter[:-1], self.diameter[1:]
         # int(d^3, a..b) / (b - a) without the cancellation of (b^4 - a^4) / (b - a)
         return float(np.pi / 6.0 * (np.diff(self.share) * 0.25 * (a + b) * (a * a + b * b)).sum())
 
     def draw(self, generator: np.random.Generator, count: int) -> np.ndarray:
-        """Diameters [m] of ``count`` grains, shape (count,); a longer draw begins with the same diameters."""
-        return np.interp(generator.random(count), self.share, self.diameter)
+        """Diameters [m] of ``count`` grains, shape (count,); a larger count begins with the same diameters."""
+        return np.asarray(np.interp(generator.random(count), self.share, self.diameter))
 
     def draw_volume(self, generator: np.random.Generator, volume: float) -> np.ndarray:
-        """Diameters [m] of as many grains as come closest to a total volume [m3], shape (n,); the last may leave it out.
+        """Diameters [m] of grains whose total volume is closest to ``volume`` [m3], shape (n,).
 
-        The diameters are those that ``draw`` gives, one after the other.
+        The diameters are those of ``draw``, in the same order.
         """
         diameter = np.empty(0)
         while (filled := np.cumsum(np.pi / 6.0 * diameter**3)).max(initial=0.0) < volume:
             batch = int(1.1 * (volume - filled.max(initial=0.0)) / self.mean_volume) + 16
             diameter = np.concatenate([diameter, self.draw(generator, batch)])
         n = int(np.searchsorted(filled, volume))
-        # the grain that crosses the line is taken when it leaves the smaller error
+        # the last grain, which exceeds the volume, is included if that gives the smaller error
         below = filled[n - 1] if n else 0.0
         return diameter[: n + bool(filled[n] - volume < volume - below)]
 
 
 def size_law(diameter: float | DiameterDistribution) -> SizeLaw:
-    """Law of one diameter [m] for all grains, or of a distribution."""
+    """Cumulative distribution of one diameter [m] for all grains, or of a distribution."""
     if not isinstance(diameter, DiameterDistribution):
         return SizeLaw(np.array([diameter, diameter], dtype=float), np.array([0.0, 1.0]))
     nodes, share = _cumulative(diameter)
@@ -145,28 +145,30 @@ def size_law(diameter: float | DiameterDistribution) -> SizeLaw:
     return SizeLaw(nodes, (share - share[0]) / (share[-1] - share[0]))
 
 
-def _cumulative(asked: DiameterDistribution) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes [m] and share below them, in the scale of the scene, by what the scene counts."""
-    if asked.uniform is not None:
-        return np.array(asked.uniform), np.array([0.0, 1.0])
-    if asked.cumulative is not None:
-        return tuple(np.array(asked.cumulative).T)
-    if asked.table is not None:
-        diameter, share = np.array(sorted(asked.table)).T
+def _cumulative(given: DiameterDistribution) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes [m] and cumulative fraction, in the scale of the scene, by number or mass as in the scene."""
+    if given.uniform is not None:
+        return np.array(given.uniform), np.array([0.0, 1.0])
+    if given.cumulative is not None:
+        diameter, share = np.array(given.cumulative).T
+        return diameter, share
+    if given.table is not None:
+        diameter, share = np.array(sorted(given.table)).T
         return np.repeat(diameter, 2), np.insert(np.repeat(np.cumsum(share), 2)[:-1], 0, 0.0)
-    if asked.normal is not None:
-        spread = asked.normal
-        return _bell(spread.min, spread.max, spread.mean, spread.deviation)
-    spread = asked.lognormal
-    # parameters of ln d that give d the mean and deviation asked for
+    if (normal := given.normal) is not None:
+        return _normal_curve(normal.min, normal.max, normal.mean, normal.deviation)
+    spread = given.lognormal
+    if spread is None:
+        raise ValueError("an empty distribution")  # refused by validation
+    # parameters of ln d for the given mean and deviation of d
     square = math.log1p((spread.deviation / spread.mean) ** 2)
     centre = math.log(spread.mean) - 0.5 * square
-    nodes, share = _bell(math.log(spread.min), math.log(spread.max), centre, math.sqrt(square))
+    nodes, share = _normal_curve(math.log(spread.min), math.log(spread.max), centre, math.sqrt(square))
     return np.clip(np.exp(nodes), spread.min, spread.max), share
 
 
-def _bell(low: float, high: float, centre: float, deviation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes between two cut-offs and the normal cumulative there; [0, 1] when the cut-offs leave one point."""
+def _normal_curve(low: float, high: float, centre: float, deviation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes between two cut-offs and the cumulative normal distribution there; [0, 1] if the cut-offs are equal."""
     if low == high:
         return np.array([low, high]), np.array([0.0, 1.0])
     core = np.clip(centre + deviation * np.linspace(-8.0, 8.0, 2049), low, high)
@@ -175,10 +177,10 @@ def _bell(low: float, high: float, centre: float, deviation: float) -> tuple[np.
 
 
 def _by_number(diameter: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and cumulative by number of one given by mass.
+    """Nodes and cumulative fraction by number of a distribution given by mass.
 
-    Between two nodes a and b the mass is spread evenly, so that the number there is its share times the mean of d^-3,
-    (a + b) / (2 a^2 b^2); nodes are added where they lie too far apart for that number to be spread evenly too.
+    Between two nodes a and b the mass is uniform, so that the number there is its fraction times the mean of d^-3,
+    (a + b) / (2 a^2 b^2); nodes are added where they are too far apart for the number to be uniform too.
     """
     (a, b), (low, high) = (diameter[:-1], diameter[1:]), (share[:-1], share[1:])
     pieces = np.ceil(np.log(b / a) / FINE_RATIO).astype(int).clip(min=1)

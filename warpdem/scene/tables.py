@@ -1,4 +1,4 @@
-"""A scene as plain tables, to be written to a file in another folder or format: numbers in SI, only what was given."""
+"""A scene as plain tables, for a file in another folder or format: numbers in SI, only the keys that were given."""
 
 import os
 from collections.abc import Callable
@@ -9,19 +9,19 @@ from warpdem.scene import models
 from warpdem.scene.model import Scene
 
 FILE_KEYS = ("mesh", "file", "usd", "checkpoint")
-"""Keys whose values are files."""
+"""Keys whose values are paths of files."""
 MODEL_KEYS = ("normal", "tangential", "rolling", "model")
-"""Keys whose values are models: a name, or a file."""
+"""Keys whose values are models: a name, or the path of a file."""
 Rename = Callable[[Path], str]
 
 
 def names_file(key: str, value: Any) -> bool:
-    """Whether the value of a key is the name of a file."""
+    """Whether the value of a key is the path of a file."""
     return isinstance(value, str) and (key in FILE_KEYS or (key in MODEL_KEYS and models.is_file(value)))
 
 
 def relative_to(folder: Path) -> Rename:
-    """Names of files as seen from ``folder``; absolute where there is no way, as between two drives."""
+    """Function that makes paths relative to ``folder``; absolute where no relative path exists, as between two drives."""
 
     def rename(file: Path) -> str:
         try:
@@ -33,13 +33,14 @@ def relative_to(folder: Path) -> Rename:
 
 
 def scene_tables(scene: Scene, rename: Rename) -> dict[str, Any]:
-    """The tables of a scene, as TOML gives them, arrays as lists.
+    """The tables of a scene, as read from TOML, with arrays as lists.
 
     Args:
         scene: Any scene.
-        rename: How the files that it names are called in the tables.
+        rename: Gives the path of a file as it is written in the tables.
     """
-    return _tables(scene.model_dump(mode="json", exclude_unset=True), scene, rename)
+    tables: dict[str, Any] = _tables(scene.model_dump(mode="json", exclude_unset=True), scene, rename)
+    return tables
 
 
 def _tables(value: Any, scene: Scene, rename: Rename, key: str = "") -> Any:
@@ -47,6 +48,6 @@ def _tables(value: Any, scene: Scene, rename: Rename, key: str = "") -> Any:
         return {k: _tables(v, scene, rename, k) for k, v in value.items() if v is not None}
     if isinstance(value, list) and value and isinstance(value[0], dict):
         entries = [_tables(entry, scene, rename) for entry in value]
-        # one motion is written as the table it may be
+        # a single motion is written as a table, not as a list
         return entries[0] if key in ("frame", "motion") and len(entries) == 1 else entries
     return rename(scene.resolve(value)) if names_file(key, value) else value

@@ -1,4 +1,4 @@
-"""Units at the border of a scene: plain numbers are SI, strings carry a unit ("30 rpm", "0.45 mm").
+"""Units of the numbers of a scene: plain numbers are SI, strings carry a unit ("30 rpm", "0.45 mm").
 
 Each number of the scene declares its unit by one of the annotations below; inside warpdem everything is SI.
 """
@@ -17,14 +17,14 @@ from pydantic_core import core_schema
 
 @dataclass(frozen=True)
 class Dimension:
-    """What a key asks for, in words and for pint."""
+    """Physical dimension of a key, as a noun and for pint."""
 
     noun: str
     base: dict[str, int]
-    """Exponents of pint's base units. The radian counts as one: this keeps turns, events and pure numbers apart."""
+    """Exponents of pint's base units. The radian is one of them, which distinguishes revolutions, events and pure numbers."""
     example: str
     least: float
-    """Least magnitude of a number that must be above 0, SI."""
+    """Smallest magnitude of a number that must be above 0, SI."""
     most: float
     """Largest magnitude, SI."""
 
@@ -48,23 +48,23 @@ DIMENSIONS = {
     "rad/s": Dimension("an angular rate", {"radian": 1, "second": -1}, "30 rpm", 1e-18, 1e12),
     "-": Dimension("a pure number", {}, "5 %", 1e-30, 1e30),
 }
-"""Units that a key of the scene may declare, with bounds far beyond what grains are made for.
+"""Units that a key of the scene may declare, with bounds far beyond the range of granular materials.
 
-Between them products and squares of what a scene says stay finite and normal in a float64, and results in a float32; a number
-outside is a mistake or does harm.
+Within them products and squares of the numbers of a scene stay finite and normal in float64, and results in float32; a number
+outside is a mistake.
 """
 
 LONGEST_TEXT = 100
-"""Characters of a number with its unit [-]: a unit of thousands of letters keeps the library of units busy for minutes."""
+"""Maximum length of a number with its unit [characters]: pint takes minutes to parse a unit of thousands of letters."""
 LARGEST_EXPONENT = 400
-"""Powers of ten beyond which a number is no float64 in any unit [-]."""
+"""Power of ten beyond which a number is no float64 in any unit [-]."""
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(1\s*/.+?|[^\d\s].*?)?\s*")
 _BARE_POWER = re.compile(r"(?<=[a-z])(?=[23]\b)")
 
 
 @functools.cache
 def _registry() -> Any:
-    """Return pint's registry; imported here because pint takes half a second and most scenes need it not at all.
+    """Return pint's registry; imported here because pint takes half a second and most scenes do not need it.
 
     Decimal makes the conversion exact up to one rounding: "0.45 mm" gives the same bits as 0.00045.
     """
@@ -74,14 +74,14 @@ def _registry() -> Any:
 
 
 def _allowed(unit: str) -> str:
-    """What a key of this unit accepts, in words."""
+    """Text of the values that a key of this unit accepts."""
     wanted = DIMENSIONS[unit]
     plain = "0.05" if unit == "-" else f"a plain number in [{unit}]"
     return f'must be {wanted.noun}: {plain} or a string such as "{wanted.example}"'
 
 
 def _numbers(unit: str) -> str:
-    """Several numbers of this unit, in words."""
+    """Text for several numbers of this unit."""
     return "pure numbers" if unit == "-" else f"numbers in [{unit}]"
 
 
@@ -100,7 +100,7 @@ def _parse(text: str, unit: str) -> float:
         raise ValueError(f"{allowed}; a number without unit is written without quotes")
     registry = _registry()
     try:
-        # "m/s2" is what this page and its messages write; pint wants a power sign
+        # messages write "m/s2"; pint requires a power sign
         units = registry.parse_units(_BARE_POWER.sub("**", match[2]))
         if abs(Decimal(match[1]).adjusted()) > LARGEST_EXPONENT:
             return math.inf if Decimal(match[1]).adjusted() > 0 else 0.0
@@ -108,11 +108,11 @@ def _parse(text: str, unit: str) -> float:
         base = {name: int(power) for name, power in quantity.unit_items() if power == int(power)}
         value = float(quantity.magnitude)
     except Exception:
-        # pint's parser answers odd text with errors of many kinds, AssertionError and decimal ones among them
+        # pint's parser raises many types of errors on invalid text, AssertionError and decimal errors among them
         raise ValueError(f'{allowed}; "{match[2]}" is no known unit') from None
     if base != wanted.base or len(base) != len(quantity.unit_items()):
         if unit == "rad/s" and base == DIMENSIONS["1/s"].base:
-            raise ValueError(f"must be {wanted.noun}; {match[2]} could mean turns or radians: write rpm or rad/s")
+            raise ValueError(f"must be {wanted.noun}; {match[2]} could mean revolutions or radians: write rpm or rad/s")
         raise ValueError(f'{allowed}; "{match[2]}" is not {wanted.noun}')
     return value
 
@@ -121,11 +121,11 @@ def to_si(value: Any, unit: str) -> float:
     """Value in SI units of a plain number (already SI) or of a string with a unit.
 
     Args:
-        value: a number, or a string such as "30 rpm".
-        unit: what the key declares, one of ``DIMENSIONS``.
+        value: A number, or a string such as "30 rpm".
+        unit: Unit that the key declares, one of ``DIMENSIONS``.
 
     Raises:
-        ValueError: no number, not finite, no known unit, or a unit of another dimension; a rate in Hz is refused for
+        ValueError: Not a number, not finite, no known unit, or a unit of another dimension; a rate in Hz is refused for
             an angular rate, rpm for a frequency or a time.
     """
     if isinstance(value, str):
@@ -144,7 +144,7 @@ def to_si(value: Any, unit: str) -> float:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Annotation of a number: its unit and range; with ``auto`` the word "auto" is allowed too.
+    """Annotation of a number: its unit and range; with ``auto`` the string "auto" is allowed too.
 
     ``Annotated[float, Quantity("m", gt=0)]`` accepts 0.001 and "1 mm" and holds 0.001.
     """
@@ -157,25 +157,25 @@ class Quantity:
     auto: bool = False
 
     def range_text(self) -> str:
-        """Allowed range in words, such as "> 0 [m]" or "> 0 and <= 1"; empty if any number will do."""
+        """Text of the allowed range, such as "> 0 [m]" or "> 0 and <= 1"; empty without limits."""
         signs = {">": self.gt, ">=": self.ge, "<": self.lt, "<=": self.le}
         text = " and ".join(f"{sign} {limit:g}" for sign, limit in signs.items() if limit is not None)
         return f"{text} [{self.unit}]" if text and self.unit != "-" else text
 
     def magnitude_text(self) -> str:
-        """Magnitudes that the engine computes with, in words."""
+        """Text of the magnitudes that the engine computes with."""
         known = DIMENSIONS[self.unit]
         least = f"from {known.least:g} to " if self.gt == 0 else "at most "
         sign = "" if self.gt == 0 or self.ge == 0 else " in magnitude"
         return f"{least}{known.most:g}{f' [{self.unit}]' if self.unit != '-' else ''}{sign}"
 
     def can_be_computed(self, value: Any) -> Any:
-        """Say for a number or array [SI] whether its magnitude is one that the engine computes with (elementwise)."""
+        """Whether the magnitude of a number or array [SI] is one that the engine computes with (elementwise)."""
         known, size = DIMENSIONS[self.unit], np.abs(value)
         return (size <= known.most) & (size >= known.least) if self.gt == 0 else size <= known.most
 
     def in_range(self, value: Any) -> Any:
-        """Say for a number or array [SI] whether it lies in the range (elementwise)."""
+        """Whether a number or array [SI] lies in the range (elementwise)."""
         inside = np.isfinite(value)
         if self.gt is not None:
             inside &= value > self.gt
@@ -203,7 +203,7 @@ class Quantity:
             raise ValueError(f"must be {self.range_text()}" + (', or "auto"' if self.auto else ""))
         if not self.can_be_computed(number):
             auto = ', or "auto"' if self.auto else ""
-            raise ValueError(f"must be {self.magnitude_text()}{auto}: beyond, numbers lose their digits or overflow")
+            raise ValueError(f"must be {self.magnitude_text()}{auto}: beyond, numbers lose precision or overflow")
         return number
 
     def json_schema(self) -> dict[str, Any]:
@@ -214,7 +214,7 @@ class Quantity:
             "exclusiveMaximum": self.lt,
             "maximum": self.le,
         }
-        number = {"type": "number", "description": f"in [{self.unit}]"}
+        number: dict[str, Any] = {"type": "number", "description": f"in [{self.unit}]"}
         number |= {key: limit for key, limit in limits.items() if limit is not None}
         text = {"type": "string", "description": f'with a unit, such as "{DIMENSIONS[self.unit].example}"'}
         if self.auto:
@@ -230,17 +230,17 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Vector:
-    """Annotation of a short fixed list of numbers, each plain or with its own unit; holds a tuple of floats."""
+    """Annotation of a list of fixed length, each number plain or with its own unit; holds a tuple of floats."""
 
     item: Quantity
     length: int = 3
 
     def _example(self) -> str:
-        """Such a list."""
+        """Example of such a list."""
         last = "1" if self.item.unit == "-" else f'"{DIMENSIONS[self.item.unit].example}"'
         return f"[{', '.join(['0'] * (self.length - 1) + [last])}]"
 
-    def listed(self, value: Any) -> list:
+    def listed(self, value: Any) -> list[Any]:
         """Return the entries as a list.
 
         Raises:
@@ -269,14 +269,14 @@ class Vector:
 class Array:
     """Annotation of an array of numbers, shape (n,) or (n, columns); holds a read-only float64 array [SI].
 
-    Lists (strings with units among them) and NumPy arrays are accepted; 1e5 rows take some 20 ms.
+    Lists (also with strings that carry units) and NumPy arrays are accepted; 1e5 rows take some 20 ms.
     """
 
     item: Quantity
     columns: int | None = None
 
     def shape_text(self) -> str:
-        """Wanted shape in words."""
+        """Text of the required shape."""
         numbers = _numbers(self.item.unit)
         return f"a list of {numbers}" if self.columns is None else f"a list of rows of {self.columns} {numbers}"
 
@@ -284,7 +284,7 @@ class Array:
         """Values in SI units, float64, read-only.
 
         Raises:
-            ValueError: wrong shape, or an entry that is no number of this dimension or out of range (it is named).
+            ValueError: Wrong shape, or an entry that is no number of this dimension or out of range; the text names it.
         """
         wrong_shape = f"must be {self.shape_text()}"
         if isinstance(value, np.ndarray):
@@ -328,8 +328,8 @@ class Array:
         try:
             return to_si(entry, self.item.unit)
         except ValueError as error:
-            place = (k,) if self.columns is None else divmod(k, self.columns)
-            raise ValueError(f"entry {_index_text(place)}: {error}") from None
+            index = (k,) if self.columns is None else divmod(k, self.columns)
+            raise ValueError(f"entry {_index_text(index)}: {error}") from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         to_list = core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, when_used="json")
@@ -342,5 +342,5 @@ class Array:
         return {"type": "array", "items": items, "minItems": 1}
 
 
-def _index_text(place: tuple) -> str:
-    return "".join(f"[{int(i)}]" for i in place)
+def _index_text(index: tuple[int, ...]) -> str:
+    return "".join(f"[{int(i)}]" for i in index)

@@ -1,4 +1,4 @@
-"""Tables as a TOML file to be read by people: rows of numbers on lines of their own, small tables in one line.
+"""Tables as a readable TOML file: rows of numbers on lines of their own, small tables on one line.
 
 The libraries that write TOML put each number of an array on its own line (tomli-w) or take a minute for 20 000 rows
 (tomlkit 0.15).
@@ -10,20 +10,20 @@ from collections.abc import Iterator
 from typing import Any
 
 WIDTH = 100
-"""Characters up to which an array or a small table stays on one line [-]."""
+"""Maximum number of characters of an array or a small table on one line [-]."""
 
 
 def toml_text(data: dict[str, Any]) -> str:
     """Text of a TOML file; ``data`` holds tables, lists, strings, numbers and truth values.
 
     Raises:
-        TypeError: a value is none of these.
+        TypeError: A value has another type.
     """
     return "\n".join(_lines(data, ())).strip("\n") + "\n"
 
 
 def _lines(table: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
-    """Values first, since what follows the head of a table belongs to that table."""
+    """Lines of a table; values first, since the lines after the header of a table belong to that table."""
     below = {key: value for key, value in table.items() if _has_head(value, path)}
     yield from (f"{_key(key)} = {_block(value)}" for key, value in table.items() if key not in below)
     for key, value in below.items():
@@ -33,13 +33,13 @@ def _lines(table: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
             for entry in value:
                 yield from ("", f"[[{name}]]", *_lines(entry, here))
         elif value and all(_has_head(entry, here) for entry in value.values()):
-            yield from _lines(value, here)  # tables only: their own heads imply this one
+            yield from _lines(value, here)  # tables only: their own headers imply this one
         else:
             yield from ("", f"[{name}]", *_lines(value, here))
 
 
 def _has_head(value: Any, path: tuple[str, ...]) -> bool:
-    """Whether a value is a table, or a list of tables, under a head of its own."""
+    """Whether a value is a table, or a list of tables, under a header of its own."""
     if isinstance(value, list) and value and all(isinstance(entry, dict) for entry in value):
         return not path or any(not _is_short(entry) for entry in value)
     if not isinstance(value, dict):
@@ -52,13 +52,13 @@ def _is_short(value: Any) -> bool:
 
 
 def _is_long(value: Any) -> bool:
-    """Whether a value is too long for a line whatever it holds: spares writing a large array twice."""
+    """Whether a value is certainly too long for a line; avoids formatting a large array twice."""
     entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return len(entries) > WIDTH // 2 or any(_is_long(entry) for entry in entries)
 
 
 def _block(value: Any) -> str:
-    """A value on one line, or one entry a line."""
+    """A value on one line, or one entry per line."""
     if not isinstance(value, list) or _is_short(value):
         return _inline(value)
     if all(isinstance(entry, (int, float)) for entry in value):
@@ -74,7 +74,7 @@ def _inline(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_inline, value))}]"
     if isinstance(value, str):
-        # JSON's strings are TOML's, but for one control character
+        # JSON strings are valid TOML strings except for one control character
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, (bool, int, float)):
         return str(value).lower()

@@ -1,5 +1,6 @@
 """A scene as a USD stage in metres, z upwards, as `warpdem.usd.scene` reads it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
 
     Args:
         path: File ending in .usda, .usdc or .usd.
-        tables: The scene's tables as `warpdem.scene.tables` gives them, files relative to the folder of ``path``.
+        tables: The scene's tables from `warpdem.scene.tables`, with files relative to the folder of ``path``.
 
     Raises:
         OutputError: The file cannot be written.
@@ -32,16 +33,16 @@ def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
     export(layer, path)
 
 
-def state_units(layer) -> None:
-    """Say in a layer that it is in metres and kilograms, z upwards, and that /World is what it is about."""
+def set_units(layer: Sdf.Layer) -> None:
+    """Set the units of a layer to metres and kilograms with z upwards, and its default prim to /World."""
     layer.defaultPrim = WORLD.removeprefix("/")
     for key, value in ((UsdGeom.Tokens.metersPerUnit, 1.0), (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.z),
                        (UsdPhysics.Tokens.kilogramsPerUnit, 1.0)):  # fmt: skip
         layer.pseudoRoot.SetInfo(key, value)
 
 
-def export(layer, path: Path) -> None:
-    """Write a layer, whole or not at all.
+def export(layer: Sdf.Layer, path: Path) -> None:
+    """Write a layer completely or not at all.
 
     Raises:
         OutputError: It cannot be written.
@@ -56,7 +57,7 @@ def export(layer, path: Path) -> None:
 
 
 def unused_paths(parent: str, names: list[str]) -> list[str]:
-    """Paths below ``parent``; names that USD does not allow are changed, never to equal ones."""
+    """Distinct paths below ``parent``; names that USD does not allow are changed."""
     paths: list[str] = []
     for name in names:
         path = stem = f"{parent}/{Tf.MakeValidIdentifier(name)}"
@@ -73,7 +74,7 @@ class _Writer:
 
     def __init__(self, stage: Usd.Stage, tables: dict[str, Any]) -> None:
         self.stage, self.tables = stage, tables
-        state_units(stage.GetRootLayer())
+        set_units(stage.GetRootLayer())
         for path in (WORLD, WALLS.rsplit("/", 1)[0]):
             UsdGeom.Xform.Define(stage, path)
         for path in (MATERIALS, GRAINS, WALLS):
@@ -87,16 +88,16 @@ class _Writer:
         walls = tables.get("walls", [])
         self.entries(walls, "walls", unused_paths(WALLS, [wall["name"] for wall in walls]))
 
-    # -- the generic part -----------------------------------------------------------------------
+    # -- any table -----------------------------------------------------------------------
 
     def table(self, prim: Usd.Prim, table: dict[str, Any], prefix: str = "dem") -> None:
-        """Author the keys of a table as attributes, those of tables in it with longer names, lists of tables as children."""
+        """Author the keys of a table as attributes, nested tables with longer names, lists of tables as child prims."""
         for key, value in table.items():
             name = f"{prefix}:{key}"
             if not Sdf.Path.IsValidNamespacedIdentifier(name):
-                place = f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}"
+                key_name = f"{prim.GetName()}: {name.removeprefix('dem:').replace(':', '.')}"
                 raise SceneError(
-                    f"{place}: USD allows letters, digits and _ in names: rename {key!r}, or write the scene as TOML"
+                    f"{key_name}: USD allows letters, digits and _ in names: rename {key!r}, or write the scene as TOML"
                 )
             if isinstance(value, dict):
                 self.table(prim, value, name)
@@ -119,11 +120,11 @@ class _Writer:
             self.table(prim, entry)
 
     def attribute(self, prim: Usd.Prim, name: str, value: Any, is_file: bool = False) -> None:
-        """Author one attribute, of the type that fits its value."""
-        kind, held = _typed(value)
+        """Author one attribute, with the type of its value."""
+        value_type, converted = _typed(value)
         if is_file:
-            kind, held = _NUMBERS.Asset, Sdf.AssetPath(value)
-        prim.CreateAttribute(name, kind, True, Sdf.VariabilityUniform).Set(held)
+            value_type, converted = _NUMBERS.Asset, Sdf.AssetPath(value)
+        prim.CreateAttribute(name, value_type, True, Sdf.VariabilityUniform).Set(converted)
 
     def bind(self, prim: Usd.Prim, material: str) -> None:
         """Bind a material for physics."""
@@ -133,12 +134,12 @@ class _Writer:
     # -- prims of UsdPhysics --------------------------------------------------------------------
 
     def material(self, name: str, path: str) -> None:
-        """A material; what it does to itself is told to other programs too."""
+        """A material; the coefficients of its pair with itself are written for other programs too."""
         table = dict(self.tables["materials"][name])
         prim = UsdShade.Material.Define(self.stage, path).GetPrim()
         physics = UsdPhysics.MaterialAPI.Apply(prim)
         physics.CreateDensityAttr(table["density"])
-        if _survives(table["density"]):
+        if _is_exact_in_single(table["density"]):
             table.pop("density")
         if prim.GetName() != name:
             self.attribute(prim, "dem:name", name)
@@ -149,20 +150,20 @@ class _Writer:
         self.table(prim, table)
 
     def scene(self) -> None:
-        """Gravity, and the tables that have no place of their own."""
-        kept = {key: value for key, value in self.tables.items() if key not in ("materials", "walls", "grains")}
+        """Gravity, and the tables that have no prims of their own."""
+        tables = {key: value for key, value in self.tables.items() if key not in ("materials", "walls", "grains")}
         physics = UsdPhysics.Scene.Define(self.stage, SCENE)
-        gravity = np.array(kept.pop("gravity", (0.0, 0.0, -9.81)))
+        gravity = np.array(tables.pop("gravity", (0.0, 0.0, -9.81)))
         strength = float(np.linalg.norm(gravity))
         direction = gravity / strength if strength else np.array([0.0, 0.0, -1.0])
         physics.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
         physics.CreateGravityMagnitudeAttr(strength)
-        if np.count_nonzero(gravity) > 1 or not _survives(strength):
-            kept["gravity"] = gravity.tolist()
-        self.table(physics.GetPrim(), kept)
+        if np.count_nonzero(gravity) > 1 or not _is_exact_in_single(strength):
+            tables["gravity"] = gravity.tolist()
+        self.table(physics.GetPrim(), tables)
 
     def groups(self, groups: list[dict[str, Any]]) -> None:
-        """Groups of grains: points where they are given one by one."""
+        """Groups of grains, those given by positions as points."""
         paths = unused_paths(GRAINS, [str(group.get("name", f"group_{i}")) for i, group in enumerate(groups)])
         for group, path in zip(groups, paths, strict=True):
             if "positions" in group:
@@ -171,27 +172,34 @@ class _Writer:
                 self.entries([group], "grains", [path])
 
     def points(self, path: str, group: dict[str, Any]) -> None:
-        """Grains given one by one, in single precision for other programs and in full."""
+        """Grains given by positions, in single precision for other programs and in double precision."""
         points = UsdGeom.Points.Define(self.stage, path)
         UsdPhysics.CollisionAPI.Apply(points.GetPrim())
-        held = {key: np.array(group[key], dtype=float) for key in GRAIN_KEYS if key in group}
-        diameters = held.get("diameters", 2.0 * held["radii"] if "radii" in held else None)
+        arrays = {key: np.array(group[key], dtype=float) for key in GRAIN_KEYS if key in group}
+        diameters = arrays.get("diameters", 2.0 * arrays["radii"] if "radii" in arrays else None)
         if diameters is None:
-            diameters = np.full(len(held["positions"]), group.get("diameter") or 2.0 * group["radius"])
-        author_points(points, held["positions"], diameters, held.get("velocities"), held.get("spins"), group.get("ids"))
-        for key, values in held.items():
+            diameters = np.full(len(arrays["positions"]), group.get("diameter") or 2.0 * group["radius"])
+        author_points(points, arrays["positions"], diameters, arrays.get("velocities"), arrays.get("spins"), group.get("ids"))
+        for key, values in arrays.items():
             self.primvar(points, f"dem:{key}", values)
         self.table(points.GetPrim(), {key: v for key, v in group.items() if key not in (*GRAIN_KEYS, "ids")})
 
     def primvar(self, points: UsdGeom.Points, name: str, values: np.ndarray) -> None:
-        """Author an array of float64, one entry a grain."""
+        """Author an array of float64, one entry per grain."""
         vectors = values.ndim == 2
-        kind = _NUMBERS.Double3Array if vectors else _NUMBERS.DoubleArray
-        held = (Vt.Vec3dArray if vectors else Vt.DoubleArray).FromNumpy(np.ascontiguousarray(values))
-        UsdGeom.PrimvarsAPI(points).CreatePrimvar(name, kind, UsdGeom.Tokens.vertex).Set(held)
+        value_type = _NUMBERS.Double3Array if vectors else _NUMBERS.DoubleArray
+        converted = (Vt.Vec3dArray if vectors else Vt.DoubleArray).FromNumpy(np.ascontiguousarray(values))
+        UsdGeom.PrimvarsAPI(points).CreatePrimvar(name, value_type, UsdGeom.Tokens.vertex).Set(converted)
 
 
-def author_points(points: UsdGeom.Points, positions, diameters, velocities=None, spins=None, ids=None) -> None:
+def author_points(
+    points: UsdGeom.Points,
+    positions: np.ndarray,
+    diameters: np.ndarray,
+    velocities: np.ndarray | None = None,
+    spins: np.ndarray | None = None,
+    ids: Sequence[int] | np.ndarray | None = None,
+) -> None:
     """Author grains in single precision [m, m/s, rad/s], shapes (n, 3) and (n,)."""
 
     def vectors(values: np.ndarray) -> Vt.Vec3fArray:
@@ -208,13 +216,13 @@ def author_points(points: UsdGeom.Points, positions, diameters, velocities=None,
         points.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.asarray(ids, dtype=np.int64)))
 
 
-def _survives(value: float) -> bool:
-    """Whether a number comes back from single precision when it is read as its shortest decimal."""
+def _is_exact_in_single(value: float) -> bool:
+    """Whether a number is recovered from single precision when that is read as its shortest decimal."""
     return float(str(np.float32(value))) == value
 
 
 def _typed(value: Any) -> tuple[Any, Any]:
-    """Type of the attribute for a value of a table, and the value as that type takes it."""
+    """Type of the attribute for a value of a table, and the value converted to that type."""
     if isinstance(value, (bool, str)):
         return (_NUMBERS.Bool if isinstance(value, bool) else _NUMBERS.String), value
     if isinstance(value, int):
@@ -226,8 +234,8 @@ def _typed(value: Any) -> tuple[Any, Any]:
     numbers = np.array(value)
     if numbers.ndim == 1 and numbers.dtype.kind == "i":
         return _NUMBERS.Int64Array, Vt.Int64Array(value)
-    kinds = {2: (_NUMBERS.Double2, Gf.Vec2d, Vt.Vec2dArray), 3: (_NUMBERS.Double3, Gf.Vec3d, Vt.Vec3dArray)}
-    kind, vector, array = kinds.get(numbers.shape[-1], (None, None, None))
-    if numbers.ndim == 2 and kind:
-        return kind.arrayType, array.FromNumpy(numbers.astype(float))
-    return (kind, vector(*numbers.tolist())) if kind else (_NUMBERS.DoubleArray, Vt.DoubleArray(value))
+    types = {2: (_NUMBERS.Double2, Gf.Vec2d, Vt.Vec2dArray), 3: (_NUMBERS.Double3, Gf.Vec3d, Vt.Vec3dArray)}
+    value_type, vector, array = types.get(numbers.shape[-1], (None, None, None))
+    if numbers.ndim == 2 and value_type:
+        return value_type.arrayType, array.FromNumpy(numbers.astype(float))
+    return (value_type, vector(*numbers.tolist())) if value_type else (_NUMBERS.DoubleArray, Vt.DoubleArray(value))

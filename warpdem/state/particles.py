@@ -17,8 +17,6 @@ from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import grain
 from warpdem.model.model import Model
 
-GONE_APART = 16.0  # what has left is so far apart [m]
-
 
 @contextmanager
 def changed(array: wp.array) -> Iterator[np.ndarray]:
@@ -111,7 +109,11 @@ class State:
         with changed(self.record) as record:
             radius = record[gone, grain.RADIUS]
             record[gone] = 0.0
-            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, GONE_APART * gone, radius
+            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, grain.GONE_APART * gone, radius
+        self.mark_left(gone)
+
+    def mark_left(self, gone: np.ndarray) -> None:
+        """Take note that the grains in slots ``gone`` are out of the domain: where a kernel has put them."""
         here = self.here.copy()  # what was copied aside for writers keeps the old one
         here[gone] = False
         self.here, self._count = here, int(here.sum())

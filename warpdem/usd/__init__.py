@@ -1,1 +1,1 @@
-"""USD stages: read safely, as scenes, as geometry and as motions; scenes written."""
+"""USD stages: safe reading as scenes, geometry and motions."""

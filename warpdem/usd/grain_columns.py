@@ -1,4 +1,4 @@
-"""The arrays of a group of grains of a stage, in SI and in the scene's axes."""
+"""Arrays of a group of grains of a stage, in SI and in the scene's axes."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ from warpdem.errors import SceneError
 GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
 """Arrays of a group of grains that ``primvars:dem:`` may hold in float64."""
 ROUNDING = 2.0**-22
-"""How far a number may be from its single-precision twin, relative [-]: two roundings."""
+"""Relative tolerance between a number and its single-precision copy [-]: two roundings."""
 
 
 def grain_columns(
     file: Path, path: str, held: dict[str, np.ndarray], up: np.ndarray, metres: float
 ) -> dict[str, np.ndarray]:
-    """Arrays of grains in SI and the scene's axes: the float64 ones, else what USD has in single precision.
+    """Arrays of grains in SI and the scene's axes: those in float64, else USD's own in single precision.
 
     Args:
         file: The stage, for messages.
@@ -31,16 +31,16 @@ def grain_columns(
     linear, origin = up @ held["matrix"][:3, :3], up @ held["matrix"][:3, 3]
     factor = similarity(linear)
     if not factor:
-        raise SceneError(f"{file}: {path}: a transform with shear or unequal scales makes no spheres of spheres")
+        raise SceneError(f"{file}: {path}: a transform with shear or unequal scales does not keep spheres")
     points = held.get("points", np.zeros((0, 3)))
     world = (points @ linear.T + origin) * metres
-    # in a result the points are in frame axes, below the transform that carries the frame
+    # in a result the points are in frame axes, below the transform of the frame
     if columns.setdefault("positions", world) is not world and not any(
-        _agree(single, columns["positions"]) for single in (world, points * metres)
+        _equal_in_single(single, columns["positions"]) for single in (world, points * metres)
     ):
         raise SceneError(
-            f"{file}: {path}: points and primvars:dem:positions differ: the grains were moved in one of them; to go "
-            "by the points, take all primvars:dem: of the prim out"
+            f"{file}: {path}: points and primvars:dem:positions differ: the grains were moved in one of them; to use "
+            "the points, remove all primvars:dem: of the prim"
         )
     if "radii" not in columns and "diameters" not in columns and "widths" in held:
         widths, count = held["widths"] * (metres * factor), len(columns["positions"])
@@ -53,7 +53,7 @@ def grain_columns(
 
 
 def similarity(matrix: np.ndarray) -> float:
-    """Factor of a matrix (3, 3) that turns and scales alike in all directions; 0 for any other."""
+    """Scale factor of a matrix (3, 3) that rotates and scales equally in all directions; 0 for any other matrix."""
     square = matrix.T @ matrix
     factor = float(np.sqrt(np.trace(square) / 3.0))
     if np.abs(square - factor**2 * np.eye(3)).max() > 1e-6 * factor**2:
@@ -61,8 +61,8 @@ def similarity(matrix: np.ndarray) -> float:
     return 1.0 if abs(factor - 1.0) < 1e-12 else factor
 
 
-def _agree(single: np.ndarray, double: np.ndarray) -> bool:
-    """Whether points are the single-precision picture of others."""
+def _equal_in_single(single: np.ndarray, double: np.ndarray) -> bool:
+    """Whether points agree with others within single precision."""
     slack = ROUNDING * np.abs(double).max(initial=0.0)
     return single.shape == double.shape and bool(np.abs(single - double).max(initial=0.0) <= slack)
 

@@ -206,4 +206,4 @@ def quaternion_of(matrix: np.ndarray) -> np.ndarray:
         row[k - 1] = squares[k]
         q = np.array([axial[k - 1], *row])
     q = q.astype(WIDE)
-    return q / np.sqrt(np.sum(q * q))
+    return np.asarray(q / np.sqrt(np.sum(q * q)))

@@ -1,14 +1,14 @@
-"""A scene as a USD stage says it: standard physics prims, and the scene's own keys in the namespace ``dem:``.
+"""A scene from a USD stage: standard physics prims, and the scene's own keys in the namespace ``dem:``.
 
     PhysicsScene                         gravity; dem:time:end, dem:contact:normal ...: the tables of a scene file
-    Material with PhysicsMaterialAPI     density, friction and restitution among itself; dem:young_modulus ...
+    Material with PhysicsMaterialAPI     density, friction and restitution with itself; dem:young_modulus ...
     mesh or shape with CollisionAPI      wall: its true triangles, or the analytic plane or sphere; dem:open, dem:motion ...
     Points with CollisionAPI             grains: widths are diameters, velocities, ids, primvars:omega [rad/s]
-    any prim with dem:list = "pairs"     entry of that list of the scene, or of the entry that it stands in
+    any prim with dem:list = "pairs"     entry of that list of the scene, or of the entry of its ancestor
 
-``dem:a:b`` is key b of table a, as a.b in TOML, with the same units and strings; its numbers are SI and in the scene's axes,
-whatever the units and the upright axis of the stage. Standard attributes are converted. One that stands beside its ``dem:``
-twin must agree with it; the twin carries the digits that single precision lacks.
+``dem:a:b`` is key b of table a, as a.b in TOML, with the same units and strings. Its numbers are SI and in the scene's axes,
+whatever the units and the up axis of the stage; standard attributes are converted. A standard attribute and its ``dem:``
+counterpart must agree; the counterpart holds the digits that single precision lacks.
 """
 
 import os
@@ -27,51 +27,51 @@ from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_len
 from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
-"""Keys that say where a wall is; a prim without them is its own geometry."""
-MADE_OF = ("walls", "grains", "streams")
-"""Lists whose entries take the material that is bound to their prims."""
+"""Keys that define the geometry of a wall; without them the prim itself is the geometry."""
+WITH_MATERIAL = ("walls", "grains", "streams")
+"""Lists whose entries have the material that is bound to their prims."""
 
 
 def read(
     file: Path, at: float | None, folders: Sequence[Path] | None
 ) -> tuple[dict[str, Any], dict[KeyPath, str], float, list[str]]:
-    """Tables of the scene of a stage, as TOML gives them.
+    """Tables of the scene of a stage, as from TOML.
 
-    A frame of a result is a scene that begins at its own time 0, with what is left of ``time.end``, and without friction
-    history, which the title says.
+    A frame of a result is a scene that begins at its own time 0, with the remainder of ``time.end`` and without contact
+    history, as the title states.
 
     Args:
         file: USD file.
-        at: Instant of a frame [s] if the stage is the result of a run; None takes the last one.
-        folders: Folders that all files it refers to must lie in; None is no bound.
+        at: Time of a frame [s] if the stage is the result of a run; None for the last frame.
+        folders: Folders that must hold all files it refers to; None for no restriction.
 
     Returns:
-        The tables; the attribute or prim that each of their key_paths comes from; how long the motions and streams of the
-        scene have been going on [s]; and notes on what of the stage is not taken.
+        The tables; the attribute or prim of each key path; the time by which the motions and streams are ahead [s]; and notes
+        on content of the stage that is not taken over.
 
     Raises:
-        SceneError: The stage cannot be read, does not say its units, or holds something that is no part of a scene.
+        SceneError: The stage cannot be read, does not state its units, or holds content that is refused.
     """
-    said, arrays = usd_stage.read(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
-    if said["unsaid"]:
-        raise SceneError(f"{file}: the stage does not say its {' and '.join(said['unsaid'])}: a scene needs it")
-    notes = unsupported.notes(file, said["physics"])
-    stage = _Stage(file, said, arrays)
-    time = 0.0 if said["code"] is None else said["code"] / said["rate"]
-    if said["code"] is not None:
-        _go_on(stage.data, time, file)
-    return stage.data, stage.origins, time, [*said["noticed"], *notes, *_beside(said)]
+    content, arrays = usd_stage.read(file, "scene", "" if at is None else repr(float(at)), str(file), folders)
+    if content["unsaid"]:
+        raise SceneError(f"{file}: the stage does not state its {' and '.join(content['unsaid'])}: a scene needs it")
+    notes = unsupported.notes(file, content["physics"])
+    tables = _SceneTables(file, content, arrays)
+    time = 0.0 if content["code"] is None else content["code"] / content["rate"]
+    if content["code"] is not None:
+        _set_remaining_run(tables.data, time, file)
+    return tables.data, tables.origins, time, [*content["noticed"], *notes, *_notes_on_unused(content)]
 
 
-def _beside(said: dict) -> list[str]:
-    """Notes on shapes and points that are no part of the scene, and on arrays of grains that are not taken."""
+def _notes_on_unused(content: dict[str, Any]) -> list[str]:
+    """Notes on shapes and points that are not part of the scene, and on arrays of grains that are not used."""
     notes, listed = [], unsupported.listed
-    off = [prim["path"] for prim in said["prims"] if prim.get("enabled") is False]
+    off = [prim["path"] for prim in content["prims"] if prim.get("enabled") is False]
     if off:
         notes.append(f"{listed(off)}: no walls or grains, since physics:collisionEnabled = false")
-    if said["beside"]:
-        notes.append(f"{listed(said['beside'])}: no walls or grains, since PhysicsCollisionAPI is not applied")
-    for prim in said["prims"]:
+    if content["unused"]:
+        notes.append(f"{listed(content['unused'])}: no walls or grains, since PhysicsCollisionAPI is not applied")
+    for prim in content["prims"]:
         if prim.get("left"):
             notes.append(f"{prim['path']}: not taken of the grains: {', '.join(prim['left'])}")
         if prim.get("moving"):
@@ -79,31 +79,31 @@ def _beside(said: dict) -> list[str]:
     return notes
 
 
-def _go_on(data: dict[str, Any], time: float, file: Path) -> None:
-    """Let the tables say what is left of a run whose grains are those of its frame at ``time`` [s]."""
+def _set_remaining_run(data: dict[str, Any], time: float, file: Path) -> None:
+    """Change the tables to the remainder of a run, from its frame at ``time`` [s] on."""
     if "phases" in data:
-        raise SceneError(f"{file}: a frame of a run in phases is no scene of its own; go on from its checkpoint")
+        raise SceneError(f"{file}: a frame of a run in phases is no scene of its own; start from its checkpoint")
     data.pop("start", None)
     if time > 0.0:
-        data["title"] = f"{data.get('title', '')}, on from {time:g} s without friction history".lstrip(", ")
+        data["title"] = f"{data.get('title', '')}, from {time:g} s on without contact history".lstrip(", ")
         end = data.get("time", {}).get("end")
         if isinstance(end, float) and end - time > 1e-9 * time:
             data["time"]["end"] = end - time
         elif isinstance(end, float):
-            del data["time"]["end"]  # nothing is left: the user says how long it goes on
+            del data["time"]["end"]  # nothing remains: the user gives a new end
 
 
-class _Stage:
+class _SceneTables:
     """Builds the tables of a scene, prim by prim."""
 
-    def __init__(self, file: Path, said: dict, arrays: dict[str, np.ndarray]) -> None:
-        self.file, self.prims, self.arrays = file, said["prims"], arrays
-        self.up, self.metres = usd_stage.TO_Z_UP[said["up"]], said["metres"]
-        # what a file has in single precision is read as a decimal, so 0.01 metres per unit must be one too
-        self.unit, self.kilograms = Decimal(repr(said["metres"])), Decimal(repr(said["kilograms"]))
+    def __init__(self, file: Path, content: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        self.file, self.prims, self.arrays = file, content["prims"], arrays
+        self.up, self.metres = usd_stage.TO_Z_UP[content["up"]], content["metres"]
+        # numbers in single precision are read as decimals, so 0.01 metres per unit must be a decimal too
+        self.unit, self.kilograms = Decimal(repr(content["metres"])), Decimal(repr(content["kilograms"]))
         self.data: dict[str, Any] = {}
         self.origins: dict[KeyPath, str] = {}
-        self.at: dict[str, tuple[KeyPath, dict]] = {}  # place and table of each prim that has one
+        self.at: dict[str, tuple[KeyPath, dict[str, Any]]] = {}  # key path and table of each prim that has one
         self.names = {p["path"]: p["dem"].get("name", p["path"].rsplit("/", 1)[1]) for p in self.prims}
         scenes = [prim for prim in self.prims if prim["kind"] == "Scene"]
         if len(scenes) != 1:
@@ -120,16 +120,16 @@ class _Stage:
                 self.grains(prim)
             elif prim["kind"] == "Table":
                 table = self.entry(prim)
-                if prim["dem"]["list"] in MADE_OF:
+                if prim["dem"]["list"] in WITH_MATERIAL:
                     self.bind(prim, table)
             elif prim["kind"] not in ("Scene", "RigidBodyMaterial"):
                 self.wall(prim)
         self.own_pairs()
 
-    # -- the generic part -----------------------------------------------------------------------
+    # -- any table -----------------------------------------------------------------------
 
-    def fill(self, prim: dict, key_path: KeyPath, table: dict) -> dict:
-        """Put the ``dem:`` keys of a prim into a table and remember where it came from; returns the table."""
+    def fill(self, prim: dict[str, Any], key_path: KeyPath, table: dict[str, Any]) -> dict[str, Any]:
+        """Write the ``dem:`` keys of a prim to a table and record its origin; returns the table."""
         self.at[prim["path"]] = key_path, table
         self.origins[key_path] = prim["path"]
         for key, value in prim["dem"].items():
@@ -152,8 +152,8 @@ class _Stage:
             if missing or not value["targets"]:
                 raise SceneError(f"{self.file}: {where}: {missing[0] if missing else 'empty'}: must target prims of the scene")
             names = [self.names[target] for target in value["targets"]]
-            # a relationship holds each target once: one material stands for its pair with itself
-            return (names * 2)[:max(2, len(names))] if where.endswith(":materials") else names[0]
+            # a relationship holds each target once: one material means its pair with itself
+            return (names * 2)[: max(2, len(names))] if where.endswith(":materials") else names[0]
         if isinstance(value, dict):
             return self.relative(value["found"]) if value["found"] else value["file"]
         return value
@@ -162,8 +162,8 @@ class _Stage:
         """Path of a file from the stage's folder."""
         return Path(os.path.relpath(file, self.file.parent.resolve())).as_posix()
 
-    def entry(self, prim: dict, listed: str = "") -> dict:
-        """Append a table to a list: of the entry that a prim stands in, or of the scene."""
+    def entry(self, prim: dict[str, Any], listed: str = "") -> dict[str, Any]:
+        """Append a table to a list of the scene, or of the entry of the prim's ancestor."""
         *parents, key = (listed or prim["dem"]["list"]).split(":")
         key_path, here = self.at.get(prim["above"], ((), self.data))
         for parent in parents:
@@ -172,11 +172,11 @@ class _Stage:
         entries.append({})
         return self.fill(prim, (*key_path, *parents, key, len(entries) - 1), entries[-1])
 
-    def twin(self, table: dict, key_path: KeyPath, key: str, value: Any, origin: str) -> None:
-        """Take the value of a standard attribute, unless its ``dem:`` twin is there and agrees.
+    def standard_value(self, table: dict[str, Any], key_path: KeyPath, key: str, value: Any, origin: str) -> None:
+        """Use the value of a standard attribute, unless its ``dem:`` counterpart is present and agrees.
 
         Raises:
-            SceneError: they differ.
+            SceneError: They differ.
         """
         if key not in table:
             table[key] = value
@@ -188,35 +188,35 @@ class _Stage:
         same = isinstance(given, str) or np.allclose(given, numbers, rtol=ROUNDING, atol=slack)
         if not same:
             raise SceneError(
-                f"{self.file}: {origin} says {value}, but {self.origins[(*key_path, key)]} says {given} for {key}: make them "
-                "agree, or take one of them out"
+                f"{self.file}: {origin} = {value}, but {self.origins[(*key_path, key)]} = {given} for {key}: make them "
+                "agree, or remove one of them"
             )
 
     # -- prims of UsdPhysics --------------------------------------------------------------------
 
-    def scene(self, prim: dict) -> None:
+    def scene(self, prim: dict[str, Any]) -> None:
         """Gravity and the tables of the scene prim."""
         self.fill(prim, (), self.data)
         standard, path = prim["standard"], prim["path"]
         if standard.get("newton:gravityEnabled") is False:
-            self.twin(self.data, (), "gravity", [0.0, 0.0, 0.0], f"{path}.newton:gravityEnabled")
+            self.standard_value(self.data, (), "gravity", [0.0, 0.0, 0.0], f"{path}.newton:gravityEnabled")
         elif "physics:gravityMagnitude" in standard or "gravity" not in self.data:
             direction = np.array(standard.get("physics:gravityDirection", (0.0, 0.0, 0.0)))
             direction = self.up @ direction if direction.any() else np.array([0.0, 0.0, -1.0])
             magnitude = standard.get("physics:gravityMagnitude", -np.inf)
-            # USD: a negative magnitude asks for the gravity of the earth
+            # USD: a negative magnitude stands for the gravity of the earth
             strength = self.convert(magnitude, length=1) if magnitude >= 0.0 else 9.81
             gravity = (direction / np.linalg.norm(direction) * strength + 0.0).tolist()
-            self.twin(self.data, (), "gravity", gravity, f"{path}.physics:gravityMagnitude")
+            self.standard_value(self.data, (), "gravity", gravity, f"{path}.physics:gravityMagnitude")
         if "newton:timeStepsPerSecond" in standard and "step" not in self.data.get("time", {}):
             step = 1.0 / max(standard["newton:timeStepsPerSecond"], 1e-300)
-            self.twin(self.data.setdefault("time", {}), ("time",), "step", step, f"{path}.newton:timeStepsPerSecond")
+            self.standard_value(self.data.setdefault("time", {}), ("time",), "step", step, f"{path}.newton:timeStepsPerSecond")
 
     def convert(self, value: float, length: int = 0, mass: int = 0) -> float:
-        """A number of the stage in SI, given the powers of length and mass in its unit."""
+        """A number of the stage in SI, given the exponents of length and mass in its unit."""
         return float(Decimal(repr(value)) * self.unit**length * self.kilograms**mass)
 
-    def material(self, prim: dict) -> None:
+    def material(self, prim: dict[str, Any]) -> None:
         """A material, its name and its density."""
         name, standard = self.names[prim["path"]], prim["standard"]
         materials = self.data.setdefault("materials", {})
@@ -230,12 +230,13 @@ class _Stage:
             ("young_modulus", "newton:mpm:youngsModulus", (-1, 1)),
             ("poisson_ratio", "newton:mpm:poissonsRatio", (0, 0)),
         ):
-            # USD: a density of 0 says nothing
+            # USD: a density of 0 is not given
             if standard.get(attribute):
-                self.twin(table, key_path, key, self.convert(standard[attribute], *powers), f"{prim['path']}.{attribute}")
+                value = self.convert(standard[attribute], *powers)
+                self.standard_value(table, key_path, key, value, f"{prim['path']}.{attribute}")
 
     def own_pairs(self) -> None:
-        """Coefficients of each material with itself, as its physics material has them."""
+        """Coefficients of each material with itself, from its physics material."""
         for prim in self.prims:
             keys = {"restitution": "physics:restitution", "friction": "physics:dynamicFriction",
                     "rolling_friction": "newton:rollingFriction"}  # fmt: skip
@@ -249,10 +250,10 @@ class _Stage:
                 pairs.append({"materials": both})
                 self.origins["pairs", known[0]] = prim["path"]
             for key, name in given.items():
-                self.twin(pairs[known[0]], ("pairs", known[0]), key, prim["standard"][name], f"{prim['path']}.{name}")
+                self.standard_value(pairs[known[0]], ("pairs", known[0]), key, prim["standard"][name], f"{prim['path']}.{name}")
 
-    def wall(self, prim: dict) -> None:
-        """A collider: where it is, what it is made of, how it moves."""
+    def wall(self, prim: dict[str, Any]) -> None:
+        """A wall from a collider: its geometry, material and motion."""
         table = self.entry(prim, "walls")
         inside = table.pop("inside", None)
         table.setdefault("name", self.unused_name(prim))
@@ -261,28 +262,28 @@ class _Stage:
             table |= self.geometry(prim, inside)
         motion = list(self.motion(prim))
         if motion and "motion" in table:
-            raise SceneError(f"{self.file}: {prim['path']} moves by USD's own means and by dem:motion: take one of them out")
+            raise SceneError(f"{self.file}: {prim['path']} moves by USD's own attributes and by dem:motion: remove one of them")
         if motion:
             table["motion"] = motion
-            # the stage says how it moves in the world
+            # the stage defines the motion in the world
             table.setdefault("fixed_to", "laboratory")
 
-    def unused_name(self, prim: dict) -> str:
+    def unused_name(self, prim: dict[str, Any]) -> str:
         """Name of the prim, with a number if another wall has it."""
         taken = {wall.get("name") for wall in self.data["walls"]}
-        name, count = self.names[prim["path"]], 1
+        name, count = str(self.names[prim["path"]]), 1
         while name in taken:
             count += 1
             name = f"{self.names[prim['path']]}_{count}"
         return name
 
-    def bind(self, prim: dict, table: dict) -> None:
-        """Take the bound material, if it is one of physics."""
+    def bind(self, prim: dict[str, Any], table: dict[str, Any]) -> None:
+        """Use the bound material, if it is a physics material."""
         if "material" not in table and prim["material"] in self.at:
             table["material"] = self.names[prim["material"]]
 
-    def geometry(self, prim: dict, inside: bool | None) -> dict:
-        """Where a collider is: an analytic plane or sphere, or its triangles."""
+    def geometry(self, prim: dict[str, Any], inside: bool | None) -> dict[str, Any]:
+        """Geometry of a collider: an analytic plane or sphere, or its triangles."""
         matrix = np.array(prim["matrix"])
         linear = self.up @ matrix[:3, :3]
         origin = (self.up @ matrix[:3, 3] * self.metres).tolist()
@@ -294,16 +295,16 @@ class _Stage:
             radius = float(Decimal(repr(prim["radius"])) * self.unit) * factor
             return {"sphere": {"centre": origin, "radius": radius, "inside": bool(inside)}}
         if inside is not None:
-            raise SceneError(f"{self.file}: {prim['path']}.dem:inside: only for a sphere that is one in the world too")
+            raise SceneError(f"{self.file}: {prim['path']}.dem:inside: only for a sphere that is also a sphere in the world")
         return {"mesh": self.file.name, "prim": prim["path"]}
 
-    def motion(self, prim: dict) -> Iterator[dict]:
+    def motion(self, prim: dict[str, Any]) -> Iterator[dict[str, Any]]:
         """Motions of a collider, outermost first: its samples, or the velocities of its kinematic body."""
         body = prim.get("body")
         if prim["moves"] and body and not body["moves"] and any([*body["velocity"], *body["spin"]]):
             raise SceneError(
                 f"{self.file}: {prim['path']} moves by time samples of transforms, and its body {body['path']} by its "
-                "velocities: take one of them out, or say both with dem:motion"
+                "velocities: remove one of them, or give both with dem:motion"
             )
         if prim["moves"]:
             yield {"usd": self.file.name, "prim": prim["path"]}
@@ -321,16 +322,16 @@ class _Stage:
 
     # -- grains ---------------------------------------------------------------------------------
 
-    def grains(self, prim: dict) -> None:
+    def grains(self, prim: dict[str, Any]) -> None:
         """The groups of grains of a Points prim: one, or one for each of its materials."""
         path = prim["path"]
-        held = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
+        arrays = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
         unknown = [name for name in prim["left"] if name.startswith("primvars:dem:")]
         if unknown:
             known = ", ".join(GRAIN_ARRAYS)
             raise SceneError(f"{self.file}: {path}.{unknown[0]}: no such array of grains; there are {known}")
-        columns = grain_columns(self.file, path, held, self.up, self.metres)
-        types = held.get("dem.types")
+        columns = grain_columns(self.file, path, arrays, self.up, self.metres)
+        types = arrays.get("dem.types")
         if types is None:
             table = self.entry(prim, "grains")
             self.bind(prim, table)
@@ -339,7 +340,7 @@ class _Stage:
             table |= columns
             return
         materials = prim["dem"].pop("materials", {"targets": []})["targets"]
-        groups, group = prim["dem"].pop("groups", []), held.get("group", np.zeros(len(types), dtype=int))
+        groups, group = prim["dem"].pop("groups", []), arrays.get("group", np.zeros(len(types), dtype=int))
         require_equal_lengths(self.file, path, {**columns, "types": types, "group": group})
         if len(types) and not (0 <= types.min() and types.max() < len(materials)):
             count = len(materials)

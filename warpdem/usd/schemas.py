@@ -1,9 +1,9 @@
-"""What becomes of physics in a USD stage: the table of schemas and attributes that are taken, noted or refused.
+"""Treatment of physics in a USD stage: the table of schemas and attributes that are taken, noted or refused.
 
-A name (of a prim's type, an applied schema or an attribute) is answered by the first rule whose pattern and condition fit it.
-Taken is what a scene has a place for, and what means nothing to grains. What is refused would give another flow than the
-stage asks for, such as a belt that stands still; all the rest is noted with its path. Schemas count by the names that a prim
-lists, so that those of other programs need not be registered here.
+The first rule whose pattern and condition match applies to a name (of a prim's type, an applied schema or an attribute).
+Taken are those that a scene can hold, and those that have no effect on grains. Refused are those whose loss would give another
+flow than that of the stage, such as a belt that stands still. All others are noted with their path. Schemas are identified by
+the names that a prim lists, so that those of other programs need not be registered.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +18,7 @@ Verdict = Literal["taken", "noted", "refused"]
 
 @dataclass(frozen=True)
 class Prim:
-    """What a prim says about physics."""
+    """The physics of a prim."""
 
     path: str
     type: str
@@ -30,7 +30,7 @@ class Prim:
     sampled: tuple[str, ...] = ()
     """Those of them that change with time."""
     kind: str = ""
-    """What the physics parser makes of it: RigidBodyMaterial, MeshShape, SpherePointsShape (grains) ...; "" if nothing."""
+    """Its type by the physics parser: RigidBodyMaterial, MeshShape, SpherePointsShape (grains) ...; "" if none."""
     moves: bool = False
     """Whether its transform has time samples."""
     grains: tuple[str, ...] = ()
@@ -40,12 +40,12 @@ class Prim:
         """Whether a schema is applied."""
         return name in self.schemas
 
-    def asks(self, *names: str) -> bool:
-        """Whether one of the attributes is above or below zero, or changes with time."""
+    def is_nonzero(self, *names: str) -> bool:
+        """Whether one of the attributes is not zero, or changes with time."""
         return any(name in self.sampled or np.any(self.values.get(name, 0)) for name in names)
 
-    def off(self, name: str) -> bool:
-        """Whether an attribute is false; one that is not there is true."""
+    def is_off(self, name: str) -> bool:
+        """Whether an attribute is false; a missing attribute counts as true."""
         return self.values.get(name, True) is False
 
     @property
@@ -56,45 +56,45 @@ class Prim:
 
 @dataclass(frozen=True)
 class Rule:
-    """What becomes of some names."""
+    """Treatment of some names."""
 
     names: str
-    """Patterns with * for any characters, between spaces."""
+    """Patterns separated by spaces, * for any characters."""
     verdict: Verdict
     why: str = ""
-    """What it means for the run, and what to do about it."""
+    """Consequence for the run, and the remedy."""
     when: Callable[[Prim], bool] = lambda prim: True
 
     def fits(self, name: str, prim: Prim) -> bool:
-        """Whether the rule answers for a name at a prim."""
+        """Whether the rule applies to a name at a prim."""
         return any(fnmatchcase(name, pattern) for pattern in self.names.split()) and self.when(prim)
 
 
-def _meets_grains(prim: Prim) -> bool:
-    """Whether a filter of contacts is one with grains."""
+def _filters_grains(prim: Prim) -> bool:
+    """Whether a filter of contacts concerns grains."""
     ends = [prim.path, *prim.values.get("physics:filteredPairs", ())]
     return any(f"{grains}/".startswith(f"{end}/") for grains in prim.grains for end in ends)
 
 
 def _frictionless(prim: Prim) -> bool:
-    """Whether only a static friction is given."""
-    return prim.asks("physics:staticFriction") and "physics:dynamicFriction" not in prim.values
+    """Whether only a static coefficient of friction is given."""
+    return prim.is_nonzero("physics:staticFriction") and "physics:dynamicFriction" not in prim.values
 
 
 def _one_friction(prim: Prim) -> bool:
-    """Whether static and dynamic friction are one number."""
-    return prim.values.get("physics:staticFriction", 0.0) == prim.values.get("physics:dynamicFriction")
+    """Whether static and dynamic coefficients of friction are equal."""
+    return bool(prim.values.get("physics:staticFriction", 0.0) == prim.values.get("physics:dynamicFriction"))
 
 
-OUT = "take it out, or make the prim inactive"
+REMOVE = "remove it, or make the prim inactive"
 VELOCITIES = ("physics:velocity", "physics:angularVelocity")
 SURFACE_VELOCITIES = ("physxSurfaceVelocity:surfaceVelocity", "physxSurfaceVelocity:surfaceAngularVelocity")
 
 
-def _moves_in_place(prim: Prim) -> bool:
-    """Whether a surface velocity is in force."""
-    on = prim.applied("PhysxSurfaceVelocityAPI") and not prim.off("physxSurfaceVelocity:surfaceVelocityEnabled")
-    return on and prim.asks(*SURFACE_VELOCITIES)
+def _has_surface_velocity(prim: Prim) -> bool:
+    """Whether a surface velocity is active."""
+    on = prim.applied("PhysxSurfaceVelocityAPI") and not prim.is_off("physxSurfaceVelocity:surfaceVelocityEnabled")
+    return on and prim.is_nonzero(*SURFACE_VELOCITIES)
 
 
 def _rules() -> Iterator[Rule]:
@@ -107,14 +107,14 @@ def _rules() -> Iterator[Rule]:
     yield Rule(
         "mjc:flag:gravity",
         "refused",
-        "switches gravity off for another program only; say newton:gravityEnabled = false",
-        lambda prim: prim.off("mjc:flag:gravity"),
+        "switches gravity off for another program only; set newton:gravityEnabled = false",
+        lambda prim: prim.is_off("mjc:flag:gravity"),
     )
     yield Rule(
         "mjc:option:wind physxParticleSystem:wind",
         "refused",
-        'a wind does not blow here: take it out, or give the scene a field (dem:list = "fields")',
-        lambda prim: prim.asks("mjc:option:wind", "physxParticleSystem:wind"),
+        'wind is not supported: remove it, or give the scene a field (dem:list = "fields")',
+        lambda prim: prim.is_nonzero("mjc:option:wind", "physxParticleSystem:wind"),
     )
     # materials
     yield Rule(
@@ -126,7 +126,7 @@ def _rules() -> Iterator[Rule]:
     yield Rule(
         "physics:staticFriction",
         "refused",
-        "grains have one coefficient of friction: say physics:dynamicFriction",
+        "grains have one coefficient of friction: give physics:dynamicFriction",
         _frictionless,
     )
     yield Rule("physics:staticFriction", "taken", when=_one_friction)
@@ -149,49 +149,49 @@ def _rules() -> Iterator[Rule]:
     yield Rule(
         "physics:mass physics:density",
         "refused",
-        "grains have the mass that the density of their material gives them: set physics:density of the material",
-        lambda prim: prim.is_grains and prim.asks("physics:mass", "physics:density"),
+        "the mass of grains follows from the density of their material: set physics:density of the material",
+        lambda prim: prim.is_grains and prim.is_nonzero("physics:mass", "physics:density"),
     )
     yield Rule(
         "PhysicsMassAPI physics:mass physics:density physics:centerOfMass physics:diagonalInertia physics:principalAxes",
         "noted",
-        "not taken: walls move as they are told, whatever their mass",
+        "not taken: the motion of walls is prescribed and does not depend on their mass",
     )
     # bodies
     yield Rule("PhysicsRigidBodyAPI physics:rigidBodyEnabled physics:kinematicEnabled", "taken")
     yield Rule(
         " ".join(VELOCITIES),
         "refused",
-        "moves nothing, since PhysicsRigidBodyAPI is not applied: apply it with physics:kinematicEnabled = true, or take "
-        "the attribute out",
-        lambda prim: prim.asks(*VELOCITIES) and not prim.applied("PhysicsRigidBodyAPI"),
+        "has no effect, since PhysicsRigidBodyAPI is not applied: apply it with physics:kinematicEnabled = true, or remove "
+        "the attribute",
+        lambda prim: prim.is_nonzero(*VELOCITIES) and not prim.applied("PhysicsRigidBodyAPI"),
     )
     yield Rule(
         " ".join(VELOCITIES),
         "noted",
         "not taken, since physics:rigidBodyEnabled = false: it stands still",
-        lambda prim: prim.asks(*VELOCITIES) and prim.off("physics:rigidBodyEnabled"),
+        lambda prim: prim.is_nonzero(*VELOCITIES) and prim.is_off("physics:rigidBodyEnabled"),
     )
     yield Rule(
         " ".join(VELOCITIES),
         "noted",
-        "not taken: the time samples of the transform say how it moves",
-        lambda prim: prim.asks(*VELOCITIES) and prim.moves,
+        "not taken: the time samples of the transform define its motion",
+        lambda prim: prim.is_nonzero(*VELOCITIES) and prim.moves,
     )
     yield Rule(" ".join(VELOCITIES), "taken")
     yield Rule(
         " ".join(SURFACE_VELOCITIES),
         "refused",
-        "PhysxSurfaceVelocityAPI, a surface that moves in its place, is not supported: the wall would stand still. A belt "
-        "may be a Plane of a kinematic body that moves along itself (physics:velocity); with "
+        "PhysxSurfaceVelocityAPI, a surface velocity without motion of the wall, is not supported: the wall would stand still. "
+        "A belt can be a Plane of a kinematic body that moves along itself (physics:velocity); with "
         "physxSurfaceVelocity:surfaceVelocityEnabled = false the wall stands still",
-        _moves_in_place,
+        _has_surface_velocity,
     )
     yield Rule(
         "PhysxSurfaceVelocityAPI physxSurfaceVelocity:*",
         "noted",
-        "no surface velocity is in force: the wall stands still",
-        lambda prim: not _moves_in_place(prim),
+        "no surface velocity is active: the wall stands still",
+        lambda prim: not _has_surface_velocity(prim),
     )
     yield Rule("PhysxSurfaceVelocityAPI physxSurfaceVelocity:*", "taken")  # refused by its velocities
     yield Rule(
@@ -199,13 +199,13 @@ def _rules() -> Iterator[Rule]:
         "refused",
         "a surface that moves along a curve is not supported: the wall would stand still; with "
         "physxSplinesSurfaceVelocity:surfaceVelocityEnabled = false it does",
-        lambda prim: not prim.off("physxSplinesSurfaceVelocity:surfaceVelocityEnabled"),
+        lambda prim: not prim.is_off("physxSplinesSurfaceVelocity:surfaceVelocityEnabled"),
     )
     yield Rule(
         "physxForce:force physxForce:torque",
         "refused",
-        f"forces of PhysX push nothing here; {OUT}",
-        lambda prim: prim.asks("physxForce:force", "physxForce:torque") and not prim.off("physxForce:forceEnabled"),
+        f"forces of PhysX are not supported; {REMOVE}",
+        lambda prim: prim.is_nonzero("physxForce:force", "physxForce:torque") and not prim.is_off("physxForce:forceEnabled"),
     )
     # colliders
     yield Rule("PhysicsCollisionAPI physics:collisionEnabled PhysicsMeshCollisionAPI physics:simulationOwner", "taken")
@@ -213,47 +213,47 @@ def _rules() -> Iterator[Rule]:
     yield Rule(
         "physxCollision:restOffset newton:contactMargin",
         "noted",
-        "not taken: a wall is where its triangles are, without any distance",
+        "not taken: the surface of a wall is that of its triangles, without an offset",
     )
     yield Rule(
         "PhysxTriggerAPI",
         "refused",
-        "a trigger is not solid, a wall is: say physics:collisionEnabled = false",
-        lambda prim: not prim.off("physics:collisionEnabled"),
+        "a trigger is not solid, a wall is: set physics:collisionEnabled = false",
+        lambda prim: not prim.is_off("physics:collisionEnabled"),
     )
     yield Rule(
         "PhysicsFilteredPairsAPI physics:filteredPairs",
         "refused",
-        f"grains touch all walls and all grains: none can be excepted; {OUT}",
-        _meets_grains,
+        f"grains are in contact with all walls and all grains, without exceptions; {REMOVE}",
+        _filters_grains,
     )
     yield Rule(
         "PhysicsCollisionGroup",
         "refused",
-        f"grains touch all walls and all grains: none can be excepted; {OUT}",
-        lambda prim: prim.asks("physics:filteredGroups", "physics:invertFilteredGroups"),
+        f"grains are in contact with all walls and all grains, without exceptions; {REMOVE}",
+        lambda prim: prim.is_nonzero("physics:filteredGroups", "physics:invertFilteredGroups"),
     )
-    # walls do not touch each other anyway
+    # there are no contacts between walls
     yield Rule(
         "PhysicsFilteredPairsAPI physics:filteredPairs PhysicsCollisionGroup physics:filteredGroups "
         "physics:invertFilteredGroups physics:mergeGroup",
         "taken",
     )
-    yield Rule("Physx*Cooked* physxCooked*", "taken")  # a store of what is in the stage already
+    yield Rule("Physx*Cooked* physxCooked*", "taken")  # cached data of the stage
     # joints and drives
     yield Rule(
         "Physics*Joint PhysxPhysics*Joint PhysicsArticulationRootAPI PhysicsDriveAPI* PhysxMimicJointAPI* NewtonMimicAPI* "
         "PhysxTendon* MjcActuator* MjcTendon* MjcEquality* NewtonActuator* PhysxVehicle* PhysxCharacterController*",
         "refused",
-        "joints, drives and tendons hold and move nothing here. A wall moves by time samples of its transform, or by the "
-        f"velocities of a kinematic body; {OUT}",
-        lambda prim: not prim.off("physics:jointEnabled") and not prim.off("physxArticulation:articulationEnabled"),
+        "joints, drives and tendons are not supported. A wall moves by time samples of its transform, or by the "
+        f"velocities of a kinematic body; {REMOVE}",
+        lambda prim: not prim.is_off("physics:jointEnabled") and not prim.is_off("physxArticulation:articulationEnabled"),
     )
-    # what bends, and particles of other programs
+    # deformable bodies, and particles of other programs
     yield Rule(
         "Physx*Deformable* OmniPhysics*Deformable* Physx*Cloth* PhysxPhysicsAttachment PhysxAutoAttachmentAPI",
         "refused",
-        f"walls are stiff: what deforms is not read; {OUT}",
+        f"walls are rigid: deformable bodies are not read; {REMOVE}",
     )
     yield Rule(
         "PhysxParticleSetAPI",
@@ -264,16 +264,16 @@ def _rules() -> Iterator[Rule]:
     yield Rule(
         "PhysxParticleSamplingAPI",
         "refused",
-        'fills nothing here: take it out, and fill the wall by dem:list = "grains" with dem:fill:wall',
+        'has no effect here: remove it, and fill the wall by dem:list = "grains" with dem:fill:wall',
     )
-    # graphs of Omniverse set attributes while they run
+    # graphs of Omniverse change attributes during a run
     yield Rule(
         "OmniGraphNode",
         "refused",
-        "the node of a conveyor is not run: the belt would stand still; make its graph inactive",
+        "the node of a conveyor is not executed: the belt would stand still; make its graph inactive",
         lambda prim: "conveyor" in str(prim.values.get("node:type", "")).lower(),
     )
-    yield Rule("OmniGraph", "noted", "the graph is not run")
+    yield Rule("OmniGraph", "noted", "the graph is not executed")
     yield Rule("OmniGraphNode node:type", "taken")  # noted with its graph
     # all else
     yield Rule("Physics* physics:* *:physics:*", "noted", "not taken")
@@ -281,9 +281,9 @@ def _rules() -> Iterator[Rule]:
 
 
 RULES = tuple(_rules())
-"""What becomes of physics, the first rule that fits being the one that counts."""
+"""Rules for the treatment of physics; the first rule that fits applies."""
 
 
 def rule_of(name: str, prim: Prim) -> Rule:
-    """The rule that answers for a type, schema or attribute of a prim."""
+    """The rule for a type, schema or attribute of a prim."""
     return next(rule for rule in RULES if rule.fits(name, prim))

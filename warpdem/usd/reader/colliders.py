@@ -1,18 +1,25 @@
 """Colliders: which are walls, where they are, and the kinematic body that moves them."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from warpdem.usd.reader.errors import Refused
-from warpdem.usd.reader.prims import has_samples, matrix_of, plain, sample_codes, still
+from warpdem.usd.reader.prims import constant_values, has_samples, json_value, sample_codes, world_matrix
+
+if TYPE_CHECKING:
+    from pxr import Usd, UsdPhysics
 
 COLLIDERS = ("MeshShape", "CubeShape", "SphereShape", "CylinderShape", "ConeShape", "CapsuleShape", "PlaneShape")
-"""Kinds of the physics parser's shapes that are walls."""
+"""Shape types of the physics parser that are walls."""
 TRUE_TRIANGLES = ("none", "sdf")
-"""Approximations of a collider that are none."""
+"""Approximations of a collider that keep its triangles."""
 
 
-def collider(prim, desc, bodies: dict) -> dict:
-    """What the physics parser says of a shape: its place, its lengths, and the body that carries it."""
+def collider(
+    prim: "Usd.Prim", desc: "UsdPhysics.ShapeDesc", bodies: dict[str, "UsdPhysics.RigidBodyDesc"]
+) -> dict[str, Any]:
+    """Collider as the physics parser describes it: its pose, its sizes, and the body that moves it."""
     from pxr import UsdGeom, UsdPhysics
 
     path = str(prim.GetPath())
@@ -22,9 +29,9 @@ def collider(prim, desc, bodies: dict) -> dict:
         raise Refused(f"{path}: approximation = {desc.approximation}: walls are the true triangles, so it must be none")
     if len({str(material) for material in desc.materials}) > 1:
         raise Refused(f"{path}: its parts have different physics materials; a wall has one")
-    still(prim, *(name for name in ("radius", "axis") if prim.HasAttribute(name)))
-    said = {
-        "matrix": matrix_of(UsdGeom.XformCache(0.0), prim).tolist(),
+    constant_values(prim, *(name for name in ("radius", "axis") if prim.HasAttribute(name)))
+    content: dict[str, Any] = {
+        "matrix": world_matrix(UsdGeom.XformCache(0.0), prim).tolist(),
         "axis": str(getattr(desc, "axis", "Z")),
         "radius": float(prim.GetAttribute("radius").Get(0.0)) if prim.HasAttribute("radius") else 0.0,
         "moves": bool(sample_codes(prim)),
@@ -32,30 +39,30 @@ def collider(prim, desc, bodies: dict) -> dict:
     }
     body = bodies.get(str(desc.rigidBody))
     if body is None or not body.rigidBodyEnabled:
-        return said
+        return content
     if not body.kinematicBody:
         raise Refused(
-            f"{desc.rigidBody} is a rigid body that moves by forces, which walls do not; set physics:kinematicEnabled = true"
+            f"{desc.rigidBody} is a rigid body that moves by forces, which walls cannot; set physics:kinematicEnabled = true"
         )
     moved, cache = prim.GetStage().GetPrimAtPath(desc.rigidBody), UsdGeom.XformCache(0.0)
     rigid = UsdPhysics.RigidBodyAPI(moved)
-    check_carriers(moved, bodies)
-    said["body"] = {
+    check_outer_bodies(moved, bodies)
+    content["body"] = {
         "path": str(desc.rigidBody),
         "parent": np.array(cache.GetParentToWorldTransform(moved)).T.tolist(),
-        "origin": matrix_of(cache, moved)[:3, 3].tolist(),
-        "velocity": plain(rigid.GetVelocityAttr()),
-        "spin": plain(rigid.GetAngularVelocityAttr()),
+        "origin": world_matrix(cache, moved)[:3, 3].tolist(),
+        "velocity": json_value(rigid.GetVelocityAttr()),
+        "spin": json_value(rigid.GetAngularVelocityAttr()),
         "moves": has_samples(moved),
     }
-    return said
+    return content
 
 
-def check_carriers(body, bodies: dict) -> None:
-    """Look for bodies that a body stands in.
+def check_outer_bodies(body: "Usd.Prim", bodies: dict[str, "UsdPhysics.RigidBodyDesc"]) -> None:
+    """Check the bodies that contain a body.
 
     Raises:
-        Refused: one of them moves by its velocities, which the inner one would not follow.
+        Refused: One of them moves by its velocities, which the inner body would not follow.
     """
     from pxr import UsdGeom
 
@@ -68,6 +75,6 @@ def check_carriers(body, bodies: dict) -> None:
         outer = bodies.get(str(here.GetPath()))
         if outer is not None and outer.rigidBodyEnabled and any([*outer.linearVelocity, *outer.angularVelocity]):
             raise Refused(
-                f"{body.GetPath()} is a body within the body {here.GetPath()}, which moves by its velocities: it would not be "
-                "carried along; give the inner one dem:motion with both motions, the outer one first, and take its schema out"
+                f"{body.GetPath()} is a body within the body {here.GetPath()}, which moves by its velocities: the inner body "
+                "would not follow; give it dem:motion with both motions, the outer one first, and remove its schema"
             )

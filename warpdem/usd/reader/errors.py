@@ -1,6 +1,6 @@
-"""What ends the reader with a reason."""
+"""The error of a file that is refused."""
 
 
 
 class Refused(Exception):
-    """The file cannot be used; the text says why."""
+    """The file cannot be used; the text gives the reason."""

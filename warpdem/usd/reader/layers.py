@@ -3,42 +3,46 @@
 import os
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from warpdem.core.process_limits import limit_memory, limit_time
 from warpdem.usd.reader.errors import Refused
 from warpdem.usd.reader.prims import all_prims
 
+if TYPE_CHECKING:
+    from pxr import Sdf, Usd
 
-def open_stage(file: str, folders: list[str]):
-    """The stage of a file, with all that it refers to.
+
+def open_stage(file: str, folders: list[str]) -> "Usd.Stage":
+    """The stage of a file, with all files that it refers to.
 
     Raises:
-        Refused: it cannot be opened or composed, or it refers to something outside ``folders``, if there are any.
+        Refused: It cannot be opened or composed, or it refers to a file outside ``folders``, if any are given.
     """
     from pxr import Usd
 
     limit_time(os.path.getsize(file))
     limit_memory(os.path.getsize(file))
     if folders:
-        stay_inside(file, folders)
+        check_folders(file, folders)
     stage = Usd.Stage.Open(file)
     layers = [layer.realPath for layer in stage.GetUsedLayers()]
     limit_memory(sum(os.path.getsize(path) for path in layers if path and os.path.isfile(path)))
     errors = stage.GetCompositionErrors()
     if errors:
-        raise Refused(f"what it refers to cannot be put together: {str(errors[0])[:300]}")
+        raise Refused(f"its references cannot be composed: {str(errors[0])[:300]}")
     for layer in stage.GetUsedLayers():
-        missing = [name for name in clip_assets(layer) if "#" not in name and not resolved(layer, name)]
+        missing = [name for name in clip_assets(layer) if "#" not in name and not resolved_path(layer, name)]
         if missing:
             raise Refused(f"{layer.GetDisplayName()}: a value clip is missing: {missing[0]!r}")
     return stage
 
 
-def unchosen_variants(stage) -> list[str]:
-    """Notes on sets of variants of which none is chosen, so that USD leaves all of them out.
+def unselected_variants(stage: "Usd.Stage") -> list[str]:
+    """Notes on variant sets without a selection, of which USD leaves out all variants.
 
     Raises:
-        Refused: a variant is chosen that does not exist; USD would leave out in silence what it should hold.
+        Refused: A selected variant does not exist; USD would leave out its content without a message.
     """
     found = []
     for prim in all_prims(stage):
@@ -49,22 +53,22 @@ def unchosen_variants(stage) -> list[str]:
                 listed = ", ".join(there) or "none"
                 raise Refused(f"{prim.GetPath()}: variant {name} = {chosen!r}: no such variant; there is {listed}")
             if there and not chosen:
-                found.append(f"{prim.GetPath()}: no variant of {name} is chosen ({', '.join(there)}): all are left out")
+                found.append(f"{prim.GetPath()}: no variant of {name} is selected ({', '.join(there)}): all are left out")
     return found
 
 
-def resolved(layer, name: str) -> str:
-    """Where an asset that a layer names lies; empty if nowhere."""
+def resolved_path(layer: "Sdf.Layer", name: str) -> str:
+    """Resolved path of an asset that a layer names; empty if it does not exist."""
     from pxr import Ar, Sdf
 
     return str(Ar.GetResolver().Resolve(Sdf.ComputeAssetPathRelativeToLayer(layer, name)))
 
 
-def stay_inside(file: str, folders: list[str]) -> None:
-    """Look at all layers that a stage would open, before it is composed.
+def check_folders(file: str, folders: list[str]) -> None:
+    """Check all layers that a stage would open, before it is composed.
 
     Raises:
-        Refused: one lies outside the folders, at an address, or where its name does not tell.
+        Refused: A layer lies outside the folders, at a network address, or its name is an expression.
     """
     from pxr import Ar, Sdf
 
@@ -72,15 +76,15 @@ def stay_inside(file: str, folders: list[str]) -> None:
     while todo:
         layer = Sdf.Layer.FindOrOpen(todo.pop())
         if layer is None:
-            continue  # composition tells what is missing
+            continue  # composition reports what is missing
         clips = clip_assets(layer)
         for asset in [*layer.GetCompositionAssetDependencies(), *clips]:
             name = asset.split(":SDF_FORMAT_ARGS:")[0]
             if not name:
                 continue  # a prim of the same file
             if name.startswith("`") or "#" in name or re.match(r"\w[\w+.-]+:", name):
-                raise Refused(f"{layer.GetDisplayName()} refers to {name!r}: read are files by their plain names only")
-            path = resolved(layer, name)
+                raise Refused(f"{layer.GetDisplayName()} refers to {name!r}: only plain file names are read")
+            path = resolved_path(layer, name)
             outer = Path(Ar.SplitPackageRelativePathOuter(path)[0]).resolve()
             if path and not any(outer.is_relative_to(folder) for folder in folders):
                 raise Refused(
@@ -92,11 +96,11 @@ def stay_inside(file: str, folders: list[str]) -> None:
                 todo.append(path)
 
 
-def clip_assets(layer) -> list[str]:
+def clip_assets(layer: "Sdf.Layer") -> list[str]:
     """Files that the value clips of a layer name."""
     found: list[str] = []
 
-    def visit(path) -> None:
+    def visit(path: "Sdf.Path") -> None:
         spec = layer.GetPrimAtPath(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None
         for clips in (spec.GetInfo("clips") if spec and spec.HasInfo("clips") else {}).values():
             found.extend(asset.path for asset in [*clips.get("assetPaths", []), clips.get("manifestAssetPath")] if asset)

@@ -1,18 +1,22 @@
-"""What a prim states about physics, in any program's schemas, and in the scene's own attributes ``dem:``."""
+"""Physics stated by a prim: schemas and attributes of any program, and the scene's own attributes ``dem:``."""
 
 import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpdem.usd.reader.errors import Refused
-from warpdem.usd.reader.prims import has_samples, plain
+from warpdem.usd.reader.prims import has_samples, json_value
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 PHYSICS = re.compile(r"(physics|physx|newton|mjc|omniphysics|omnigraph|isaac)", re.IGNORECASE)
-"""Beginnings of the names of schemas, and of parts of the names of attributes, that are about physics."""
+"""Prefixes of the names of schemas, and of parts of attribute names, that concern physics."""
 
 
-def physics_of(prim, kind: str) -> dict:
-    """What a prim says about physics, in schemas and attributes known here or not; empty if nothing.
+def stated_physics(prim: "Usd.Prim", kind: str) -> dict[str, Any]:
+    """Schemas and attributes of physics of a prim, known or unknown here; empty if there are none.
 
     Returns:
         The fields of `warpdem.usd.schemas.Prim`.
@@ -22,7 +26,8 @@ def physics_of(prim, kind: str) -> dict:
     info = prim.GetPrimTypeInfo()
     kind_of_prim = str(info.GetTypeName())
     schemas = [str(name) for name in info.GetAppliedAPISchemas() if PHYSICS.match(str(name))]
-    values, sampled = {}, []
+    values: dict[str, object] = {}
+    sampled: list[str] = []
     for prop in prim.GetAuthoredProperties():
         name = prop.GetName()
         if not any(PHYSICS.match(part) for part in name.split(":")) and name != "node:type":
@@ -32,17 +37,17 @@ def physics_of(prim, kind: str) -> dict:
         if isinstance(prop, Usd.Relationship):
             values[name] = [str(target) for target in prop.GetTargets()]
         elif prop.HasAuthoredValue():
-            values[name] = brief(prop)
+            values[name] = short_json_value(prop)
             sampled += [name] if prop.ValueMightBeTimeVarying() else []
     physical = kind_of_prim if PHYSICS.match(kind_of_prim) else ""
     if not (physical or schemas or values):
         return {}
-    said = {"path": str(prim.GetPath()), "type": physical, "schemas": schemas, "values": values, "sampled": sampled}
-    return {**said, "kind": kind, "moves": has_samples(prim)}
+    content = {"path": str(prim.GetPath()), "type": physical, "schemas": schemas, "values": values, "sampled": sampled}
+    return {**content, "kind": kind, "moves": has_samples(prim)}
 
 
-def brief(attribute) -> object:
-    """Value of an attribute of another program as JSON has it; of long ones their length."""
+def short_json_value(attribute: "Usd.Attribute") -> object:
+    """Value of an attribute of another program for JSON; of long arrays only their length."""
     value = attribute.Get(0.0)
     if isinstance(value, (bool, int, float, str)):
         return value
@@ -55,7 +60,7 @@ def brief(attribute) -> object:
     return numbers.tolist() if numbers.dtype.kind in "fiub" else str(value)
 
 
-def dem_tables(prim) -> dict[str, object]:
+def dem_tables(prim: "Usd.Prim") -> dict[str, object]:
     """Values of the attributes ``dem:KEY``, and names or targets of the relationships, by KEY."""
     from pxr import Usd
 
@@ -67,5 +72,5 @@ def dem_tables(prim) -> dict[str, object]:
         elif prop.HasAuthoredValue():
             if prop.ValueMightBeTimeVarying():
                 raise Refused(f"{prop.GetPath()} changes with time; dem: attributes have one value")
-            found[key] = plain(prop)
+            found[key] = json_value(prop)
     return found

@@ -1,21 +1,25 @@
-"""What prims are asked for: their ancestors, transforms, and values of attributes as JSON holds them."""
+"""Queries on prims: ancestors, transforms, and attribute values for JSON."""
 
 import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpdem.usd.reader.errors import Refused
 
+if TYPE_CHECKING:
+    from pxr import Usd, UsdGeom
 
-def all_prims(stage):
-    """All live, defined prims of a stage, those within instances too."""
+
+def all_prims(stage: "Usd.Stage") -> "Usd.PrimRange":
+    """All active, defined prims of a stage, including those within instances."""
     from pxr import Usd
 
     return Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
 
 
-def units_of(stage) -> dict:
-    """Units, upright axis and time scale of a stage, and what of it the file does not say."""
+def stage_units(stage: "Usd.Stage") -> dict[str, Any]:
+    """Units, up axis and time scale of a stage, and those of them that the file does not state."""
     from pxr import UsdGeom
 
     unsaid = [] if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else ["metersPerUnit (0.01 then, by the rules of USD)"]
@@ -27,11 +31,11 @@ def units_of(stage) -> dict:
     return {"metres": metres, "rate": rate, "up": str(UsdGeom.GetStageUpAxis(stage)), "unsaid": unsaid}
 
 
-def prim_at(stage, path: str, wanted: str):
-    """The prim of a path, live and defined.
+def prim_at(stage: "Usd.Stage", path: str, wanted: str) -> "Usd.Prim":
+    """The prim at a path, active and defined.
 
     Raises:
-        Refused: there is none; names those that are a ``wanted``.
+        Refused: There is none; the text names the prims of the schema ``wanted``.
     """
     from pxr import Sdf, Usd, UsdGeom
 
@@ -45,21 +49,21 @@ def prim_at(stage, path: str, wanted: str):
     raise Refused(f"prim = {path!r}: no such prim; there is {listed or 'none'}")
 
 
-def carriers(prim) -> list:
-    """What a prim stands in, the nearest first."""
+def ancestors(prim: "Usd.Prim") -> "list[Usd.Prim]":
+    """Ancestors of a prim, the nearest first."""
     found = []
     while not prim.IsPseudoRoot() and not (prim := prim.GetParent()).IsPseudoRoot():
         found.append(prim)
     return found
 
 
-def above_of(path: str) -> list[str]:
-    """Paths of what a prim stands in, the nearest first."""
+def ancestor_paths(path: str) -> list[str]:
+    """Paths of the ancestors of a prim, the nearest first."""
     parts = path.split("/")
     return ["/".join(parts[:n]) for n in range(len(parts) - 1, 1, -1)]
 
 
-def matrix_of(cache, prim) -> np.ndarray:
+def world_matrix(cache: "UsdGeom.XformCache", prim: "Usd.Prim") -> np.ndarray:
     """Local-to-world matrix for column vectors, shape (4, 4)."""
     matrix = np.array(cache.GetLocalToWorldTransform(prim)).T
     if not np.isfinite(matrix).all():
@@ -67,8 +71,8 @@ def matrix_of(cache, prim) -> np.ndarray:
     return matrix
 
 
-def sample_codes(prim) -> set[float]:
-    """Time codes at which a prim or something it stands in has another transform."""
+def sample_codes(prim: "Usd.Prim") -> set[float]:
+    """Time codes of the transform samples of a prim and its ancestors."""
     from pxr import UsdGeom
 
     codes: set[float] = set()
@@ -79,25 +83,25 @@ def sample_codes(prim) -> set[float]:
     return codes
 
 
-def has_samples(prim) -> bool:
-    """Whether the own transform of a prim has time samples."""
+def has_samples(prim: "Usd.Prim") -> bool:
+    """Whether the prim's own transform has time samples."""
     from pxr import UsdGeom
 
     xform = UsdGeom.Xformable(prim)
     return bool(xform and xform.GetTimeSamples())
 
 
-def still(prim, *names: str) -> list:
+def constant_values(prim: "Usd.Prim", *names: str) -> list[Any]:
     """Values of attributes that do not change with time.
 
     Raises:
-        Refused: one is missing or has time samples.
+        Refused: An attribute is missing or has time samples.
     """
     values = []
     for name in names:
         attribute = prim.GetAttribute(name)
         if attribute.ValueMightBeTimeVarying():
-            raise Refused(f"{prim.GetPath()}: its {name} change with time: only its place may move, not its shape")
+            raise Refused(f"{prim.GetPath()}: its {name} change with time: it may move, but not change its shape")
         value = attribute.Get(0.0)
         if value is None:
             raise Refused(f"{prim.GetPath()} has no {name}")
@@ -105,8 +109,8 @@ def still(prim, *names: str) -> list:
     return values
 
 
-def plain(attribute) -> object:
-    """Value of an attribute as JSON has it; a single-precision number is the shortest decimal that rounds to it."""
+def json_value(attribute: "Usd.Attribute") -> object:
+    """Value of an attribute for JSON; a single-precision number becomes the shortest decimal that rounds to it."""
     value = attribute.Get(0.0)
     if attribute.GetTypeName().scalarType == "asset":
         if hasattr(value, "__len__"):
@@ -122,10 +126,10 @@ def plain(attribute) -> object:
 
 
 def shortest(numbers: np.ndarray) -> np.ndarray:
-    """The float64 that stand for single-precision numbers: 9.81, not 9.8100004."""
+    """The shortest decimals that round to single-precision numbers, in float64: 9.81, not 9.8100004."""
     return numbers.astype(np.float32).astype("U32").astype(np.float64) if numbers.dtype.kind == "f" else numbers
 
 
-def value_at(source, code: float):
-    """Value of an attribute or primvar at a time code; one with indices is spread out by them."""
+def value_at(source: "Usd.Attribute | UsdGeom.Primvar", code: float) -> Any:
+    """Value of an attribute or primvar at a time code; an indexed primvar is expanded."""
     return source.ComputeFlattened(code) if getattr(source, "IsIndexed", bool)() else source.Get(code)

@@ -1,12 +1,17 @@
-"""All prims of a stage that state something about a scene."""
+"""All prims of a stage that belong to a scene."""
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpdem.usd.reader.colliders import COLLIDERS, collider
 from warpdem.usd.reader.errors import Refused
-from warpdem.usd.reader.grains import GRAINS, frame_code, frame_codes, grain_arrays, grains_of
-from warpdem.usd.reader.physics import dem_tables, physics_of
-from warpdem.usd.reader.prims import above_of, all_prims, plain
+from warpdem.usd.reader.grains import GRAINS, frame_code, frame_codes, grain_arrays, grain_settings
+from warpdem.usd.reader.physics import dem_tables, stated_physics
+from warpdem.usd.reader.prims import all_prims, ancestor_paths, json_value
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 STANDARD = {
     "Scene": ("physics:gravityDirection", "physics:gravityMagnitude", "newton:gravityEnabled", "newton:timeStepsPerSecond"),
@@ -18,11 +23,11 @@ STANDARD = {
 """Attributes of UsdPhysics and of Newton's schemas that a scene takes, by the kind of the prim."""
 
 
-def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
-    """All prims that say something about a scene, in the order of the stage.
+def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """All prims that belong to a scene, in the order of the stage.
 
     Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, one of `COLLIDERS`, or Table), the nearest
-    such prim ``above`` it, its tables ``dem``, the bound ``material``, and what its kind has; arrays are of grains.
+    such ancestor ``above``, its tables ``dem``, the bound ``material``, and the fields of its kind. The arrays are of grains.
     """
     from pxr import UsdGeom, UsdPhysics
 
@@ -31,63 +36,66 @@ def read_scene(stage, at: str) -> tuple[dict, dict[str, np.ndarray]]:
     descs = [desc for kind, (_, found) in physics.items() if str(kind) != "RigidBody" for desc in found]
     strange = next((d for d in descs if str(d.type).endswith("Shape") and str(d.type) not in (*COLLIDERS, GRAINS)), None)
     if strange is not None:
-        raise Refused(f"{strange.primPath} is a {strange.type}, which is no wall; make a Mesh of it, or make it inactive")
-    # joints and what else a prim may be besides are found by their schemas
+        raise Refused(f"{strange.primPath} is a {strange.type}, which cannot be a wall; use a Mesh, or make it inactive")
+    # joints and other types are found by their schemas
     records = {str(desc.primPath): desc for desc in descs if str(desc.type) in (*COLLIDERS, *STANDARD, GRAINS)}
     kinds = {path: str(desc.type) for path, desc in records.items()}
     frames = sorted({t for p, k in kinds.items() if k == GRAINS for t in frame_codes(stage.GetPrimAtPath(p))})
     code = frame_code(frames, at, stage.GetTimeCodesPerSecond())
-    prims, arrays, facts, beside = {}, {}, [], []
+    prims: dict[str, dict[str, Any]] = {}
+    arrays: dict[str, np.ndarray] = {}
+    stated: list[dict[str, Any]] = []
+    unused: list[str] = []
     for prim in all_prims(stage):
         path, tables = str(prim.GetPath()), dem_tables(prim)
         kind = kinds.get(path) or ("Table" if "list" in tables else "")
-        said = physics_of(prim, kind)
-        facts += [said] if said else []
+        physics_of_prim = stated_physics(prim, kind)
+        stated += [physics_of_prim] if physics_of_prim else []
         if not kind and prim.IsA(UsdGeom.PointInstancer):
-            beside.append(instancer(prim))
+            unused.append(instancer(prim))
         collides = prim.HasAPI(UsdPhysics.CollisionAPI) and UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get()
         if collides and not kind:
             raise Refused(
-                f"{path} collides (PhysicsCollisionAPI) but is {a_kind(prim)}, which is no wall: apply the schema to each Mesh "
-                "or shape that is one"
+                f"{path} collides (PhysicsCollisionAPI) but is {type_text(prim)}, which cannot be a wall: apply the schema to "
+                "each Mesh or shape that is a wall"
             )
         if not kind and prim.IsA(UsdGeom.Gprim):
-            beside.append(path)
+            unused.append(path)
         if not kind:
             if tables:
                 raise Refused(
                     f"{path}.dem:{next(iter(tables))}: the prim is no physics scene, physics material, collider or grains, and "
-                    "does not say with dem:list which list of the scene it is an entry of"
+                    "has no dem:list that names the list of the scene it belongs to"
                 )
             continue
-        above = next((p for p in above_of(path) if p in prims), "")
+        above = next((p for p in ancestor_paths(path) if p in prims), "")
         prims[path] = {"path": path, "kind": kind, "above": above, "dem": tables, "material": bound_material(prim)}
         if kind in STANDARD:
             given = [prim.GetAttribute(name) for name in STANDARD[kind]]
-            prims[path]["standard"] = {a.GetName(): plain(a) for a in given if a and a.HasAuthoredValue()}
+            prims[path]["standard"] = {a.GetName(): json_value(a) for a in given if a and a.HasAuthoredValue()}
         elif kind in COLLIDERS:
             prims[path] |= collider(prim, records[path], bodies)
         elif kind == GRAINS:
-            prims[path] |= grains_of(prim, records[path], bodies, bool(frames))
+            prims[path] |= grain_settings(prim, records[path], bodies, bool(frames))
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
     if not (np.isfinite(kilograms) and kilograms > 0.0):
         raise Refused(f"kilogramsPerUnit = {kilograms:g}, must be above 0")
     check_overs(stage)
-    found = {"prims": list(prims.values()), "physics": facts, "beside": beside}
+    found = {"prims": list(prims.values()), "physics": stated, "unused": unused}
     return {**found, "kilograms": kilograms, "code": code if frames else None}, arrays
 
 
-def a_kind(prim) -> str:
+def type_text(prim: "Usd.Prim") -> str:
     """Type of a prim with its article, for messages."""
     return f"a {prim.GetTypeName()}" if prim.GetTypeName() else "of no type"
 
 
-def instancer(prim) -> str:
+def instancer(prim: "Usd.Prim") -> str:
     """Path of a point instancer.
 
     Raises:
-        Refused: what it repeats is more than a picture.
+        Refused: Its prototypes have physics.
     """
     from pxr import Usd, UsdGeom
 
@@ -95,28 +103,29 @@ def instancer(prim) -> str:
     for target in UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets():
         top = prim.GetStage().GetPrimAtPath(target)
         for part in Usd.PrimRange(top, Usd.TraverseInstanceProxies()) if top else ():
-            if physics_of(part, "") or dem_tables(part):
+            if stated_physics(part, "") or dem_tables(part):
                 raise Refused(
-                    f"{path} is a point instancer of {part.GetPath()}, which has physics: it is not read; make its instances "
-                    "prims of their own (grains: Points)"
+                    f"{path} is a point instancer of {part.GetPath()}, which has physics: it is not read; replace its "
+                    "instances by prims (grains: Points)"
                 )
     return f"{path} (a point instancer)"
 
 
-def check_overs(stage) -> None:
-    """Look for prims that are changed but nowhere defined: USD passes over them in silence.
+def check_overs(stage: "Usd.Stage") -> None:
+    """Check for prims that are changed but not defined, which USD ignores without a message.
 
     Raises:
-        Refused: one has something to say about the scene, as one does whose path is misspelt.
+        Refused: Such a prim has content for the scene, as happens when a path is misspelt.
     """
     from pxr import Usd
 
     for prim in Usd.PrimRange.AllPrims(stage.GetPseudoRoot()):
-        if prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract() and (physics_of(prim, "") or dem_tables(prim)):
-            raise Refused(f"{prim.GetPath()} is an over, and nothing defines the prim; correct its path, or take it out")
+        undefined = prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract()
+        if undefined and (stated_physics(prim, "") or dem_tables(prim)):
+            raise Refused(f"{prim.GetPath()} is an over, and nothing defines the prim; correct its path, or remove it")
 
 
-def bound_material(prim) -> str:
+def bound_material(prim: "Usd.Prim") -> str:
     """Path of the material bound for physics, or for all purposes."""
     from pxr import UsdShade
 

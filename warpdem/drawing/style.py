@@ -11,7 +11,7 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Look:
+class PictureStyle:
     """Camera, colours, cuts and walls of a picture; places are in the axes of the view."""
 
     view: View = "laboratory"
@@ -72,7 +72,7 @@ class Look:
             raise WarpdemError(f"size {self.size!r} must be a width and a height from 64 to 8192 pixels")
 
 
-CHOICES = tuple(field.name for field in fields(Look))
+CHOICES = tuple(field.name for field in fields(PictureStyle))
 """Names of all choices."""
 
 

@@ -11,7 +11,7 @@ from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
 
 from warpdem.drawing.camera import Camera
 from warpdem.drawing.legend import ink_on
-from warpdem.drawing.visible import visible
+from warpdem.drawing.visibility import visible
 from warpdem.errors import WarpdemError
 from warpdem.output.vtk_files import quiet_vtk
 
@@ -52,7 +52,7 @@ class Surface:
     """Half-spaces n . x > d in the axes of the view of which the wall is shown."""
 
 
-class Stage:
+class VtkRenderer:
     """One plotter that draws frame after frame with one camera."""
 
     def __init__(self, size: tuple[int, int], camera: Camera, background: str, opacity: float) -> None:

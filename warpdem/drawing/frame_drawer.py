@@ -16,10 +16,10 @@ from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
 from warpdem.drawing.framing import Box, Framing
 from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
-from warpdem.drawing.look import Look
-from warpdem.drawing.stage import Balls, Stage, Surface
+from warpdem.drawing.style import PictureStyle
+from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
 from warpdem.errors import WarpdemError
-from warpdem.mesh.plane_patch import RIM, ROOM, patch, plane_of
+from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
 from warpdem.output.read_vtk import Results
 from warpdem.output.read_vtkhdf import VtkhdfResults
 
@@ -43,54 +43,58 @@ class _Scenery:
     wall_fields: dict[str, dict[str, np.ndarray]]
 
 
-class Show:
+class FrameDrawer:
     """Draws one instant after another: one camera, one range of colours, a pane for each run."""
 
-    def __init__(self, runs: list[AnyResults], instants: list[float], look: Look) -> None:
-        self._runs, self._look = runs, look
-        self._cuts = [parsed_cut(text, look.view) for text in look.cut]
+    def __init__(self, runs: list[AnyResults], instants: list[float], style: PictureStyle) -> None:
+        self._runs, self._style = runs, style
+        self._cuts = [parsed_cut(text, style.view) for text in style.cut]
         first = self._scenery(runs[0], instants[0])
         folder = runs[0].folder
         self._grains = Scale(
-            field_of(look.colour, first.grain_fields, "colour", f"the grains in {folder}"), look.colour_map, look.colour_range
+            field_of(style.colour, first.grain_fields, "colour", f"the grains in {folder}"),
+            style.colour_map,
+            style.colour_range,
         )
         self._on_walls = self._wall_scale(first, folder)
-        start = runs[0].frame(0).frame.rotation if look.view == "frame" else np.eye(3)
+        start = runs[0].frame(0).frame.rotation if style.view == "frame" else np.eye(3)
         gravity = first.snapshot.gravity
         # a picture in axes that turn is one of their film: upwards is where it was in the first frame
         turn = upright(None if gravity is None else start.T @ gravity)
-        self._axes = looking(look, first.snapshot.frame, turn)
+        self._axes = looking(style, first.snapshot.frame, turn)
         self._survey(instants)
-        width, height = look.size
+        width, height = style.size
         column = bar_width(height)
         edges = np.linspace(0, width - column, len(runs) + 1).astype(int)
         self._spans = list(itertools.pairwise(edges))
         pane = min(right - left for left, right in self._spans)
         if pane < 16:
-            raise WarpdemError(f"size {look.size!r} is too narrow for the panes ({len(runs)}) and the scale bar")
-        camera = placed(look, turn, self._axes, self._low, self._high, pane / height)
-        opacity = look.opacity
+            raise WarpdemError(f"size {style.size!r} is too narrow for the panes ({len(runs)}) and the scale bar")
+        camera = placed(style, turn, self._axes, self._low, self._high, pane / height)
+        opacity = style.opacity
         if opacity is None:
             opacity = _WALL_OPACITY if self._on_walls is None else _COLOURED_WALL_OPACITY
         self._camera = camera
-        self._legend = Legend(look.size, self._bars(), len(runs), look.background)
+        self._legend = Legend(style.size, self._bars(), len(runs), style.background)
         self._names = _told_apart([run.folder for run in runs])
         self._clock = _clock(runs[0].times)
-        self._stages: list[Stage] = []
+        self._renderers: list[VtkRenderer] = []
         for left, right in self._spans:
-            self._stages.append(Stage((right - left, height), camera, look.background, opacity))
+            self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity))
 
     def draw(self, instant: float) -> np.ndarray:
         """Pixels of the picture of an instant [s], shape (height, width, 3), uint8."""
-        width, height = self._look.size
+        width, height = self._style.size
         image = np.empty((height, width, 3), dtype=np.uint8)
-        image[:] = np.round(255.0 * np.array(to_rgb(self._look.background)))
+        image[:] = np.round(255.0 * np.array(to_rgb(self._style.background)))
         panes = []
-        for run, stage, (left, right), name in zip(self._runs, self._stages, self._spans, self._names, strict=True):
+        for run, renderer, (left, right), name in zip(
+            self._runs, self._renderers, self._spans, self._names, strict=True
+        ):
             scenery = self._scenery(run, instant)
-            image[:, left:right] = stage.draw(self._balls(scenery), self._surfaces(scenery))
+            image[:, left:right] = renderer.draw(self._balls(scenery), self._surfaces(scenery))
             snapshot = scenery.snapshot
-            axes = "laboratory axes" if self._look.view == "laboratory" else "frame axes"
+            axes = "laboratory axes" if self._style.view == "laboratory" else "frame axes"
             lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
             title = heading(name, self._clock(scenery.time), right - left, height)
             panes.append(Pane(title, lines, self._camera.axes))
@@ -98,26 +102,26 @@ class Show:
 
     def close(self) -> None:
         """Free what the stages hold."""
-        for stage in self._stages:
-            stage.close()
+        for renderer in self._renderers:
+            renderer.close()
 
     def _scenery(self, run: AnyResults, instant: float) -> _Scenery:
         k = int(np.argmin(np.abs(run.times - instant)))
         snapshot = run.frame(k)
         there = run.walls(k)
-        if unknown := set(self._look.hide) - {wall.name for wall in there}:
+        if unknown := set(self._style.hide) - {wall.name for wall in there}:
             names = ", ".join(wall.name for wall in there) or "none"
             raise WarpdemError(f"hide {sorted(unknown)[0]!r}: there is no such wall in {run.folder}; there are {names}")
-        walls = [wall for wall in there if wall.name not in self._look.hide]
-        on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._look.wall_colour else {}
+        walls = [wall for wall in there if wall.name not in self._style.hide]
+        on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._style.wall_colour else {}
         return _Scenery(float(run.times[k]), snapshot, walls, run.fields(k), on_walls)
 
     def _wall_scale(self, first: _Scenery, folder: Path) -> Scale | None:
-        name = self._look.wall_colour
+        name = self._style.wall_colour
         if name is None:
             return None
         known = {key: values for arrays in first.wall_fields.values() for key, values in arrays.items()}
-        return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._look.wall_range)
+        return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._style.wall_range)
 
     def _survey(self, instants: Iterable[float]) -> None:
         """Bounds and values of all that will be drawn: the picture keeps its place, colours keep their meaning."""
@@ -150,12 +154,14 @@ class Show:
         if ends and not any_kept:
             words = (", ".join(f"{x:.4g}" for x in side) for side in (np.min(ends, axis=0), np.max(ends, axis=0)))
             raise WarpdemError(
-                f"cut {' and '.join(map(repr, self._look.cut))} leaves no grain: in {self._look.view} axes their centres go "
+                f"cut {' and '.join(map(repr, self._style.cut))} leaves no grain: in {self._style.view} axes their centres go "
                 f"from ({next(words)}) to ({next(words)}) m"
             )
         box = framing.box()
-        self._room = RIM if framing.bounded else ROOM
-        self._box = np.stack(np.meshgrid(*zip(box.low[3:], box.high[3:], strict=True), indexing="ij"), axis=-1).reshape(8, 3)
+        self._room = RIM if framing.bounded else MARGIN
+        self._box = np.stack(np.meshgrid(*zip(box.low[3:], box.high[3:], strict=True), indexing="ij"), axis=-1).reshape(
+            8, 3
+        )
         drawn = [wall.vertices @ self._axes.T for pose, walls in planes for wall in self._fitted(pose, walls)]
         shown = Box(box.low[:3], box.high[:3])
         for along in drawn:
@@ -168,7 +174,7 @@ class Show:
 
     def _seen(self, points: np.ndarray, pose: FramePose) -> np.ndarray:
         """Points given in frame axes, in the axes that stand still in the picture [m], shape (n, 3)."""
-        return pose.to_laboratory(points) if self._look.view == "laboratory" else points
+        return pose.to_laboratory(points) if self._style.view == "laboratory" else points
 
     def _kept(self, scenery: _Scenery) -> np.ndarray:
         """Which grains are shown, shape (n,), bool."""
@@ -189,7 +195,7 @@ class Show:
     def _balls(self, scenery: _Scenery) -> Balls:
         snapshot, shown = scenery.snapshot, np.flatnonzero(self._kept(scenery))
         position = self._seen(snapshot.position[shown], snapshot.frame)
-        if self._look.position is None:
+        if self._style.position is None:
             # one that flew far away is no more than a dot, and would take the digits of the depths from all others
             middle, reach = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
             near = np.linalg.norm(position - middle, axis=1) < reach
@@ -202,7 +208,7 @@ class Show:
         for wall in walls:
             if wall.infinite:
                 normal, offset = plane_of(wall)
-                if self._look.view == "laboratory":
+                if self._style.view == "laboratory":
                     normal = pose.rotation @ normal
                     offset += float(normal @ pose.translation)
                 planes[wall.name] = normal, offset
@@ -215,10 +221,12 @@ class Show:
         pose = scenery.snapshot.frame
         cuts = []
         for normal, offset in (cut.in_frame(pose) for cut in self._cuts):
-            turned = pose.rotation @ normal if self._look.view == "laboratory" else normal
-            moved = offset + float(turned @ pose.translation) if self._look.view == "laboratory" else offset
+            turned = pose.rotation @ normal if self._style.view == "laboratory" else normal
+            moved = offset + float(turned @ pose.translation) if self._style.view == "laboratory" else offset
             cuts.append((turned, moved))
-        surfaces = [Surface(w.name, w.vertices, w.triangles, None, tuple(cuts)) for w in self._fitted(pose, scenery.walls)]
+        surfaces = [
+            Surface(w.name, w.vertices, w.triangles, None, tuple(cuts)) for w in self._fitted(pose, scenery.walls)
+        ]
         for wall in scenery.walls:
             if wall.infinite:
                 continue
