@@ -5,36 +5,33 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-import numpy as np
-
 from warpdem.core.device import pick_device
-from warpdem.core.snapshot import Snapshot, WallLoad, WallMesh
+from warpdem.core.snapshot import WallMesh
 from warpdem.core.threads import run_threads
 from warpdem.core.timers import Timers
 from warpdem.engine.engine import Engine
-from warpdem.errors import SceneError, WarpdemError
+from warpdem.engine.run_loop import RunLoop
+from warpdem.errors import SceneError
 from warpdem.guards.verdict import Verdict
 from warpdem.guards.watch import Guards
-from warpdem.measure import measures, observation, observers, wall_loads
 from warpdem.measure.budget import Budget
-from warpdem.measure.snapshot import take_snapshot
+from warpdem.measure.run_readings import RunReadings
 from warpdem.mesh.tessellation import drawings
 from warpdem.model import time_step
 from warpdem.model.digests import Given
-from warpdem.model.past import Past
 from warpdem.model.prepare import prepare, require_scene
 from warpdem.scene.model import Scene
-from warpdem.state import checkpoint, contact_history
+from warpdem.state import checkpoint
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.restart import read as read_start
-from warpdem.state.restart import started_from
+from warpdem.state.restart import started_from, take_over
 from warpdem.state.streams import Streams
 from warpdem.state.view import RunView
 
 
-class Simulation:
+class Simulation(RunReadings):
     """A scene on a device, at rest between steps with the forces of its instant evaluated.
 
     Args:
@@ -83,10 +80,9 @@ class Simulation:
             self.threads = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
             self.engine = Engine(model, self.state, self._clock, self.threads, self.timers)
             self.lists, self.left = self.engine.lists, self.engine.leavers.left
-        self.steps_done = 0
-        self._interrupted = False  # between the first step of a batch and its count
         self.streams = Streams(model, self.state, self._clock)
         self.inlets = self.streams.inlets
+        self.loop = RunLoop(self.state, self._clock, self.engine, self.streams, self.timers)
         self.notes += self.streams.notes
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
@@ -94,25 +90,17 @@ class Simulation:
         self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
         self.lists.watch_travel = self.guards.lists_built
         if totals is not None:
-            self.engine.leavers.before_leaving = Budget(self.live).left
+            books = Budget(self.live)
+            self.engine.leavers.before_leaving, self.loop.after_insertion = books.left, books.inserted
         if past is not None:
-            self._take_over(past)
-        self._insert()
+            take_over(past, self.state, self.lists, self.streams)
+        self.loop.insert()
         if over := time_step.over_limit(self.dt, self.limits):
             self.guards.notice(Verdict("time step", over))
 
     def __repr__(self) -> str:
         where = f"t = {self.time:.6g} s (step {self.step_number}) on {self.device.alias}"
         return f"<Simulation of {self.scene.source}: {len(self.state)} grains at {where}>"
-
-    def _take_over(self, past: Past) -> None:
-        """Contact history, orientation and random numbers of the run that this one starts from."""
-        self.state.next_id = max(self.state.next_id, past.next_id)
-        if len(self.state):
-            contact_history.remember(self.lists, past.data)
-        if self.state.orientation is not None and "orientation" in past.data:
-            self.state.orientation.assign(past.data["orientation"])
-        self.streams.take_over(past.inlets)
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
         """Add the time spent inside to ``seconds[stage]``."""
@@ -143,11 +131,11 @@ class Simulation:
         """
         if count < 0:
             raise ValueError(f"step({count}): must be 0 or more; time does not run back")
-        if self.budget is not None:
-            self.budget.begin()
+        if self.live.totals is not None and not self.live.totals.start:
+            Budget(self.view).begin()
         last = self.step_number + count
         while self.step_number < last:
-            self._advance(min(last, self.guards.next_look) - self.step_number)
+            self.loop.advance(min(last, self.guards.next_look) - self.step_number)
             self.guards.steps_done()
 
     def run(self, until: float) -> None:
@@ -167,44 +155,7 @@ class Simulation:
 
     def prepare(self) -> None:
         """Evaluate the forces of the present time if they are not: what every reader asks for first."""
-        if not self._clock.forces_evaluated:
-            self._advance(0)
-
-    def _advance(self, count: int) -> None:
-        """Make the lists valid, evaluate the forces if they are not, and run up to ``count`` steps.
-
-        Raises:
-            WarpdemError: an interrupt has left the state at a step that was not counted.
-        """
-        if self._interrupted:
-            raise WarpdemError("the simulation was interrupted in the middle of its steps: go on from a checkpoint")
-        if len(self.state) and not self._clock.forces_evaluated:
-            grown = self.state.slots > self.lists.known or not self.lists.rebuilds
-            self.lists.update(grown)
-        next_insertion = self.streams.next_step()
-        due = count + 1 if next_insertion is None else next_insertion - self.step_number
-        batch = min(count, due)
-        if len(self.state) == 0:
-            done, moved = batch, 0
-        else:
-            batch = min(batch, self.engine.steps_ahead)
-            with self.clock("steps"):
-                self._interrupted = True
-                done, moved = self.engine.advance(batch, not self._clock.forces_evaluated, hold=batch == due)
-        self._clock.step_number += done
-        self._interrupted = False
-        self.steps_done += done
-        self.lists.due |= moved
-        self._clock.forces_evaluated = not moved and done < due
-        if done == due:
-            self._insert()
-
-    def _insert(self) -> None:
-        """Insert what the streams bring at the present step."""
-        for slots in self.streams.insert():
-            if self.live.totals is not None:
-                Budget(self.live).inserted(slots)
-            self._clock.forces_evaluated = False
+        self.loop.prepare()
 
     # -- checkpoint -----------------------------------------------------------------------------
 
@@ -214,11 +165,7 @@ class Simulation:
 
     @classmethod
     def from_checkpoint(
-        cls,
-        path: str | Path,
-        device: str | None = None,
-        threads: int | None = None,
-        plugins: Sequence[str | Path] = (),
+        cls, path: str | Path, device: str | None = None, threads: int | None = None, plugins: Sequence[str | Path] = ()
     ) -> "Simulation":
         """The simulation that a checkpoint was saved from, on any device and number of threads.
 
@@ -237,69 +184,6 @@ class Simulation:
         return sim
 
     # -- reading --------------------------------------------------------------------------------
-
-    @property
-    def view(self) -> RunView:
-        """The run as readers see it, the forces of the present time evaluated."""
-        self.prepare()
-        return self.live
-
-    @property
-    def particles(self) -> observers.Particles:
-        """The grains at the present time, ordered by id."""
-        return observers.Particles(self.view)
-
-    def contacts(self) -> observers.Contacts:
-        """All grain-grain and grain-wall contacts at the present time."""
-        return observers.read_contacts(self.view)
-
-    def energy(self) -> dict[str, float]:
-        """Kinetic, rotational, elastic and potential energy in the laboratory [J]."""
-        return observers.energy(self.view)
-
-    @property
-    def budget(self) -> Budget | None:
-        """Budgets of energy, momentum and flow; None where the scene's ``measures`` name none of them."""
-        return Budget(self.view) if self.live.totals is not None else None
-
-    def measure(self) -> dict[str, float]:
-        """What the scene's ``measures`` give at the present time, by the names of their columns in history.csv."""
-        return measures.measured(self.view)
-
-    def observe(self, name: str) -> np.ndarray:
-        """What an observer of the scene reads off each grain at the present time, in its unit, by id, shape (n,).
-
-        Args:
-            name: its name in the scene's ``observers``.
-
-        Raises:
-            SceneError: the scene has no observer of that name.
-        """
-        return observation.observe(self.view, name)
-
-    def loads(self) -> tuple[np.ndarray, np.ndarray]:
-        """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
-        return self.readings()[:2]
-
-    def wall_loads(self, lab: bool = False) -> dict[str, WallLoad]:
-        """What the grains do to each wall at the present time, by wall name; vectors in frame axes or in the laboratory."""
-        return wall_loads.read_loads(self.view, lab)
-
-    def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
-
-        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
-        """
-        return self.view.readings()
-
-    def snapshot(self) -> Snapshot:
-        """Everything a writer needs, at the present time."""
-        return take_snapshot(self.view)
-
-    @property
-    def extremes(self) -> dict[str, float]:
-        """Largest values met so far: overlap over radius [-] and approach speed [m/s], of pairs and of walls."""
-        return self.live.extremes
 
     @property
     def noticed(self) -> dict[str, str]:
