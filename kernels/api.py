@@ -21,9 +21,9 @@ from types import ModuleType
 import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
-from warpdem.kernels.contact import thread_contact
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.lists import neighbors
 from warpdem.kernels.lists.cells import SizeGrids
@@ -134,22 +134,23 @@ class ContactLaw:
         rolling: module of ``warpdem.kernels.rolling``, or None.
         materials: what the normal law reads of each material, as attributes: ``young_modulus`` [Pa], ``poisson_ratio`` [-].
         pairs: by indices (a, b) of two materials what the laws read of the pair, as attributes: ``restitution``, ``friction``,
-            ``rolling_friction``, ``rolling_damping`` [-]. What is missing is 0, the restitution excepted.
+            ``rolling_friction``, ``rolling_damping`` [-], and the keys that a law adds. Of the first four all but the
+            restitution are 0 where they are missing.
         torsion: whether rolling resistance acts on the spin about the normal too.
+        gap: how far beyond contact the normal law acts, at most [m]; 0 for a law of contact only.
     """
 
     def __init__(
         self, normal: ModuleType, tangential: ModuleType | None = None, rolling: ModuleType | None = None, *, materials,
-        pairs, torsion: bool = False,
+        pairs, torsion: bool = False, gap: float = 0.0,
     ) -> None:  # fmt: skip
-        self.models, self.torsion, self.materials = (normal, tangential, rolling), torsion, len(materials)
-        with_history = rolling is not None and rolling.HISTORY
-        self.history = 6 if with_history else 3 if tangential else 0
-        self.inertia_factor = 3.5 if with_history else 1.0
-        table = np.full((len(materials), len(materials), len(contact_law.COEFFICIENTS)), np.nan)
+        self.models, self.torsion, self.materials, self.gap = (normal, tangential, rolling), torsion, len(materials), gap
+        self.history = columns.history(normal, tangential, rolling).width
+        table = np.full((len(materials), len(materials), columns.coefficients(normal).width), np.nan)
         for (a, b), pair in pairs.items():
-            others = (getattr(pair, key, 0.0) for key in ("friction", "rolling_friction", "rolling_damping"))
-            table[a, b] = table[b, a] = (*normal.coefficients(materials[a], materials[b], pair), *others)
+            of_law = normal.coefficients(materials[a], materials[b], pair)
+            of_pair = {key: getattr(pair, key, 0.0) for key in columns.OF_PAIR}
+            table[a, b] = table[b, a] = columns.coefficient_row(of_law, of_pair)
         self.table = table.reshape(-1, table.shape[-1])
 
     def coefficients(self, device) -> wp.array:
@@ -161,32 +162,34 @@ class ContactLaw:
 
 
 @functools.cache
-def build(normal, tangential, rolling, torsion: bool, history: int, inertia_factor: float) -> Built:
+def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
     """The kernels of a contact law in double precision, over a table of coefficients, and those of grains and walls.
 
     Args:
-        normal, tangential, rolling, torsion: as of ``ContactLaw``.
-        history: numbers remembered per contact.
-        inertia_factor: from a grain's moment of inertia to what the rolling law takes.
+        normal, tangential, rolling, torsion, gap: as of ``ContactLaw``.
     """
     real, rolls = wp.float64, rolling is not None
-    shared = {"spins": True, "rolling": rolls, "history": history, "table": True, "gap": 0.0}
+    shared = {"spins": True, "table": True, "gap": gap}
+    met = {"rolling": rolls, "inertia_factor": 3.5 if rolls and rolling.HISTORY else 1.0}
+    remembered, stored = columns.history(normal, tangential, rolling), columns.stored_constants(normal, rolls)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    constants, wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
-    _, pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
-    packs = pair_contacts.build(real, pair_law, None, around, 1, turning_frame=False, **shared)
+    wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
+    pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
+    packs = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
     evaluate = thread_contact.build(
-        real, constants, packs, around, False, turning_frame=False, lag=inertia_factor, **shared
+        real, pair_law, pair_law.constants, packs, around, False, turning_frame=False, **met, **shared
     )
-    lists = neighbors.build(real, constants, around, 1, lag=inertia_factor, stored=False, **shared)
+    lists = neighbors.build(
+        real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],
+        keep_constants=False, **shared,
+    )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
     Rows, touch = contact.build(
-        wall_law, None, constants, closest, around, seen, turning_frame=False, moving_frame=False, lag=inertia_factor,
-        meshes=True, moving=0, **shared,
+        wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **met, **shared
     )  # fmt: skip
-    beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=0.0, leave=False)
+    beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
 
     @kernel
@@ -250,7 +253,7 @@ def build(normal, tangential, rolling, torsion: bool, history: int, inertia_fact
 
     return Built(
         lists=lists, beside=beside, Rows=Rows, packs=packs, pair_forces=pair_forces, pair_load=pair_load,
-        wall_forces=wall_forces, Memory=record.memory_type(history), Result=record.result_type(rolls),
+        wall_forces=wall_forces, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip
 
 
@@ -306,7 +309,7 @@ class _Listed:
 
     def __init__(self, grains: Grains, law: ContactLaw, skin: float) -> None:
         self.grains, self.law, self.skin, self.rebuilds = grains, law, skin, 0
-        self.kernels = build(*law.models, law.torsion, law.history, law.inertia_factor)
+        self.kernels = build(*law.models, law.torsion, law.gap)
         self._table = law.coefficients(grains.device)
         self._flag = wp.zeros(1, dtype=wp.int32, device=grains.device)
         self._reference: wp.array | None = None
@@ -358,8 +361,9 @@ class Pairs(_Listed):
         neighbor: indices of the neighbors, each row ascending, ``wp.array`` of int32.
         owner: the grain of lower index of each listed pair, ``wp.array`` of int32, shape (pairs, 1).
         partner: the other one, ``wp.array`` of int32, shape (pairs, 1).
-        history: contact history of each listed pair: tangential spring [m], then rolling spring [rad], as far as the law
-            has them; ``wp.array`` of float64, shape (pairs, 0, 3 or 6, 1).
+        history: contact history of each listed pair, columns as in ``contact.columns.history``: tangential spring [m],
+            rolling spring [rad], the normal law's own, as far as there are any; ``wp.array`` of float64, shape
+            (pairs, numbers, 1), at least one number.
         rebuilds: how often the list was made.
     """
 
@@ -392,7 +396,7 @@ class Pairs(_Listed):
         """One grid of cells as wide as two of the largest grains and the skin."""
         g, position = self.grains, self.grains.position.numpy()
         largest = float(g.radius.numpy().max())
-        width = 2.0 * largest + self.skin
+        width = 2.0 * largest + self.law.gap + self.skin
         cells = np.minimum(np.ptp(position, axis=0) / width + 1.0, 256.0).astype(np.int32)
         grid = SizeGrids()
         grid.largest = wp.array([largest], dtype=wp.float64, device=g.device)

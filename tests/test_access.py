@@ -199,7 +199,7 @@ def test_all_refused_code_is_told_at_once_with_what_to_say(folder):
     for word in ("3 problems", 'contact.normal = "law.py"', 'fields[0].model = "drag.py"', 'observers[0].model = "speed.py"'):
         assert word in told, told
     last = told.splitlines()[-1]
-    assert last.startswith("if you trust all 4 files say --plugin ")
+    assert last.startswith("if you trust all 4 files: --plugin ")
     files = last.split("--plugin ")[1].split(", or ")[0].split()
     assert [os.path.basename(file) for file in files] == ["law.py", "drag.py", "speed.py", "later.py"]
     assert load_scene(path, plugins=files).phases

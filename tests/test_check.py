@@ -10,11 +10,11 @@ import pytest
 import trimesh
 import warp as wp
 from rich.console import Console
+from warpdem.kernels.normal import hertz
 
 from warpdem import Scene, Simulation
 from warpdem.app import check, scene_warnings
 from warpdem.app.run import run_scene
-from warpdem.model.time_step import damped_contact_factor
 
 STEP = 1e-5
 CUP = str(Path(__file__).resolve().parent.parent / "scenes" / "meshes" / "hopper.stl")
@@ -318,7 +318,7 @@ def test_what_is_said_is_json_and_text(bed):
     assert "estimated_seconds" not in data
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     longer = data["steps_per_contact"] * STEP / Simulation(bed, device="cpu", threads=1).limits.contact_time
-    assert longer == pytest.approx(damped_contact_factor(0.5), rel=1e-12)
+    assert longer == pytest.approx(hertz.damped_time(0.5), rel=1e-12)
     text = io.StringIO()
     check.print_description(data, Console(file=text, width=200))
     for word in ("343 grains", "normal: hertz", "left out", "[s]", "Rayleigh time", "none", "steps per contact", "MB"):

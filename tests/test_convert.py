@@ -206,10 +206,10 @@ def test_convert_overwrites_nothing_and_says_what_it_takes(tmp_path, capsys):
     target = tmp_path / "a.toml"
     target.write_text("mine")
     for arguments, part in (
-        ([SCENES / "box_bed.toml", target], "is there already; take another name, or say --overwrite"),
+        ([SCENES / "box_bed.toml", target], "exists already; choose another name, or use --overwrite"),
         ([SCENES / "box_bed.toml", tmp_path / "a.usdz"], "must end in .toml, .usda, .usdc, .usd"),
         ([SCENES / "box_bed.toml", tmp_path / "no" / "a.usda"], "there is no folder"),
-        ([target, target, "--overwrite"], "is there already; take another name"),
+        ([target, target, "--overwrite"], "exists already; choose another name"),
     ):
         with pytest.raises(SceneError, match=part):
             app(["convert", *map(str, arguments)], result_action="return_value")

@@ -32,7 +32,7 @@ MAIN_JOB = Features(
     contact=ContactFeatures(
         normal="hertz", tangential="mindlin", rolling="constant", torsion=False, spins=True, materials=1, table=False, gap=0.0
     ),
-    frame=FrameFeatures(turns=True, moves=True, tracked=True),
+    frame=FrameFeatures(rotates=True, moves=True, tracked=True),
     walls=WallFeatures(meshes=1, planes=0, moving=0),
     domain=DomainFeatures(),
     backend=BackendFeatures(integrator="exact_drift", lanes=WARP_LANES, resident=True),
@@ -54,7 +54,7 @@ PLANS = {
     "relative": switched(MAIN_JOB, backend={"integrator": "scovel"}),
     "bare": switched(
         MAIN_JOB, contact={"normal": "hooke", "tangential": None, "rolling": None, "spins": False},
-        frame={"turns": False, "moves": False}, walls={"meshes": 0},
+        frame={"rotates": False, "moves": False}, walls={"meshes": 0},
     ),
 }  # fmt: skip
 

@@ -145,10 +145,10 @@ TABLE = {
         ["observers[1].name", "observers[0] has this name too"],
     ),
     "name with a blank": ("walls.0.name='the floor'", ["walls[0].name", "letters, digits, _ and -"]),
-    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 comes 2 times"]),
+    "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 is given 2 times"]),
     "point of a box": (
         "grains=[{material='glass', fill={box={min=[0, 0, 0], max=[1, 1, 1]}, point=[0, 0, 0], count=1, diameter='2 mm'}}]",
-        ["grains[0].fill.point", "a box is filled whole"],
+        ["grains[0].fill.point", "a box is filled completely"],
     ),
     "stream behind a wall": (
         stream("mass_rate=1", low="[0, 0, -0.02]", high="[0.01, 0.01, -0.01]"),
@@ -181,7 +181,7 @@ TABLE = {
         "fields=[{model='drag', parameters={coeficient=1}}]",
         ["fields[0].parameters.coeficient", 'did you mean "coefficient"?'],
     ),
-    "start beside grains": ("start={checkpoint='no.h5'}", ["grains", "cannot stand beside start"]),
+    "start beside grains": ("start={checkpoint='no.h5'}", ["grains", "cannot be given together with start"]),
     "budget of another scheme": (
         "measures={energy=true} ;; engine.integrator=rk4",
         ["measures.energy = true", 'engine.integrator = "exact_drift"; it is "rk4"'],
@@ -206,15 +206,15 @@ TABLE = {
     "stream ends before it starts": (stream("mass_rate=1, start=2, until=1"), ["streams[0].until", "later than start = 2 s"]),
     "stream too narrow": (
         stream("mass_rate=1", high="[0.001, 0.01, 0.02]"),
-        ["streams[0].box", "shortest side of 0.001 m", "0.002 m in diameter"],
+        ["streams[0].box", "shortest side of 0.001 m", "largest grain, 0.002 m"],
     ),
     "stream into an outlet": (
         stream("mass_rate=1") + " ;; outlets=[{name='o', box={min=[0, 0, 0.015], max=[1, 1, 1]}}]",
-        ["streams[0].box", 'meets the box of the outlet "o"'],
+        ["streams[0].box", 'overlaps the box of the outlet "o"'],
     ),
     "stream beyond a border": (
         stream("mass_rate=1") + " ;; borders={x={kind='open', min=0.005}}",
-        ["streams[0].box.min[0] = 0.0", "beyond borders.x.min = 0.005 m"],
+        ["streams[0].box.min[0] = 0.0", "below borders.x.min = 0.005 m"],
     ),
     "box without inside": ("outlets=[{name='o', box={min=[0, 0, 0], max=[0, 0, 1]}}]", ["outlets[0].box.max", "above min"]),
     "grain in an outlet": (
@@ -255,7 +255,7 @@ TABLE = {
         ["walls[1].mesh", "tub.stl", "0.002 diameters", "check the scale", "and the unit of the grains' diameters"],
     ),
     "diameters without unit": ("grains.0.radius=1", ["walls[1].mesh", "0.02 diameters", "scale = 1000", 'as in "2 mm"']),
-    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "runs none", "--plugin"]),
+    "code": ("contact.normal=law.py", ['contact.normal = "law.py"', "may not load by itself", "--plugin"]),
     "USD of another kind": ("frame={usd='tub.stl', prim='/A'}", ["frame.usd", "ending in .usd, .usda, .usdc, .usdz"]),
     "damaged USD": ("frame={usd='junk.usda', prim='/A'}", ["frame", "junk.usda", "cannot be read"]),
     "no checkpoint": ("start={checkpoint='no.h5'} ;; grains=[]", ["start.checkpoint", "no such file"]),

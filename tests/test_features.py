@@ -215,14 +215,14 @@ def test_explain_names_what_runs():
 
 
 def test_models_are_the_files_of_their_folder():
-    assert models.model_names("normal") == ("hertz", "hooke")
+    assert {"hertz", "hooke"} <= set(models.model_names("normal"))
     for role in models.REQUIRED:
         on_disk = sorted(p.stem for p in (ROOT / "kernels" / role).glob("*.py") if p.stem != "__init__")
         assert list(models.model_names(role)) == on_disk
 
 
 def test_unknown_model_is_answered_with_the_list():
-    with pytest.raises(SceneError, match=r'normal model "herz": must be "hertz" or "hooke".*mean "hertz"'):
+    with pytest.raises(SceneError, match=r'normal model "herz": must be .*"hertz".*mean "hertz"'):
         models.model("normal", "herz")
 
 

@@ -62,7 +62,7 @@ def test_text_with_a_mark_or_line_ends_of_windows_is_read(tmp_path, text):
 
 OUTLET = 'outlets = [{{ name = "{}", box = {{ min = [2, 2, 2], max = [3, 3, 3] }} }}]'
 TEXTS = {
-    "UTF-16": ((HEAD + GRAIN).encode("utf-16"), ["text in UTF-16", "UTF-8: save it as that"]),
+    "UTF-16": ((HEAD + GRAIN).encode("utf-16"), ["text in UTF-16", "UTF-8: save it in UTF-8"]),
     "UTF-16 without a mark": ((HEAD + GRAIN).encode("utf-16-le"), ["zero byte (byte 1)", "UTF-16"]),
     "zero byte": (HEAD + GRAIN + "\0", ["zero byte"]),
     "bytes": (b"\xff\x80" * 100, ["no text in UTF-8 (byte 0)"]),

@@ -50,7 +50,7 @@ def test_grains_come_in_on_the_side_of_a_floor_where_they_may_be(tmp_path):
     for threads in (1, 2):
         sim = Simulation(scene(tmp_path, FLOOR), device="cpu", threads=threads)
         assert sim.notes == [
-            "streams[0].box: the wall 'floor' leaves 62% of it: grains come in where it leaves room for them"
+            "streams[0].box: the wall 'floor' leaves 62% of it: grains are inserted where it leaves space for them"
         ]
         lowest = []
         for _ in range(20):
@@ -72,7 +72,7 @@ def test_a_run_says_what_a_stream_could_not_bring(tmp_path):
     sim = Simulation(crowded, device="cpu", threads=1)
     sim.step(500)
     [words] = summary.shortfalls(sim)
-    assert words.startswith(f"streams[0] brought {sim.inlets[0].count} grains of 5000 grains, ")
+    assert words.startswith(f"streams[0] inserted {sim.inlets[0].count} grains of 5000 grains, ")
     assert sim.inlets[0].due(500) == (pytest.approx(5000.0), "grains")
     kept_up = Simulation(scene(tmp_path, FLOOR, stream={"count_rate": 2000.0}), device="cpu", threads=1)
     kept_up.step(500)
@@ -90,7 +90,7 @@ def inlet(one: Scene, places=None, moves=None):
 
 
 def brought(one: Inlet, step: int):
-    return one.bring(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
+    return one.insert(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
 
 
 PLATE = [-0.008, -0.008, -7.5e-4], [0.008, 0.008, 7.5e-4]
@@ -108,7 +108,7 @@ def test_grains_come_in_beside_closed_meshes_thinner_and_thicker_than_a_grain(tm
 def test_a_vessel_around_the_box_holds_what_comes_in(tmp_path):
     vessel = inlet(scene(tmp_path, {"vessel": (([-0.02] * 3, [0.02] * 3), {})}))
     assert len(brought(vessel, 1000)[0]) > 60
-    assert vessel.walls.notes == ["streams[0].box: is within the closed mesh 'vessel': its grains come in and stay inside"]
+    assert vessel.walls.notes == ["streams[0].box: is within the closed mesh 'vessel': its grains are inserted and stay inside"]
 
 
 def test_a_wall_that_passes_the_box_is_kept_clear_of_while_it_is_there(tmp_path):

@@ -59,7 +59,7 @@ def test_inside_of_bodies_that_touch_or_cut_is_right_everywhere(boxes):
 def test_bodies_that_cut_are_named_with_the_place_and_the_remedy():
     mesh = checked(box((2, 2, 2)), box((1, 0.5, 0.5), (1, 0.1, 0.2)))
     (note,) = mesh.notes
-    assert note.startswith("2 closed bodies, of which some cut each other, first at (1, ")
+    assert note.startswith("2 closed bodies, of which some intersect, first at (1, ")
     assert "boolean union" in note
     assert build_mesh(np.concatenate([box((2, 2, 2)), box((1, 1, 1))[:, ::-1], box((1, 1, 1), (3, 0, 0))])).notes == ()
 
@@ -81,7 +81,7 @@ def test_faces_that_two_bodies_share_cancel():
     np.testing.assert_allclose(mesh.volume, 2.0)
     assert signed_distance(mesh, [[0.5, 0.1, 0.0]])[0] == pytest.approx(-0.4)
     assert mesh.notes == (
-        "2 triangles left out at which bodies touch face to face: two of opposite winding cancel, the first at "
+        "2 triangles left out where bodies touch face to face: two of opposite winding cancel, the first at "
         "(0.5, -0.166667, -0.166667) m",
     )
 
@@ -98,5 +98,5 @@ def test_a_triangle_that_is_wound_wrongly_where_bodies_touch_is_turned_round():
 def test_an_inner_skin_that_points_the_wrong_way_is_told():
     mesh = checked(box((2, 2, 2)), box((1.9, 1.9, 1.9)))
     assert mesh.flipped == 12
-    assert "12 triangles wound the wrong way turned round" in mesh.notes[0]
+    assert "12 triangles of wrong winding flipped" in mesh.notes[0]
     np.testing.assert_array_equal(signed_distance(mesh, [[0, 0, 0], [0.97, 0, 0]])[0] < 0.0, [False, True])

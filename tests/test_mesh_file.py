@@ -193,7 +193,7 @@ def test_wrong_stl_is_refused(tmp_path):
     assert "cannot be read" in refusal(
         path, text.replace("vertex 0", "vertex o", 1).replace("vertex -0", "vertex -o", 1)
     )
-    assert "goes on after" in refusal(path, text + text[: len(text) // 2])
+    assert "continues after" in refusal(path, text + text[: len(text) // 2])
     assert len(read(path, text + text)) == 24
 
 

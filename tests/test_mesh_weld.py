@@ -23,7 +23,7 @@ def test_a_corner_that_one_facet_writes_as_the_rest_of_a_cosine_is_the_same_poin
     mesh = build_mesh(corners, (np.eye(3) * 0.001, np.zeros(3)))
     assert mesh.is_closed
     assert len(mesh.vertices) == 4
-    assert mesh.notes == ("1 corner joined with others, up to 1.2e-21 m away: one point but for its rounding",)
+    assert mesh.notes == ("1 corner joined with others at up to 1.2e-21 m: equal within rounding of the file",)
     np.testing.assert_array_equal(mesh.corners, 0.001 * exact.corners)
 
 

@@ -142,7 +142,7 @@ def example(tmp_path_factory):
 
 
 def test_the_page_has_its_files():
-    assert blocks().keys() == {"linear_modulus.py", "moving_spring.py", "faster_than.py", "main.py"}
+    assert blocks().keys() == {"linear_modulus.py", "bridge.py", "moving_spring.py", "faster_than.py", "main.py"}
 
 
 def test_the_program_of_the_page_runs(example):

@@ -185,12 +185,12 @@ def test_fraction_out_of_reach_is_refused_with_what_was_reached(monkeypatch):
 
 
 def test_grain_without_a_place_is_refused():
-    with pytest.raises(SceneError, match=r"no place found for 1 grains, the largest 0\.011 m .*0\.01 x 0\.01 x 0\.01"):
+    with pytest.raises(SceneError, match=r"no position found for 1 grains, the largest 0\.011 m .*0\.01 x 0\.01 x 0\.01"):
         fill(None, CUBE, 0.011, 0, count=1)
     # fits the bounding box of the corner of a cube, but the corner itself only holds 0.0042 m
     o, x, y, z = np.zeros(3), *(0.01 * np.eye(3))
     corner = build_mesh(np.array([[o, y, x], [o, z, y], [o, x, z], [x, y, z]]))
-    with pytest.raises(SceneError, match=r"no place found for 1 grains, the largest 0\.005 m"):
+    with pytest.raises(SceneError, match=r"no position found for 1 grains, the largest 0\.005 m"):
         fill(corner, None, 0.005, 0, count=1)
     fill(corner, None, 0.003, 0, count=1)
 
@@ -254,7 +254,7 @@ def test_grains_that_do_not_fit_among_others_are_refused(monkeypatch):
     monkeypatch.setattr(packing_run, "SHAKES", ())
     asked = filling(closed_region(None, CUBE, "grains[1].fill"), size_law(1.5e-3), 0, solid_fraction=0.2, key="grains[1].fill")
     held = np.full((1, 3), 0.005), np.array([5.8e-3])
-    with pytest.raises(SceneError, match=r"grains\[1\]\.fill: asked for .*0\.2.* among 1 grains given by place"):
+    with pytest.raises(SceneError, match=r"grains\[1\]\.fill: asked for .*0\.2.* among 1 grains given by position"):
         pack([asked], held)
 
 
@@ -272,7 +272,7 @@ def test_broad_sizes_are_packed_without_overlap():
     asked = fill_request.Filling(closed_region(None, [[0.0] * 3, [side] * 3], "fill"), radius, np.random.default_rng(4), "fill")
     with packing_run.PackingRun([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
         packed.run()
-        position, listed = packed.places()[0], packed._neighbours
+        position, listed = packed.positions()[0], packed._neighbours
         way = listed._built_at[:, None] - listed._built_at[None]
         gap = np.sqrt(np.einsum("ijk,ijk->ij", way, way)) - packed._radius[:, None] - packed._radius
         np.fill_diagonal(gap, np.inf)
@@ -309,7 +309,7 @@ def test_a_filling_whose_grains_cannot_be_kept_off_a_wall_ends_soon_with_the_pla
 
     monkeypatch.setattr(packing_walls, "PackingWall", Stubborn)
     with packing_run.PackingRun([asked], np.zeros((0, 3)), np.zeros(0)) as packed:
-        with pytest.raises(SceneError, match=r"not all found a place clear of the walls .* keeps reaching into 'mesh'"):
+        with pytest.raises(SceneError, match=r"not all found a position clear of the walls .* keeps reaching into 'mesh'"):
             packed.run()
         assert packed._steps < packing_run.MOST_STEPS // 2
 

@@ -67,8 +67,8 @@ def test_polygon_that_crosses_itself_ends():
     [
         ([3, 2], [0, 1, 2, 0, 1], "face 1 has 2 corners"),
         ([-3], [0, 1, 2], "face 0 has -3 corners"),
-        ([3, 3], [0, 1, 2], "ask for 6 corners in all, there are 3"),
-        ([2**62, 2**62, 2**62], [0, 1, 2], "there are 3"),
+        ([3, 3], [0, 1, 2], "have 6 corners in all, but 3 are given"),
+        ([2**62, 2**62, 2**62], [0, 1, 2], "but 3 are given"),
         ([3], [0, 1, 4], "names the point 4, there are the points 0 to 3"),
         ([3], [0, -1, 2], "names the point -1"),
     ],

@@ -76,21 +76,21 @@ def test_graph_gives_the_bits_of_the_loop(in_a_box):
     assert own.extremes["pair_overlap_share"] > 0.0 < own.extremes["wall_overlap_share"]
 
 
-def test_contact_lists_are_made_in_the_graph(in_a_box):
+def test_inner_lists_are_built_in_the_graph(in_a_box):
     own, graph = in_a_box
     resident = graph.engine.executor
-    assert resident.refreshes > 3
-    assert graph.lists.refreshes == graph.lists.version + resident.refreshes
+    assert resident.inner_builds > 3
+    assert graph.lists.refreshes == graph.lists.version + resident.inner_builds
     # not much more often than by the host, which steers the margin at each
     assert graph.lists.refreshes < 1.5 * own.lists.refreshes
     assert resident.captures <= graph.lists.version
 
 
-def test_near_lists_are_made_in_the_graph(in_a_box):
+def test_outer_lists_are_built_in_the_graph(in_a_box):
     own, graph = in_a_box
     resident = graph.engine.executor
-    assert resident.renewals > 1
-    assert graph.lists.rebuilds == graph.lists.version + resident.renewals >= own.lists.rebuilds
+    assert resident.outer_builds > 1
+    assert graph.lists.rebuilds == graph.lists.version + resident.outer_builds >= own.lists.rebuilds
 
 
 def test_nothing_is_allocated_while_a_graph_is_captured(box, monkeypatch):

@@ -167,14 +167,19 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim = Simulation(scene(), device="cpu", threads=1)
     assert steps_per_contact(sim) == math.inf
     sim.run(until=6e-3)
-    from warpdem.model.time_step import contact_time, damped_contact_factor
+    from warpdem.kernels.normal import hertz
+
+    from warpdem.model.features import coefficient_table
+    from warpdem.model.time_step import contact_time
 
     met = sim.extremes
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     base = 4 / 3 * 1e7 / (2 * (1 - 0.3**2))
-    pair = contact_time(sim.scene, base, mass / 2, 0.5e-3, met["pair_approach_speed"])
-    wall = contact_time(sim.scene, base, mass, 1e-3, met["wall_approach_speed"])
-    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * damped_contact_factor(0.6) / 1e-5, rel=1e-9)
+    row = coefficient_table(sim.scene)[0]
+    assert row[sim.plan.coefficients.stiffness] == pytest.approx(base, rel=1e-14)
+    pair = contact_time(sim.scene, row, mass / 2, 0.5e-3, met["pair_approach_speed"])
+    wall = contact_time(sim.scene, row, mass, 1e-3, met["wall_approach_speed"])
+    assert steps_per_contact(sim) == pytest.approx(min(pair, wall) * hertz.damped_time(0.6) / 1e-5, rel=1e-9)
 
 
 def test_quiet_prints_nothing(tmp_path, capfd):

@@ -337,7 +337,7 @@ def test_wrong_starts_are_named(saved, tmp_path):
 
 
 def test_grains_cannot_stand_beside_a_start(saved):
-    with pytest.raises(SceneError, match="cannot stand beside start, which brings the grains"):
+    with pytest.raises(SceneError, match="cannot be given together with start, which provides the grains"):
         scene(start={"checkpoint": str(saved)})
 
 

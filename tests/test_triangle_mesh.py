@@ -106,7 +106,7 @@ def test_surface_with_one_side_is_refused():
     mesh = build_mesh(corners)
     assert mesh.is_closed
     assert mesh.flipped == 0
-    with pytest.raises(SceneError, match=r"[1-9] edges whose two triangles are wound against each other"):
+    with pytest.raises(SceneError, match=r"[1-9] edges whose two triangles have inconsistent windings"):
         require_closed(mesh, "walls[0].mesh", "mend it")
     for way in (1, -1):  # nor is it known which way a body beside it should be wound
         assert build_mesh(np.concatenate([corners, 0.1 * box()[:, ::way] + 9.0])).flipped == 0
@@ -130,8 +130,8 @@ def test_what_was_mended_is_noted_with_count_and_place():
     read, dropped, twice, turned = mesh.notes
     assert read == "as read"
     assert re.fullmatch(f"1 triangle without area left out, the first {at(flat[0])}", dropped)
-    assert re.fullmatch(f"2 triangles that are there twice left out, the first {at(corners[0])}", twice)
-    assert re.fullmatch(f"1 triangle wound the wrong way turned round, the first {at(corners[4])}", turned)
+    assert re.fullmatch(f"2 triangles given twice left out, the first {at(corners[0])}", twice)
+    assert re.fullmatch(f"1 triangle of wrong winding flipped, the first {at(corners[4])}", turned)
     assert build_mesh(box()).notes == ()
 
 

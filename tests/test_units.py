@@ -50,7 +50,9 @@ def test_plain_number_is_si(value):
 def test_example_of_each_dimension_is_of_that_dimension_alone(unit):
     text = DIMENSIONS[unit].example
     assert math.isfinite(to_si(text, unit))
-    for other in DIMENSIONS.keys() - {unit}:
+    for other, dimension in DIMENSIONS.items():
+        if dimension.base == DIMENSIONS[unit].base:  # itself, or one such as J/m2 and N/m
+            continue
         with pytest.raises(ValueError):
             to_si(text, other)
 

@@ -79,7 +79,7 @@ def test_stage_in_centimetres_with_y_upwards_gives_the_points_of_the_stl_in_metr
         UsdUtils.CreateNewUsdzPackage(str(tmp_path / "drum.usdc"), str(path))
     corners, notes = usd_geometry.read_triangles(path, "", "walls[0].mesh")
     np.testing.assert_array_equal(corners, MESH)
-    assert notes == ("/World/Turn/Far/Drum is taken at time 0; wall.motion = {usd, prim} lets it follow its samples",)
+    assert notes == ("/World/Turn/Far/Drum is used at time 0; with wall.motion = {usd, prim} it follows its time samples",)
 
 
 def test_run_is_that_of_the_stl_bit_for_bit(tmp_path):
@@ -211,7 +211,7 @@ def test_shapes_have_their_volume_and_the_extent_that_usd_gives_them(tmp_path, a
     if axis == "Y":
         corners, notes = read(stage, "/Cone")
         assert corners[..., 1].max() == 1.5
-        assert "/Cone (Cone) was cut into 96 facets" in notes[0]
+        assert "/Cone (Cone) was divided into 96 facets" in notes[0]
 
 
 def test_what_is_no_surface_at_rest_is_refused(tmp_path):
@@ -221,17 +221,17 @@ def test_what_is_no_surface_at_rest_is_refused(tmp_path):
     UsdGeom.PointInstancer.Define(stage, "/Many/Balls")
     assert "/Many/Balls is a point instancer" in refusal(stage, "/Many")
     UsdGeom.NurbsPatch.Define(stage, "/Patch")
-    assert "/Patch is a NurbsPatch; read are Mesh" in refusal(stage, "/Patch")
+    assert "/Patch is a NurbsPatch; supported are Mesh" in refusal(stage, "/Patch")
     mesh = define_loose_mesh(stage, "/Bellows", MESH)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(MESH.reshape(-1, 3)), 0.0)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(2 * MESH.reshape(-1, 3)), 10.0)
     assert "/Bellows: its points change with time" in refusal(stage, "/Bellows")
     define_loose_mesh(stage, "/Odd", MESH).GetFaceVertexIndicesAttr().Set([0, 1, 900])
-    assert "/Odd: the faces ask for" in refusal(stage, "/Odd")
+    assert "/Odd: the faces have" in refusal(stage, "/Odd")
     UsdGeom.Sphere.Define(stage, "/Ball").CreateRadiusAttr(-1.0)
     assert "/Ball: radius = -1, must be above 0" in refusal(stage, "/Ball")
     UsdGeom.Xform.Define(stage, "/Missing").GetPrim().GetReferences().AddReference("./nowhere.usda")
-    assert "cannot be put together" in refusal(stage, "/Ball")
+    assert "cannot be composed" in refusal(stage, "/Ball")
 
 
 def test_notes_reach_the_run_and_its_record(tmp_path):
@@ -246,7 +246,7 @@ def test_notes_reach_the_run_and_its_record(tmp_path):
     told = console.export_text()
     kept, described = json.loads((tmp_path / "out" / "run.json").read_text()), describe(sim, probe=False)
     assert kept["notes"] == sim.notes == described["notes"]
-    assert len(kept["notes"]) == 1 and "2 triangles that are there twice left out" in kept["notes"][0]
+    assert len(kept["notes"]) == 1 and "2 triangles given twice left out" in kept["notes"][0]
     assert f"note: {kept['notes'][0]}" in told
     assert kept["warnings"] == described["warnings"]
     (size,) = (warning for warning in kept["warnings"] if "scale = 0.001" in warning)

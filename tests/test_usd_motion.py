@@ -141,11 +141,11 @@ def message(file, prim) -> str:
 def test_wrong_prims_are_refused_by_name(file, tmp_path):
     assert "frame[1]: arm.usda: prim = '/World/Leg': no such prim" in message(file, "/World/Leg")
     assert "/World, /World/Arm" in message(file, "/World/Leg")
-    assert "neither it nor what it stands in has time samples" in message(file, "/World")
+    assert "neither it nor an ancestor has time samples" in message(file, "/World")
     stage = stage_at(tmp_path / "other.usda")
     stage.DefinePrim("/Words", "Scope")
     stage.Save()
-    assert "nothing that can move" in message(tmp_path / "other.usda", "/Words")
+    assert "has no transform" in message(tmp_path / "other.usda", "/Words")
     (tmp_path / "broken.usda").write_text("#usda 1.0\n(")
     assert "broken.usda: cannot be read as USD" in message(tmp_path / "broken.usda", "/World")
 

@@ -202,7 +202,7 @@ def test_visibility_that_changes_is_told_of_a_mesh(tmp_path):
     stage.Save()
     corners, notes = read_triangles(tmp_path / "a.usda", "/Copy", "walls[0].mesh")
     assert len(corners) == 4
-    assert "/Copy/Skin: its visibility changes with time; it is taken as it is at time 0" in notes
+    assert "/Copy/Skin: its visibility changes with time; its state at time 0 is used" in notes
 
 
 def test_primvars_with_indices_are_spread_out(tmp_path):

@@ -225,15 +225,15 @@ def lost_target(stage):
     ("change", "parts"),
     [
         (stray, "/Stray.dem:rate: the prim is no physics scene"),
-        (joint, "/Hinge: PhysicsRevoluteJoint: joints, drives and tendons hold and move nothing here"),
+        (joint, "/Hinge: PhysicsRevoluteJoint: joints, drives and tendons are not supported"),
         (hull, "/Hull: approximation = convexHull: walls are the true triangles"),
-        (unlike_twin, "/Looks/g.physics:density says 2500.0, but /Looks/g.dem:density says 2600.0"),
-        (unlike_pair, "/Looks/g.physics:restitution says 0.5, but /pair.dem:restitution says 0.7"),
+        (unlike_twin, "/Looks/g.physics:density = 2500.0, but /Looks/g.dem:density = 2600.0"),
+        (unlike_pair, "/Looks/g.physics:restitution = 0.5, but /pair.dem:restitution = 0.7"),
         (moved_points, "/Grains: points and primvars:dem:positions differ"),
-        (twice_moved, "/Mill moves by USD's own means and by dem:motion"),
+        (twice_moved, "/Mill moves by USD's own attributes and by dem:motion"),
         (lost_target, "/Grains.dem:material: /Nowhere: must target prims of the scene"),
         (lambda stage: UsdPhysics.Scene.Define(stage, "/More"), "needs one PhysicsScene prim"),
-        (lambda stage: stage.ClearMetadata("metersPerUnit"), "does not say its metersPerUnit"),
+        (lambda stage: stage.ClearMetadata("metersPerUnit"), "does not state its metersPerUnit"),
         (lambda stage: stage.SetMetadata("kilogramsPerUnit", 0.0), "kilogramsPerUnit = 0"),
     ],
 )
@@ -293,7 +293,7 @@ def test_a_stage_reads_nothing_outside_its_folder(tmp_path, refer, way):
         assert f"which leads to {outside / 'other.usda'}, outside the folders" in told
         assert len(read(stage, allow_paths=[outside]).grains) == 1
     else:
-        assert "read are files by their plain names only" in told
+        assert "only plain file names are read" in told
 
 
 def test_walls_and_motions_from_stages_are_bound_too(tmp_path):

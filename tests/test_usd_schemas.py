@@ -135,7 +135,7 @@ def misspelt_over(stage):
 REFUSED = {
     "surface velocity": (
         lambda stage: belt(stage, surfaceVelocity=Gf.Vec3f(0.5, 0, 0)),
-        f"/Belt: {SURFACE} = [0.5, 0.0, 0.0]: PhysxSurfaceVelocityAPI, a surface that moves in its place, is not supported",
+        f"/Belt: {SURFACE} = [0.5, 0.0, 0.0]: PhysxSurfaceVelocityAPI, a surface velocity without",
     ),
     "turning surface": (
         lambda stage: belt(stage, surfaceAngularVelocity=Gf.Vec3f(0, 0, 9)),
@@ -143,12 +143,12 @@ REFUSED = {
     ),
     "sampled surface velocity": (sampled_belt, f"/Belt: {SURFACE} (changes with time)"),
     "curved belt": (schema("PhysxSplinesSurfaceVelocityAPI"), "/Wall: PhysxSplinesSurfaceVelocityAPI: "),
-    "conveyor graph": (conveyor_node, "/Graph/belt: OmniGraphNode: the node of a conveyor is not run"),
+    "conveyor graph": (conveyor_node, "/Graph/belt: OmniGraphNode: the node of a conveyor is not executed"),
     "force": (schema("PhysxForceAPI", physxForce_force=Gf.Vec3f(0, 0, 1)), "/Wall: physxForce:force = [0.0, 0.0, 1.0]: "),
     "trigger": (schema("PhysxTriggerAPI"), "/Wall: PhysxTriggerAPI: a trigger is not solid"),
-    "deformable": (schema("PhysxDeformableSurfaceAPI"), "/Wall: PhysxDeformableSurfaceAPI: walls are stiff"),
+    "deformable": (schema("PhysxDeformableSurfaceAPI"), "/Wall: PhysxDeformableSurfaceAPI: walls are rigid"),
     "new deformable": (schema("OmniPhysicsSurfaceDeformableSimAPI"), "/Wall: OmniPhysicsSurfaceDeformableSimAPI: "),
-    "cloth": (schema("PhysxParticleClothAPI"), "/Wall: PhysxParticleClothAPI: walls are stiff"),
+    "cloth": (schema("PhysxParticleClothAPI"), "/Wall: PhysxParticleClothAPI: walls are rigid"),
     "fixed joint": (lambda stage: UsdPhysics.FixedJoint.Define(stage, "/Joint"), "/Joint: PhysicsFixedJoint: "),
     "gears": (typed("/Gears", "PhysxPhysicsGearJoint"), "/Gears: PhysxPhysicsGearJoint: "),
     "drive": (schema("PhysicsDriveAPI:angular"), "/Wall: PhysicsDriveAPI:angular: joints, drives and tendons"),
@@ -161,15 +161,15 @@ REFUSED = {
     ),
     "sampling": (schema("PhysxParticleSamplingAPI"), "/Wall: PhysxParticleSamplingAPI: "),
     "mass of grains": (schema("PhysicsMassAPI", on=at_grains, physics_mass=0.1), "/Grains: physics:mass = 0.1"),
-    "filtered pair": (filtered, "/Wall: PhysicsFilteredPairsAPI: grains touch all walls"),
-    "collision group": (group, "/Group: PhysicsCollisionGroup: grains touch all walls"),
-    "grains as one body": (stiff_grains, "/Grains: its points would be one stiff body"),
-    "velocity without a body": (moving_without_body, "/Wall: physics:velocity = [1.0, 0.0, 0.0]: moves nothing"),
+    "filtered pair": (filtered, "/Wall: PhysicsFilteredPairsAPI: grains are in contact with all walls"),
+    "collision group": (group, "/Group: PhysicsCollisionGroup: grains are in contact with all walls"),
+    "grains as one body": (stiff_grains, "/Grains: its points would be one rigid body"),
+    "velocity without a body": (moving_without_body, "/Wall: physics:velocity = [1.0, 0.0, 0.0]: has no effect"),
     "velocity with samples": (sampled_spin, "/Mill: physics:angularVelocity changes with time"),
     "nested bodies": (nested_bodies, "/Outer/Inner is a body within the body /Outer, which moves by its velocities"),
     "two motions": (animated_part_of_a_moving_body, "/Body/Wall moves by time samples of transforms, and its body /Body by"),
     "static friction alone": (static_friction_only, "/Looks/g: physics:staticFriction = 0.5: grains have one coefficient"),
-    "collider without a shape": (colliding_group, "/Parts collides (PhysicsCollisionAPI) but is a Xform, which is no wall"),
+    "collider without a shape": (colliding_group, "/Parts collides (PhysicsCollisionAPI) but is a Xform, which cannot"),
     "colliding curves": (
         schema("PhysicsCollisionAPI", on=lambda stage: UsdGeom.BasisCurves.Define(stage, "/Rope")),
         "/Rope collides (PhysicsCollisionAPI) but is a BasisCurves",
@@ -249,14 +249,14 @@ NOTED = {
     "joint that is off": (off_joint, "/Joint: PhysicsFixedJoint, physics:jointEnabled: not taken"),
     "collider that is off": (off_collider, "/Ghost: no walls or grains, since physics:collisionEnabled = false"),
     "grains that are off": (off_grains, "/More: no walls or grains, since physics:collisionEnabled = false"),
-    "mass": (schema("PhysicsMassAPI", physics_mass=2.0), "/Wall: PhysicsMassAPI, physics:mass: not taken: walls move"),
+    "mass": (schema("PhysicsMassAPI", physics_mass=2.0), "/Wall: PhysicsMassAPI, physics:mass: not taken: the motion of walls"),
     "settings of PhysX": (
         schema("PhysxCollisionAPI", physxCollision_contactOffset=0.1),
         "/Wall: PhysxCollisionAPI, physxCollision:contactOffset: settings of another program",
     ),
     "distance of PhysX": (
         schema("PhysxCollisionAPI", physxCollision_restOffset=0.1),
-        "/Wall: physxCollision:restOffset: not taken: a wall is where",
+        "/Wall: physxCollision:restOffset: not taken: the surface of a wall",
     ),
     "unknown schema": (schema("NewtonNeverHeardOfAPI"), "/Wall: NewtonNeverHeardOfAPI: settings of another program"),
     "unknown attribute": (schema("PhysicsCollisionAPI", mjc_solref=0.1), "/Wall: mjc:solref: settings of another program"),
@@ -269,8 +269,8 @@ NOTED = {
     "picture of many": (
         lambda stage: UsdGeom.PointInstancer.Define(stage, "/Trees"), "/Trees (a point instancer): no walls or grains, since"
     ),
-    "graph": (typed("/Graph", "OmniGraph"), "/Graph: OmniGraph: the graph is not run"),
-    "variant": (unchosen, "/Size: no variant of size is chosen (big)"),
+    "graph": (typed("/Graph", "OmniGraph"), "/Graph: OmniGraph: the graph is not executed"),
+    "variant": (unchosen, "/Size: no variant of size is selected (big)"),
 }  # fmt: skip
 
 

@@ -59,7 +59,7 @@ def test_wrong_values_are_named(shape, change, words):
 
 
 def test_a_pose_is_for_meshes():
-    with pytest.raises(ValidationError, match="a shape is placed by its own keys"):
+    with pytest.raises(ValidationError, match="a shape is positioned by its own keys"):
         Wall(name="w", material="m", sphere=SPHERE, scale=2.0)
 
 

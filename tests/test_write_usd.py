@@ -416,7 +416,7 @@ def test_a_frame_is_a_scene_that_goes_on_with_the_same_numbers(moved, k):
     assert_allclose(now.frame.spin, then.frame.spin, rtol=0, atol=1e-14)
     assert_allclose(now.walls["the-box"].translation, then.walls["the-box"].translation, rtol=0, atol=1e-15)
     assert sim.time == 0.0
-    assert ("without friction history" in scene.title) == (k > 0)
+    assert ("without contact history" in scene.title) == (k > 0)
     assert scene.streams[0].start == pytest.approx(1.0 - 0.05 * k)
 
 

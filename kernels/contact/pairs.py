@@ -16,11 +16,12 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.contact.dissipation import ENTRY, PARTS
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT
 
 BLOCK = 16  # packs computed before their shares are copied
 
-ANNOUNCE = """
+PREFETCH = """
 #if !defined(__CUDA_ARCH__)
     for (wp::int32 k = 0; k < wp::int32(sizeof(partner.data[p].c) / sizeof(partner.data[p].c[0])); ++k) {
         const char* record = reinterpret_cast<const char*>(grains.data + partner.data[p].c[k]);
@@ -38,50 +39,58 @@ def share_width(spins: bool) -> int:
     return 6 if spins else 3
 
 
+RESULT_AT = Columns((("force", 3), ("torque_i", 3), ("torque_j", 3)))
+"""What a contact gives its two grains: force on i [N], the opposite on j, and the torques on both [N m]."""
+
+
 def result_width(spins: bool) -> int:
     """Numbers computed per contact: force, and both torques."""
-    return 9 if spins else 3
+    return RESULT_AT.width if spins else 3
 
 
 @functools.cache
 def build(
-    real, law, parts, border, lanes: int, *, spins: bool, rolling: bool, history: int, turning_frame: bool, table: bool,
-    gap: float,
-):  # fmt: skip
+    real, law, parts, border, lanes: int, *, spins: bool, stored: Columns, turning_frame: bool, table: bool, gap: float
+):
     """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows); ``contact`` is one lane of it.
 
     Args:
-        real: precision of the law, its results and its memory; geometry and motion are always float64.
-        law: law function of ``law.build``.
+        real: precision of the law, its results and the contact history; geometry and motion are always float64.
+        law: namespace of ``law.build`` for pairs of grains.
         parts: function of ``dissipation.build`` when energies are added up, else None.
         border: periodic images, of ``border.build``.
         lanes: contacts side by side.
         spins: grains spin (there is a tangential or rolling model).
-        rolling: a rolling model acts (two more constants per contact).
-        history: numbers remembered per contact, 0, 3 (tangential spring) or 6 (and rolling spring).
-        turning_frame: the axes turn, and the memory with them.
+        stored: columns of the constants that are kept of each contact.
+        turning_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
         gap: how far beyond contact the law acts [m].
     """
     g = grain.build(spins)
+    past = law.history
+    remembers, width = past.at.width, result_width(spins)
     Lane = wp.types.vector(lanes, real)
     LaneInt = wp.types.vector(lanes, wp.int32)
     vec3 = wp.types.vector(3, real)
     vec3d = wp.vec3d
-    Coefficients = wp.types.vector(7, wp.float64)
-    Numbers = wp.types.vector(7, real)
-    Turn = wp.types.matrix((3, 3), real)
-    Result = wp.types.vector(17, real)
+    Coefficients = law.at.vector(wp.float64)
+    Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, past.Rotation
+    Result = RESULT_AT.vector(real)
+    HistoryBatch = wp.types.matrix((max(remembers, 1), lanes), real)
+    ResultBatch = wp.types.matrix((width, lanes), real)
     Share = wp.types.vector(share_width(spins), real)
-    Parts = wp.types.vector(PARTS, real)
-    Entry = wp.types.vector(ENTRY, real)
+    Parts = PARTS_AT.vector(real)
+    Entry = ENTRY_AT.vector(real)
+    ConstantsBatch = wp.types.matrix((stored.width, lanes), real)
+    of_the_law, with_radius = Constants._length_, "radius" in stored
+    radius_at, inertia_at = (stored.radius, stored.inertia) if with_radius else (0, 0)
 
     @wp.func
-    def narrow(v: vec3d) -> vec3:
+    def cast_vector(v: vec3d) -> vec3:
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
     @wp.func
-    def narrow_turn(m: wp.mat33d) -> Turn:
+    def cast_rotation(m: wp.mat33d) -> Turn:
         """The same matrix in the precision of the law."""
         return Turn(
             real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
@@ -98,20 +107,26 @@ def build(
         )  # fmt: skip
 
     @wp.func
+    def cast_coefficients(wide: Coefficients) -> Numbers:
+        """The same coefficients in the precision of the law."""
+        c = Numbers()
+        for f in range(wp.static(law.at.width)):
+            c[f] = real(wide[f])
+        return c
+
+    @wp.func
     def contact(
         gi: g.Record,
         gj: g.Record,
-        stiffness: real,
-        damping: real,
+        k: Constants,
         radius: real,
         inertia: real,
         c: Numbers,
-        spring: vec3,
-        angle: vec3,
+        history: History,
         slip_time: wp.float64,
         dt: wp.float64,
     ):
-        """Force, torques and memory of one contact, with overlap share and approach speed for the guards.
+        """Result, contact history, overlap over the smaller radius and approach speed of one contact.
 
         When energies are added up, what each grain gets of the contact for them.
         """
@@ -146,32 +161,29 @@ def build(
             turning = (wi + wj) * (wp.float64(0.5) * slip_time)
             spin = wi - wj
             spin_predicted = wi_predicted - wj_predicted
-        force, moment, held, bent = law(
-            narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
-            narrow(turning), narrow(spin), narrow(spin_predicted), real(dt), stiffness, damping, radius, inertia, c, spring,
-            angle,
+        force, moment, now = law.force(
+            cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+            cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted),
+            real(dt), k, radius, inertia, c, history,
         )  # fmt: skip
         smaller = gi[3] if gi[3] < gj[3] else gj[3]
-        share = real(overlap / smaller)
+        ratio = real(overlap / smaller)
         approach = real(-wp.dot(velocity, n)) if overlap > wp.float64(0.0) else real(0.0)
-        lever = wp.cross(narrow(n), force)
+        lever = wp.cross(cast_vector(n), force)
         ti = moment - lever * real(arm_i)
         tj = -moment - lever * real(arm_j)
-        result = Result(
-            force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2],
-            held[0], held[1], held[2], bent[0], bent[1], bent[2], share, approach,
-        )  # fmt: skip
+        result = Result(force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2])
         for_i = Entry()
         for_j = Entry()
         if wp.static(parts is not None):
             p = parts(
-                narrow(n), narrow(n_before), real(overlap), real(reach - distance_before), narrow(velocity), narrow(slip),
-                narrow(turning), narrow(spin), real(dt), stiffness, damping, radius, inertia, c, spring, angle, force,
-                moment, held, bent,
+                cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+                cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
+                k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
-            for_i = entry(narrow(n), real(1.0), real(arm_i), p)
-            for_j = entry(narrow(n), real(-1.0), real(arm_j), p)
-        return result, for_i, for_j
+            for_i = entry(cast_vector(n), real(1.0), real(arm_i), p)
+            for_j = entry(cast_vector(n), real(-1.0), real(arm_j), p)
+        return result, now, ratio, approach, for_i, for_j
 
     @wp.func
     def pack(
@@ -207,99 +219,56 @@ def build(
             reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
             deepest = wp.max(deepest, reach * reach * wp.float64(1.000001) - wp.dot(across, across))
         if deepest < wp.float64(0.0):  # nobody is in reach, by more than round-off: what the full law would make zero
-            for f in range(wp.static(result_width(spins))):
+            for f in range(wp.static(width)):
                 scratch_out[at, f] = Lane()
-            for f in range(wp.static(history)):
+            for f in range(wp.static(remembers)):
                 memory_out[p, f] = Lane()
             return wp.float64(0.0), wp.float64(0.0)
-        stiffness = constants[p, 0]
-        damping = constants[p, 1]
-        radius = Lane()
-        inertia = Lane()
-        if wp.static(rolling):
-            radius = constants[p, 2]
-            inertia = constants[p, 3]
-        sx = Lane()
-        sy = Lane()
-        sz = Lane()
-        ax = Lane()
-        ay = Lane()
-        az = Lane()
-        if wp.static(history >= 3):
-            sx = memory[p, 0]
-            sy = memory[p, 1]
-            sz = memory[p, 2]
-        if wp.static(history == 6):
-            ax = memory[p, 3]
-            ay = memory[p, 4]
-            az = memory[p, 5]
+        histories = HistoryBatch()
+        for f in range(wp.static(remembers)):
+            histories[f] = memory[p, f]
+        kept = ConstantsBatch()
+        for f in range(wp.static(stored.width)):
+            kept[f] = constants[p, f]
         wide = coefficients[0]
-        fx = Lane()
-        fy = Lane()
-        fz = Lane()
-        ix = Lane()
-        iy = Lane()
-        iz = Lane()
-        jx = Lane()
-        jy = Lane()
-        jz = Lane()
+        results = ResultBatch()
         share = Lane()
         approach = Lane()
         for k in range(wp.static(lanes)):
+            gi = grains[i[k]]
+            gj = grains[j[k]]
             if wp.static(table):
                 wide = coefficients[kind[p][k]]
-            c = Numbers()
-            for f in range(7):
-                c[f] = real(wide[f])
-            spring = vec3(sx[k], sy[k], sz[k])
-            angle = vec3(ax[k], ay[k], az[k])
+            numbers = Constants()
+            for f in range(wp.static(of_the_law)):
+                numbers[f] = kept[f, k]
+            # R* is known to every law; where none asks, no code is left of it
+            radius = real(gi[3] * gj[3] / (gi[3] + gj[3]))
+            inertia = real(0.0)
+            if wp.static(with_radius):
+                radius = kept[wp.static(radius_at), k]
+                inertia = kept[wp.static(inertia_at), k]
+            history = History()
+            for f in range(wp.static(remembers)):
+                history[f] = histories[f, k]
             if wp.static(turning_frame):
-                if wp.static(history >= 3):
-                    spring = spring + turn_rate * spring
-                if wp.static(history == 6):
-                    angle = angle + turn_rate * angle
-            o, for_i, for_j = contact(
-                grains[i[k]], grains[j[k]], stiffness[k], damping[k], radius[k], inertia[k], c, spring, angle,
-                slip_time, dt,
-            )  # fmt: skip
+                history = past.rotated(history, turn_rate)
+            o, now, ratio, speed, for_i, for_j = contact(
+                gi, gj, numbers, radius, inertia, cast_coefficients(wide), history, slip_time, dt
+            )
             if wp.static(parts is not None):
                 entry_out[slot_i[p][k]] = for_i
                 entry_out[slot_j[p][k]] = for_j
-            fx[k] = o[0]
-            fy[k] = o[1]
-            fz[k] = o[2]
-            ix[k] = o[3]
-            iy[k] = o[4]
-            iz[k] = o[5]
-            jx[k] = o[6]
-            jy[k] = o[7]
-            jz[k] = o[8]
-            sx[k] = o[9]
-            sy[k] = o[10]
-            sz[k] = o[11]
-            ax[k] = o[12]
-            ay[k] = o[13]
-            az[k] = o[14]
-            share[k] = o[15]
-            approach[k] = o[16]
-        scratch_out[at, 0] = fx
-        scratch_out[at, 1] = fy
-        scratch_out[at, 2] = fz
-        if wp.static(spins):
-            scratch_out[at, 3] = ix
-            scratch_out[at, 4] = iy
-            scratch_out[at, 5] = iz
-            scratch_out[at, 6] = jx
-            scratch_out[at, 7] = jy
-            scratch_out[at, 8] = jz
-        if wp.static(history >= 3):
-            memory_out[p, 0] = sx
-            memory_out[p, 1] = sy
-            memory_out[p, 2] = sz
-        if wp.static(history == 6):
-            memory_out[p, 3] = ax
-            memory_out[p, 4] = ay
-            memory_out[p, 5] = az
+            for f in range(wp.static(width)):
+                results[f, k] = o[f]
+            for f in range(wp.static(remembers)):
+                histories[f, k] = now[f]
+            share[k] = ratio
+            approach[k] = speed
+        for f in range(wp.static(width)):
+            scratch_out[at, f] = results[f]
+        for f in range(wp.static(remembers)):
+            memory_out[p, f] = histories[f]
         return wp.float64(wp.max(share)), wp.float64(wp.max(approach))
 
     @wp.func
@@ -332,8 +301,8 @@ def build(
                 row_out[i[k]] = Share(fx[k], fy[k], fz[k])
                 row_out[j[k]] = Share(-fx[k], -fy[k], -fz[k])
 
-    @wp.func_native(ANNOUNCE)
-    def announce(
+    @wp.func_native(PREFETCH)
+    def prefetch(
         p: int,
         grains: wp.array(dtype=g.Record),
         partner: wp.array(dtype=LaneInt),
@@ -345,6 +314,7 @@ def build(
         ...
 
     return Built(
-        pack=pack, share=share, announce=announce, contact=contact, narrow_turn=narrow_turn, Share=Share, Entry=Entry,
-        Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
+        pack=pack, share=share, prefetch=prefetch, contact=contact, cast_rotation=cast_rotation,
+        cast_coefficients=cast_coefficients, Share=Share, Entry=Entry, Lane=Lane, LaneInt=LaneInt,
+        Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
     )  # fmt: skip

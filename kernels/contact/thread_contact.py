@@ -14,12 +14,17 @@ from warpdem.kernels import grain
 
 @functools.cache
 def build(
-    real, constants, pairs, border, parts: bool, *, spins: bool, rolling: bool, history: int, turning_frame: bool,
-    table: bool, gap: float, lag: float,
+    real, law, constants, pairs, border, parts: bool, *, spins: bool, rolling: bool, turning_frame: bool, table: bool,
+    gap: float, inertia_factor: float,
 ):  # fmt: skip
-    """Return ``evaluate``; arguments as in ``pairs.build``, its namespace as ``pairs``, and whether it has ``parts``."""
+    """Return ``evaluate``.
+
+    Arguments as in ``pairs.build``, its namespace as ``pairs``, and whether it has ``parts``; ``constants`` of ``law.build`` in
+    float64; ``rolling``: there is a rolling model, which meets the inertia of the grains times ``inertia_factor``.
+    """
     g = grain.build(spins)
-    vec3 = wp.types.vector(3, real)
+    past, remembers = law.history, law.history.at.width
+    Constants, History = law.Constants, law.History
     Share, Entry = pairs.Share, pairs.Entry
     Inverse = wp.types.vector(2, wp.float64)
 
@@ -61,7 +66,7 @@ def build(
             if reach * reach * wp.float64(1.000001) < wp.dot(across, across):
                 row_out[at_i] = Share()
                 row_out[at_j] = Share()
-                for f in range(wp.static(history)):
+                for f in range(wp.static(remembers)):
                     memory_out[p, f, k] = real(0.0)
                 return wp.float64(0.0), wp.float64(0.0)
         wide = coefficients[0]
@@ -70,25 +75,20 @@ def build(
         inv_i = inverse[i]
         inv_j = inverse[j]
         radius = gi[3] * gj[3] / (gi[3] + gj[3])
-        stiffness, damping = constants(wide[0], wide[1], radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
+        wide_numbers = constants(wide, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
+        numbers = Constants()
+        for f in range(wp.static(Constants._length_)):
+            numbers[f] = real(wide_numbers[f])
         inertia = wp.float64(0.0)
         if wp.static(rolling):
-            inertia = wp.float64(wp.static(lag)) / (inv_i[1] + inv_j[1])
-        c = pairs.Numbers()
-        for f in range(7):
-            c[f] = real(wide[f])
-        spring = vec3()
-        angle = vec3()
-        if wp.static(history >= 3):
-            spring = vec3(memory[p, 0, k], memory[p, 1, k], memory[p, 2, k])
-            if wp.static(turning_frame):
-                spring = spring + turn_rate * spring
-        if wp.static(history == 6):
-            angle = vec3(memory[p, 3, k], memory[p, 4, k], memory[p, 5, k])
-            if wp.static(turning_frame):
-                angle = angle + turn_rate * angle
-        o, for_i, for_j = pairs.contact(
-            gi, gj, real(stiffness), real(damping), real(radius), real(inertia), c, spring, angle, slip_time, dt
+            inertia = wp.float64(wp.static(inertia_factor)) / (inv_i[1] + inv_j[1])
+        history = History()
+        for f in range(wp.static(remembers)):
+            history[f] = memory[p, f, k]
+        if wp.static(turning_frame):
+            history = past.rotated(history, turn_rate)
+        o, now, ratio, speed, for_i, for_j = pairs.contact(
+            gi, gj, numbers, real(radius), real(inertia), pairs.cast_coefficients(wide), history, slip_time, dt
         )
         if wp.static(spins):
             row_out[at_i] = Share(o[0], o[1], o[2], o[3], o[4], o[5])
@@ -99,8 +99,8 @@ def build(
         if wp.static(parts):
             entry_out[at_i] = for_i
             entry_out[at_j] = for_j
-        for f in range(wp.static(history)):
-            memory_out[p, f, k] = o[9 + f]
-        return wp.float64(o[15]), wp.float64(o[16])
+        for f in range(wp.static(remembers)):
+            memory_out[p, f, k] = now[f]
+        return wp.float64(ratio), wp.float64(speed)
 
     return evaluate

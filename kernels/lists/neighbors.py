@@ -1,36 +1,39 @@
-"""Which grains may touch: the near list (reach + skin, rarely rebuilt) and the contact list (a thin margin, often refreshed).
+"""Which grains may touch: the outer list (cutoff + skin, rarely rebuilt) and the inner list (a thin skin, rebuilt often).
 
-The reach of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
-Near list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on. On a CPU the
-room of a row goes by the size of its grain, for a grain ten times as large as most touches hundreds; a GPU counts first.
-Contact list: the near pairs closer than the margin, numbered by the slot of their owner (the grain of the lower id) and then
-by partner id, and laid out in packs of ``lanes``: first those that touch now, then the others, so that the force loop finds
-whole packs that it can pass over. A thin second list keeps the branch "touching or not" out of the force
-loop and the rows of the summation short; making it costs a tenth of a near list. Neither changes a bit of the result: pairs
-are evaluated lower id first and summed in order of partner id.
+The cutoff of a pair is the sum of the radii plus the gap over which the normal law acts (0 for most laws).
+Outer list: per grain a row of partner slots in ascending order of partner id, ``count`` of them from ``start`` on. On a CPU the
+capacity of a row goes by the size of its grain, for a grain ten times as large as most touches hundreds; a GPU counts first.
+Inner list: the pairs of it closer than the inner skin, numbered by the slot of their owner (the grain of the lower id) and then
+by partner id, and laid out in batches of ``lanes``: first those that touch now, then the others, so that the force loop finds
+whole batches that it can pass over. A thin second list keeps the branch "touching or not" out of the force loop and the force
+slots of a grain few; building it costs a tenth of an outer list. Neither changes a bit of the result: pairs are evaluated lower
+id first and summed in order of partner id.
 """
 
 import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 from warpdem.kernels.lists.path import Flight, in_flight
 
 
 @functools.cache
 def build(
-    real, constants, border, lanes: int, *, spins: bool, rolling: bool, history: int, table: bool, lag: float, gap: float,
-    stored: bool,
+    real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
+    gap: float, keep_constants: bool,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
-    The constants of contacts are ``stored`` with them, or made when somebody asks.
+    ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
+    them where ``keep_constants``, else computed when they are read.
     """
     g = grain.build(spins)
-    Coefficients = wp.types.vector(7, wp.float64)
+    Coefficients = law.Coefficients
     Inverse = wp.types.vector(2, wp.float64)
-    width = 4 if rolling else 2
+    of_the_law, rolling = law.Constants._length_, "inertia" in stored
+    radius_at, inertia_at = (stored.radius, stored.inertia) if rolling else (0, 0)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.func
@@ -211,12 +214,14 @@ def build(
         if wp.static(table):
             c = coefficients[kind[p, k]]
         radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
-        stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
-        constants_out[p, 0, k] = real(stiffness)
-        constants_out[p, 1, k] = real(damping)
+        numbers = law.constants(c, radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
+        for f in range(wp.static(of_the_law)):
+            constants_out[p, f, k] = real(numbers[f])
         if wp.static(rolling):
-            constants_out[p, 2, k] = real(radius)
-            constants_out[p, 3, k] = real(wp.float64(wp.static(lag)) / (inverse[i][1] + inverse[j][1]))
+            constants_out[p, wp.static(radius_at), k] = real(radius)
+            constants_out[p, wp.static(inertia_at), k] = real(
+                wp.float64(wp.static(inertia_factor)) / (inverse[i][1] + inverse[j][1])
+            )
 
     @kernel
     def clear_contacts(
@@ -240,8 +245,8 @@ def build(
             slot_j_out[p, k] = filler
             if wp.static(table):
                 kind_out[p, k] = 0
-            if wp.static(stored):
-                for f in range(wp.static(width)):
+            if wp.static(keep_constants):
+                for f in range(wp.static(stored.width)):
                     constants_out[p, f, k] = real(0.0)
 
     @kernel
@@ -296,7 +301,7 @@ def build(
                     slot_j_out[p, k] = row_start[j] + listed[place_of(id[i], start[j], count[j], id, slot)] // 2
                     if wp.static(table):
                         kind_out[p, k] = kind[i] * materials + kind[j]
-                    if wp.static(stored):
+                    if wp.static(keep_constants):
                         put_constants(p, k, i, j, grains, inverse, kind_out, coefficients, constants_out)
                     if wp.static(history > 0):
                         for f in range(wp.static(history)):
@@ -329,6 +334,6 @@ def build(
         clear_contacts=clear_contacts,
         fill_contacts=fill_contacts,
         contact_constants=contact_constants,
-        constants_width=width,
-        keeps_constants=stored,
+        constants_width=stored.width,
+        keeps_constants=keep_constants,
     )

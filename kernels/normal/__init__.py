@@ -1,1 +1,3 @@
 """Models of the role normal."""
+
+DEFAULT = "hertz"

@@ -19,7 +19,15 @@ At zero overlap force and stiffnesses vanish. Not modelled: plasticity, adhesion
 import functools
 import math
 
+import numpy as np
 import warp as wp
+
+SUMMARY = "from the moduli"
+PASSIVE = True
+_DAMPED_TIME = (
+    (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0),
+    (1.778, 1.511, 1.296, 1.195, 1.134, 1.093, 1.064, 1.042, 1.025, 1.011, 1.005, 1.0),
+)
 
 
 def coefficients(a, b, pair) -> tuple[float, float, float, float]:
@@ -57,6 +65,11 @@ def build(real):
 def stiffness(base, radius):
     """K [N/m^1.5] of contacts from the pair's base [Pa] and R* [m]: what ``constants`` computes, for readers."""
     return base * radius**0.5
+
+
+def damped_time(restitution: float) -> float:
+    """Contact time with damping over that without [-]: the closed relation (Antypov and Elliott 2011), tabulated."""
+    return float(np.interp(restitution, *_DAMPED_TIME))
 
 
 def energy(overlap, stiffness):

@@ -17,6 +17,19 @@ import functools
 import math
 
 import warp as wp
+from warpdem.kernels.contact.columns import PairKey
+
+SUMMARY = "linear, stiffness per pair"
+PASSIVE = True
+STIFFNESS_KEY = "pairs[].stiffness"
+PAIR = {
+    "stiffness": PairKey(
+        "N/m", None, 'Normal stiffness [N/m], > 0; only with normal = "hooke", and required there.', positive=True
+    ),
+    "tangential_stiffness_ratio": PairKey(
+        "-", 2.0 / 7.0, 'Tangential over normal stiffness [-], > 0, default 2/7; only with normal = "hooke".', positive=True
+    ),
+}
 
 
 def coefficients(a, b, pair) -> tuple[float, float, float, float]:
@@ -44,6 +57,11 @@ def build(real):
         return spring * overlap - dashpot * speed, spring, dashpot
 
     return constants, force
+
+
+def damped_time(restitution: float) -> float:
+    """Contact time with damping over that without [-], 1/sqrt(1 - beta^2): the damped oscillator's half period."""
+    return math.hypot(math.log(restitution), math.pi) / math.pi
 
 
 def energy(overlap, stiffness):

@@ -19,6 +19,7 @@ import functools
 import warp as wp
 from warpdem.kernels import tiny
 
+SUMMARY = "directional torque"
 HISTORY = False
 
 

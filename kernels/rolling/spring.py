@@ -12,11 +12,19 @@ Once the spring reaches its limit it slides along with it and the dashpot is lef
 """
 
 import functools
+import math
 
 import warp as wp
 from warpdem.kernels import tiny
+from warpdem.kernels.contact.columns import PairKey
 
+SUMMARY = "EPSD"
 HISTORY = True
+PAIR = {
+    "rolling_damping": PairKey(
+        "-", 0.3, 'Damping of the rolling spring [-], >= 0, default 0.3; only with rolling = "spring".'
+    )
+}
 
 
 @functools.cache
@@ -46,6 +54,19 @@ def build(real):
         return held * (-stiffness) - spin_predicted * viscous, held
 
     return torque
+
+
+def oscillator(k_n: float, arm: float, damping: float, inertia: float) -> tuple[float, float]:
+    """Stiffness k_r [N m] and dashpot C_r [N m s] of the torque, for the time step.
+
+    Args:
+        k_n: normal stiffness F_n / d [N/m].
+        arm: mu_r R* [m].
+        damping: eta [-].
+        inertia: I_r [kg m2].
+    """
+    stiffness = 2.25 * k_n * arm**2
+    return stiffness, 2.0 * damping * math.sqrt(inertia * stiffness)
 
 
 def energy(angle, spring):

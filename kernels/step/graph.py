@@ -91,7 +91,7 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
             memory = contacts.trial
         share, approach = evaluate(
             t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, grains.inverse,
-            contacts.kind, coefficients, pairs.narrow_turn(past_turn(row)), slip_time(row), dt, contacts.memory,
+            contacts.kind, coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), dt, contacts.memory,
             contacts.slot_i, contacts.slot_j, memory, grains.row, grains.entry,
         )  # fmt: skip
         raise_to(control.extreme, 0, share)

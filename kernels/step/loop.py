@@ -22,7 +22,7 @@ from warpdem.kernels.step.motion import LEFT, Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
-AHEAD = 6  # packs between the announcement of a pack's memory and its use
+AHEAD = 6  # packs between the prefetch of a contact batch and its use
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
 
 
@@ -126,7 +126,7 @@ def build(
         memory = packs.memory
         if stage > 0:
             memory = packs.trial
-        turn = pairs.narrow_turn(past_turn(state))
+        turn = pairs.cast_rotation(past_turn(state))
         slip_dt = slip_time(state)
         share = control.extreme[at]
         approach = control.extreme[at + 1]
@@ -135,7 +135,7 @@ def build(
             end = wp.min(block + stride * wp.static(BLOCK), last)
             row = int(scratch)
             for p in range(block, end, stride):
-                pairs.announce(
+                pairs.prefetch(
                     wp.min(p + wp.static(AHEAD), last - 1), grains.record, packs.partner, packs.slot_i, packs.slot_j,
                     grains.row,
                 )  # fmt: skip

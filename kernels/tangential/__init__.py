@@ -1,1 +1,3 @@
 """Models of the role tangential."""
+
+DEFAULT = "mindlin"

@@ -16,6 +16,9 @@ import functools
 
 import warp as wp
 
+SUMMARY = "force history"
+PASSIVE = True
+
 
 @functools.cache
 def build(real):

@@ -13,6 +13,8 @@ import functools
 
 import warp as wp
 
+SUMMARY = "displacement history"
+
 
 @functools.cache
 def build(real):

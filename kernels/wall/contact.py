@@ -17,7 +17,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.contact.dissipation import PARTS
+from warpdem.kernels.contact.dissipation import PARTS_AT
 from warpdem.kernels.measure.budget import WallEntry
 from warpdem.kernels.step.schedule import (
     Placement,
@@ -37,22 +37,25 @@ from warpdem.kernels.wall.surface import Surface
 
 @functools.cache
 def build(
-    law, dissipation, constants, closest_on_feature, border, around, *, spins: bool, rolling: bool, history: int,
-    turning_frame: bool, moving_frame: bool, table: bool, lag: float, meshes: bool, moving: int, gap: float,
+    law, dissipation, closest_on_feature, border, around, *, spins: bool, rolling: bool, turning_frame: bool,
+    moving_frame: bool, table: bool, inertia_factor: float, meshes: bool, moving: int, gap: float,
 ):  # fmt: skip
     """Return the struct of rows and the function that evaluates one.
 
-    Arguments as in ``pairs.build``; ``dissipation``: (parts, stored) of ``dissipation.build`` when energies are added up, else
-    None; ``closest_on_feature`` of ``feature.build``; ``around`` of ``images.build``; ``moving_frame``: the frame moves at all;
-    ``lag``: inertia factor of the rolling model [-]; ``meshes``: some walls are meshes; ``moving``: number of wall motions
-    relative to the frame.
+    Arguments as in ``pairs.build``; ``law`` of ``law.build`` for walls; ``dissipation``: (parts, stored) of
+    ``dissipation.build`` when energies are added up, else None; ``closest_on_feature`` of ``feature.build``; ``around`` of
+    ``images.build``; ``rolling``: there is a rolling model, which meets the inertia of the grain times ``inertia_factor``;
+    ``moving_frame``: the frame moves at all; ``meshes``: some walls are meshes; ``moving``: number of wall motions relative to
+    the frame.
     """
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
-    Coefficients = wp.types.vector(7, wp.float64)
+    Coefficients, History, past = law.Coefficients, law.History, law.history
     Inverse = wp.types.vector(2, wp.float64)
-    Memory = record.memory_type(history)
-    Parts = wp.types.vector(PARTS, wp.float64)
+    at, remembers = record.columns(past.at), past.at.width
+    history_at = record.GEOMETRY.width
+    Memory = record.memory_type(past.at)
+    Parts = PARTS_AT.vector(wp.float64)
     Result = record.result_type(rolling)
 
     @wp.struct
@@ -80,6 +83,24 @@ def build(
     find_places = places.build(Rows, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
 
     @wp.func
+    def history_of(place: Memory) -> History:
+        """Contact history of the law."""
+        out = History()
+        for f in range(wp.static(remembers)):
+            out[f] = place[wp.static(history_at) + f]
+        return out
+
+    @wp.func
+    def point_in(place: Memory) -> wp.vec3d:
+        """Contact point in body axes of the wall [m]."""
+        return wp.vec3d(place[wp.static(at.point)], place[wp.static(at.point + 1)], place[wp.static(at.point + 2)])
+
+    @wp.func
+    def normal_in(place: Memory) -> wp.vec3d:
+        """Unit vector from the wall to the grain."""
+        return wp.vec3d(place[wp.static(at.normal)], place[wp.static(at.normal + 1)], place[wp.static(at.normal + 2)])
+
+    @wp.func
     def remembered(i: int, c: int, wall: int, radius: wp.float64, old: int, surface: Surface, rows: Rows) -> int:
         """Slot of the nearest place of the step before on ``wall`` to the place at ``c``, else -1.
 
@@ -93,8 +114,8 @@ def build(
         nearest = radius * radius
         for s in range(first, first + rows.place_count[old, i]):
             place = rows.place[old, s]
-            if int(place[0]) == wall:
-                before = wp.vec3d(place[3], place[4], place[5])
+            if int(place[wp.static(at.wall)]) == wall:
+                before = point_in(place)
                 square = wp.length_sq(border.nearest(before - point))
                 mine = int(1)
                 if rows.hit_state[c] != wp.static(SHARED):
@@ -136,16 +157,14 @@ def build(
             place = rows.place[old, s]
             c = coefficients[0]
             if wp.static(table):
-                c = coefficients[kind[i] * materials + surface.material[int(place[0])]]
-            stiffness, damping = constants(c[0], c[1], radius, wp.float64(1.0) / inv[0])
-            angle = wp.vec3d()
+                c = coefficients[kind[i] * materials + surface.material[int(place[wp.static(at.wall)])]]
+            numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
             inertia = wp.float64(0.0)
             if wp.static(rolling):
-                inertia = wp.float64(wp.static(lag)) / inv[1]
-            if wp.static(history == 6):
-                angle = wp.vec3d(place[12], place[13], place[14])
-            spring = wp.vec3d(place[9], place[10], place[11])
-            total += stored(place[1], stiffness, damping, radius, inertia, c, spring, angle, dt) * place[2]
+                inertia = wp.float64(wp.static(inertia_factor)) / inv[1]
+            total += stored(
+                place[wp.static(at.overlap)], numbers, radius, inertia, c, history_of(place), dt
+            ) * place[wp.static(at.weight)]
         return total
 
     @wp.func
@@ -176,7 +195,7 @@ def build(
         if wp.static(parts is not None):
             for wall in range(rows.power.shape[1]):
                 rows.power[i, wall] = wp.float64(0.0)
-            if wp.static(history > 0):
+            if wp.static(remembers > 0):
                 # over all of them: a place may hand its springs on to several, or to none
                 entry[24] = in_springs(i, old, radius, inv, kind, materials, coefficients, surface, rows, dt)
         if find_places(i, q, radius, surface, rows, placements, now_row) == 0:
@@ -215,27 +234,20 @@ def build(
                 midway = body_point
                 arm = distance
                 n_before = n
-                overlap_before = wp.float64(0.0)
-                spring = wp.vec3d()
-                angle = wp.vec3d()
+                overlap_before = overlap
+                history = History()
                 s = remembered(i, c, wall, radius, old, surface, rows)
                 if s >= 0:
                     place = rows.place[old, s]
-                    n_before = wp.vec3d(place[6], place[7], place[8])
-                    overlap_before = place[1]
-                    point_before = wp.vec3d(place[3], place[4], place[5])
+                    n_before = normal_in(place)
+                    overlap_before = place[wp.static(at.overlap)]
+                    point_before = point_in(place)
                     midway = body_point + border.nearest(point_before - body_point) * wp.float64(0.5)
                     arm = radius - wp.float64(0.5) * (overlap + overlap_before)
+                    history = history_of(place)
                     if wp.static(turning_frame):
                         n_before = n_before + turn * n_before
-                    if wp.static(history >= 3):
-                        spring = wp.vec3d(place[9], place[10], place[11])
-                        if wp.static(turning_frame):
-                            spring = spring + turn * spring
-                    if wp.static(history == 6):
-                        angle = wp.vec3d(place[12], place[13], place[14])
-                        if wp.static(turning_frame):
-                            angle = angle + turn * angle
+                        history = past.rotated(history, turn)
                 after = midway
                 before = midway
                 if wp.static(moving > 0):
@@ -250,23 +262,25 @@ def build(
                     way = wp.vec3d()
                 w_wall = wall_spin(now)
                 slip = v * slip_dt - wp.cross(w, n + n_before) * (wp.float64(0.5) * arm * slip_dt) - way
+                if s < 0:  # no contact before: as far apart as the displacement since then says
+                    overlap_before = overlap + wp.dot(slip, n)
                 velocity = v_predicted - wp.cross(w_predicted, n) * distance - wall_velocity(now, point)
                 c_kind = coefficients[0]
                 if wp.static(table):
                     c_kind = coefficients[kind[i] * materials + surface.material[wall]]
-                stiffness, damping = constants(c_kind[0], c_kind[1], radius, wp.float64(1.0) / inv[0])
+                numbers = law.constants(c_kind, radius, wp.float64(1.0) / inv[0])
                 inertia = wp.float64(0.0)
                 if wp.static(rolling):
-                    inertia = wp.float64(wp.static(lag)) / inv[1]
-                force, moment, held, bent = law(
+                    inertia = wp.float64(wp.static(inertia_factor)) / inv[1]
+                force, moment, after_step = law.force(
                     n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
-                    w - w_wall, w_predicted - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle,
+                    w - w_wall, w_predicted - w_wall, dt, numbers, radius, inertia, c_kind, history,
                 )  # fmt: skip
                 weight = hit[1]
                 if wp.static(parts is not None):
                     lossy = parts(
                         n, n_before, overlap, overlap_before, velocity, slip, (w + w_wall) * (wp.float64(0.5) * slip_dt),
-                        w - w_wall, dt, stiffness, damping, radius, inertia, c_kind, spring, angle, force, moment, held, bent,
+                        w - w_wall, dt, numbers, radius, inertia, c_kind, history, force, moment, after_step,
                     )  # fmt: skip
                     entry += wall_entry(n, distance, wall_velocity(now, point), w_wall, lossy) * weight
                     rows.power[i, wall] = rows.power[i, wall] + weight * (
@@ -278,18 +292,16 @@ def build(
                 slot = first + count
                 count += 1
                 p = body_point
-                base = wp.float64(wall)
-                if wp.static(history == 0):
-                    rows.place[new, slot] = Memory(base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2])
-                if wp.static(history == 3):
-                    rows.place[new, slot] = Memory(
-                        base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2], held[0], held[1], held[2]
-                    )
-                if wp.static(history == 6):
-                    rows.place[new, slot] = Memory(
-                        base, overlap, weight, p[0], p[1], p[2], n[0], n[1], n[2], held[0], held[1], held[2],
-                        bent[0], bent[1], bent[2],
-                    )  # fmt: skip
+                place_now = Memory()
+                place_now[wp.static(at.wall)] = wp.float64(wall)
+                place_now[wp.static(at.overlap)] = overlap
+                place_now[wp.static(at.weight)] = weight
+                for d in range(3):
+                    place_now[wp.static(at.point) + d] = p[d]
+                    place_now[wp.static(at.normal) + d] = n[d]
+                for d in range(wp.static(remembers)):
+                    place_now[wp.static(history_at) + d] = after_step[d]
+                rows.place[new, slot] = place_now
                 if wp.static(rolling):
                     bend = moment * weight
                     rows.result[slot] = Result(wp.float64(f), force[0], force[1], force[2], bend[0], bend[1], bend[2])

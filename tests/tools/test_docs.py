@@ -51,6 +51,17 @@ def test_files_that_a_page_names_are_there(page):
         assert (ROOT / name).exists() or (page.parent / name).exists(), name
 
 
+def test_the_tour_visits_each_file_once_and_all_hold_what_it_follows():
+    page = (ROOT / "kernels" / "README.md").read_text(encoding="utf-8")
+    section = page.split("## A tour")[1].split("\n## ")[0]
+    files = re.findall(r"^\d+\. `([\w/.]+)`", section, re.MULTILINE)
+    assert len(files) == len(set(files)) >= 15
+    assert files[0].startswith("scenes/") and files[-1].startswith("warpdem/output/")
+    for name in files:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        assert re.search(r"position|friction|load_scene", text), name
+
+
 def test_every_public_name_has_an_entry():
     names = [name for names in docs.public_names().values() for name in names]
     assert len(names) == len(set(names))

@@ -93,5 +93,5 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
         "least_bytes_per_grain": {name: b / len(sim.state) for name, b in moved.items()},
         "run": run,
         "captures": executor.captures,
-        "refreshes_on_device": executor.refreshes,
+        "refreshes_on_device": executor.inner_builds,
     }

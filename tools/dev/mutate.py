@@ -5,14 +5,16 @@
     python tools/dev/mutate.py --left                   # those that the last result leaves open or has not tried
     python tools/dev/mutate.py --list
 
-The table is ``tools/dev/mutants.toml``. Each worker has a copy of the tree with kernels of its own, in which it
-writes a mutant, runs the tests that the table names until one fails, and puts the file right again. A mutant that
-these do not notice and that has no ``reason`` is tried on ``catch_all``, all fast tests that run the kernels. The
-unchanged copy has to pass first, and a mutant that does not even compile is no proof of a test: both are told. Exit
-code 0 when every mutant is killed or defended by a ``reason``, 1 when not, 2 when the check itself could not be made.
+The table is ``tools/dev/mutants.toml``; a model's mutants may stand in its own test file, see ``of_model``. Each
+worker has a copy of the tree with kernels of its own, in which it writes a mutant, runs the tests that the table
+names until one fails, and puts the file right again. A mutant that these do not notice and that has no ``reason`` is
+tried on ``catch_all``, all fast tests that run the kernels. The unchanged copy has to pass first, and a mutant that
+does not even compile is no proof of a test: both are told. Exit code 0 when every mutant is killed or defended by a
+``reason``, 1 when not, 2 when the check itself could not be made.
 """
 
 import argparse
+import ast
 import fnmatch
 import hashlib
 import json
@@ -33,6 +35,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "tools" / "dev" / "mutants.toml"
 RESULT = ROOT / "tools" / "dev" / "results" / "mutants.md"
+MODEL_TESTS = ROOT / "tests" / "kernels"
 PARTS = ("warpdem", "kernels", "scenes", "tests", "tools", "pyproject.toml", "README.md")
 """What the tests need of the tree."""
 NOT_COMPILED = re.compile(r"WarpCodegen\w*Error|kernel build failed|\.cpp:\d+:\d+: error|SyntaxError|Could not find function")
@@ -73,7 +76,19 @@ class Mutant:
 def read_table(path: Path = TABLE) -> tuple[list[Mutant], list[str]]:
     """Mutants, and the tests that a mutant goes through when its own do not notice it."""
     data = tomllib.loads(path.read_text())
-    return [Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in data["mutants"]], data["catch_all"]
+    listed = [Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in data["mutants"]]
+    tests = sorted(MODEL_TESTS.glob("*/test_*.py")) if path == TABLE else []
+    return listed + [mutant for test in tests for mutant in of_model(test)], data["catch_all"]
+
+
+def of_model(test: Path) -> list[Mutant]:
+    """Mutants of a model that its own test file lists: ``MUTANTS = [(old, new), ...]``; none if it has no such list."""
+    assigned = [node for node in ast.parse(test.read_text()).body if isinstance(node, ast.Assign)]
+    lists = [node.value for node in assigned if [getattr(t, "id", "") for t in node.targets] == ["MUTANTS"]]
+    pairs = ast.literal_eval(lists[0]) if lists else []
+    role, name = test.parent.name, test.stem.removeprefix("test_")
+    where = f"kernels/{role}/{name}.py", (test.relative_to(ROOT).as_posix(),)
+    return [Mutant(f"{role}_{name}_{k}", where[0], old, new, where[1]) for k, (old, new) in enumerate(pairs)]
 
 
 class Workplace:

@@ -15,7 +15,7 @@ from warpdem.drawing.style import PictureStyle
 app = App(
     name="warpdem",
     help="Discrete element method for granular flow in rotating and moving equipment.",
-    suppress_keyboard_interrupt=False,  # answer() tells how to go on
+    suppress_keyboard_interrupt=False,  # run_command() reports how to continue
     default_parameter=Parameter(negative_iterable=()),  # no --empty-set, which an option left out says as well
 )
 
@@ -65,7 +65,7 @@ def run(
         threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
-        resume: Go on from the checkpoint in the folder.
+        resume: Continue from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
     """
@@ -190,9 +190,9 @@ def render(
 
     Args:
         folder: Folder of the results.
-        others: Folders of more results, drawn beside it at the same instants.
+        others: Folders of more results, drawn beside it at the same times.
         out: File to write; FOLDER/picture.png if not given.
-        time: Instant of a picture [s]; the last one if not given.
+        time: Time of a picture [s]; the last one if not given.
         start: A film begins with the frame nearest to this time [s].
         end: A film ends with the frame nearest to this time [s].
         speed: Seconds of the run in a second of the film; each frame is shown once if not given.

@@ -71,7 +71,7 @@ class Outputs:
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
-        self.rooms = Room(sim.device), Room(sim.device)  # of the instant that is written, and of the next one
+        self.rooms = Room(sim.device), Room(sim.device)  # of the snapshot that is written, and of the next one
         self.columns = history_columns(sim.scene)
         header = [column.header for column in self.columns]
         self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
@@ -81,7 +81,7 @@ class Outputs:
         """Write a row of the history and a frame of the present time, while the run goes on.
 
         Raises:
-            OutputError: what came before could not be written, or the folder is no longer that of this run.
+            OutputError: an earlier row or frame could not be written, or the folder is no longer that of this run.
         """
         if not (row or frame):
             return

@@ -51,7 +51,7 @@ def run_scene(
         device: as ``Simulation``.
         threads: as ``Simulation``.
         until: end [s] instead of the scene's.
-        resume: go on from the checkpoint in the folder.
+        resume: continue from the checkpoint in the folder.
         overwrite: allow a folder that holds the results of a run.
         quiet: print errors only.
         picture: draw picture.png at the end, or not; None as the scene says.
@@ -59,8 +59,8 @@ def run_scene(
         told: notes and warnings that were printed already and need not be again; those printed now are added.
 
     Raises:
-        SceneError: before anything is computed, if the scene or the checkpoint to go on from is wrong, or the folder holds
-            the results of a run and neither ``resume`` nor ``overwrite`` is said, or another run is writing there.
+        SceneError: before anything is computed, if the scene or the checkpoint to continue from is wrong, or the folder holds
+            the results of a run and neither ``resume`` nor ``overwrite`` is given, or another run is writing there.
         StabilityError: if the run stops itself; results and the last good checkpoint stay.
         OutputError: if a result cannot be written; results so far and the last good checkpoint stay.
         KeyboardInterrupt: on Ctrl-C, SIGTERM and SIGHUP, with a checkpoint of the present step.
@@ -124,29 +124,29 @@ def _run(
 
 def _announce(sim: Simulation, end: float, folder: Path, console: Console, told: set[str]) -> None:
     """What is about to be run, to ``end`` [s]."""
-    goes_on = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
+    resumed_at = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
     steps = max(0, sim.steps_until(end) - sim.step_number)
     title = escape(visible(sim.scene.title or sim.scene.source))
-    console.print(f"[bold]{title}[/]: {goes_on}{len(sim.state)} grains, {steps} steps of "
+    console.print(f"[bold]{title}[/]: {resumed_at}{len(sim.state)} grains, {steps} steps of "
                   f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {escape(str(folder))}")  # fmt: skip
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
     warned = scene_warnings.warnings(sim)
-    for words in [*sim.notes, *warned]:
-        if words not in told:
-            console.print(summary.warning_text(words) if words in warned else Text(f"note: {words}"))
+    for message in [*sim.notes, *warned]:
+        if message not in told:
+            console.print(summary.warning_text(message) if message in warned else Text(f"note: {message}"))
     told |= {*sim.notes, *warned}
 
 
 def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, console: Console, quiet: bool) -> None:
-    """Bring ``sim`` to ``end`` [s] with all outputs and checkpoints on the way, the last one where it ends or is interrupted.
+    """Bring ``sim`` to ``end`` [s] with all outputs and checkpoints, the last one where it ends or is interrupted.
 
-    A checkpoint comes after all rows and frames up to its instant: a resumed run writes those after it, and no others.
+    A checkpoint comes after all rows and frames up to its time: a resumed run writes those after it, and no others.
     """
     last = sim.steps_until(end)
     due = output_schedule(sim, sim.scene.time.end)  # the same for a run that is cut short and its rest
-    asked = sim.scene.output.checkpoint_interval
-    save_every = max(1, round(asked / sim.dt)) if asked is not None else last + 1
+    interval = sim.scene.output.checkpoint_interval
+    save_every = max(1, round(interval / sim.dt)) if interval is not None else last + 1
     path = outputs.folder / CHECKPOINT
     try:
         with progress_bar(console, quiet, max(last, 1)) as tell, held_back() as interrupted:

@@ -50,5 +50,5 @@ def refuse_results(folder: Path, overwrite: bool) -> None:
         FolderLocked: if ``folder`` holds a run and ``overwrite`` is false.
     """
     if (folder / "run.json").exists() and not overwrite:
-        said = f"--out {folder}: holds the results of a run; take another one, or say --overwrite (overwrite=True)"
-        raise FolderLocked(folder, said)
+        message = f"--out {folder}: holds the results of a run; take another one, or give --overwrite (overwrite=True)"
+        raise FolderLocked(folder, message)

@@ -11,8 +11,9 @@ from warpdem.engine.way_out import way_out
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.model import needs
-from warpdem.model.impact import stiffness
-from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE, damped_contact_factor
+from warpdem.model.features import coefficient_table
+from warpdem.model.impact import damped_time, elastic_energy, own_constants, own_of, stiffness, untouched
+from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.model import Scene
@@ -132,6 +133,15 @@ def _step(sim: Simulation) -> Iterator[str]:
         )
 
 
+def _stiffer(sim: Simulation, share: float, sound: float) -> float:
+    """Elastic energy at an overlap of ``share`` of the radius over that at ``sound`` [-], for the first two materials given."""
+    law, table = sim.plan.contact.normal, coefficient_table(sim.scene)
+    row, radius = table[np.isfinite(table).all(axis=1)][0], float(sim.expected.radius.max())
+    constant = stiffness(law, row[sim.plan.contact.coefficients.stiffness], radius)
+    own = own_constants(law, own_of(law, row), radius) | untouched(law)
+    return float(elastic_energy(law, share * radius, constant, own) / elastic_energy(law, sound * radius, constant, own))
+
+
 def _impacts(sim: Simulation) -> Iterator[str]:
     share, speed = sim.limits.overlap, sim.limits.max_speed
     limit = sim.scene.engine.max_overlap
@@ -139,9 +149,8 @@ def _impacts(sim: Simulation) -> Iterator[str]:
     if share <= sound:
         return
     normal = model("normal", sim.scene.located(sim.scene.contact.normal))
-    constant = stiffness(sim.scene.located(sim.scene.contact.normal), 1.0, 1.0)
-    stiffer = float(normal.energy(share, constant) / normal.energy(sound, constant))
-    key = "pairs[].stiffness" if sim.scene.contact.normal == "hooke" else "young_modulus"
+    stiffer = _stiffer(sim, share, sound)
+    key = getattr(normal, "STIFFNESS_KEY", "young_modulus")
     stops = f"; over engine.max_overlap = {limit:g} the run stops itself" if share > limit else ""
     yield (
         f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: {stiffer:.2g} times "
@@ -152,7 +161,7 @@ def _impacts(sim: Simulation) -> Iterator[str]:
 def _restitutions(sim: Simulation) -> Iterator[str]:
     for i, pair in enumerate(sim.scene.pairs):
         if pair.restitution < RESTITUTION:
-            longer = damped_contact_factor(pair.restitution)
+            longer = damped_time(sim.plan.contact.normal, pair.restitution)
             yield (
                 f"pairs[{i}].restitution = {pair.restitution:g}: a contact lasts {longer:.2g} times as long as an undamped one "
                 f"or more, attracts before it opens, and needs a smaller time step: take {RESTITUTION:g} or more"

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
@@ -10,7 +11,8 @@ from rich.text import Text
 
 from warpdem.measure.dimensionless import Turning
 from warpdem.model.features import coefficient_table
-from warpdem.model.time_step import contact_time, damped_contact_factor
+from warpdem.model.impact import damped_time
+from warpdem.model.time_step import contact_time
 from warpdem.simulation import Simulation
 
 FEW = 100
@@ -31,11 +33,11 @@ def steps_per_contact(sim: Simulation) -> float:
         cases = [(kind, 0.5, met["pair_approach_speed"])]
         cases += [(names.index(w.material), 1.0, met["wall_approach_speed"]) for w in sim.scene.walls]
         for other, share, speed in cases:
-            base = table[kind * len(names) + other, 0]
-            if speed > 0 and base == base:
+            row = table[kind * len(names) + other]
+            if speed > 0 and np.isfinite(row).all():
                 pair = sim.scene.pair(names[kind], names[other])
-                duration = contact_time(sim.scene, base, share * lightest, share * smallest, speed)
-                found.append(duration * damped_contact_factor(pair.restitution) / sim.dt)
+                duration = contact_time(sim.scene, row, share * lightest, share * smallest, speed)
+                found.append(duration * damped_time(sim.plan.contact.normal, pair.restitution) / sim.dt)
     return min(found)
 
 

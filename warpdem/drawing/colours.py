@@ -47,7 +47,9 @@ class Field:
         """Whether values are kinds without an order."""
         return self.array in _KINDS
 
-    def values(self, arrays: dict[str, np.ndarray], pose: FramePose | None = None, points: np.ndarray | None = None):
+    def values(
+        self, arrays: dict[str, np.ndarray], pose: FramePose | None = None, points: np.ndarray | None = None
+    ) -> np.ndarray:
         """Values of the field, shape (n,).
 
         Args:
@@ -57,6 +59,7 @@ class Field:
         """
         values = arrays[self.array]
         if self.name.split(".")[0] == "speed_lab":
+            assert pose is not None and points is not None, "speed_lab is a field of grains"
             values = values + pose.velocity_at(points)
         if values.ndim == 1:
             return values
@@ -140,7 +143,7 @@ class Scale:
         return (low, high) if high > low else (self._least, self._most)
 
     @property
-    def range(self) -> tuple[float, float]:
+    def limits(self) -> tuple[float, float]:
         """Values at the ends of the bar."""
         if self._given is not None:
             return self._given
@@ -158,7 +161,7 @@ class Scale:
     @property
     def beyond(self) -> str:
         """At which ends of the bar values go on beyond it, in Matplotlib's words."""
-        low, high = self.range
+        low, high = self.limits
         slack = 1e-9 * (high - low)
         under, over = bool(self._met) and self._least < low - slack, bool(self._met) and self._most > high + slack
         return {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[under, over]
@@ -172,8 +175,8 @@ class Scale:
         """Colours of values, shape (n,), as red, green, blue of 0 to 255, shape (n, 3), uint8."""
         if self.field.is_kind:
             table = [matplotlib.colors.to_rgb(colour) for colour in CATEGORIES]
-            return np.round(255.0 * np.array(table)).astype(np.uint8)[values.astype(int) % len(table)]
-        return self.map(Normalize(*self.range)(values.astype(float)), bytes=True)[:, :3]
+            return np.asarray(np.round(255.0 * np.array(table)).astype(np.uint8)[values.astype(int) % len(table)])
+        return np.asarray(self.map(Normalize(*self.limits)(values.astype(float)), bytes=True))[:, :3]
 
 
 def _rounded_up(value: float) -> float:

@@ -36,14 +36,17 @@ def parsed_cut(text: str, view: str) -> Cut:
     Raises:
         WarpdemError: The text says neither.
     """
-    axes, words = _AXES.fullmatch(text.strip()).groups()
+    match = _AXES.fullmatch(text.strip())
     try:
-        if side := _SIDE.fullmatch(words):
+        if match is None:
+            raise ValueError
+        axes, half_space = match.groups()
+        if side := _SIDE.fullmatch(half_space):
             letter, sign, value = side.groups()
             normal = (1.0 if sign == ">" else -1.0) * np.eye(3)["xyz".index(letter)]
             point = np.full(3, float(value))
         else:
-            numbers = np.array([float(word) for word in words.split(",")])
+            numbers = np.array([float(word) for word in half_space.split(",")])
             point, normal = numbers.reshape(2, 3)
             length = np.linalg.norm(normal)
             normal = normal / length if length else np.full(3, np.nan)

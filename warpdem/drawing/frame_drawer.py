@@ -1,4 +1,4 @@
-"""What a picture shows of the results at one instant: one camera and one range of colours for all instants and runs."""
+"""What a picture shows of the results at one time: one camera and one range of colours for all times and runs."""
 
 import itertools
 import json
@@ -33,7 +33,7 @@ LEAST = 4.0
 
 @dataclass(frozen=True)
 class _Scenery:
-    """One run at one instant, as the files hold it."""
+    """One run at one time, as the files hold it."""
 
     time: float
     """Time of the frame in the results [s]: over all phases, where the snapshot has that of its own phase."""
@@ -44,12 +44,12 @@ class _Scenery:
 
 
 class FrameDrawer:
-    """Draws one instant after another: one camera, one range of colours, a pane for each run."""
+    """Draws one time after another: one camera, one range of colours, a pane for each run."""
 
-    def __init__(self, runs: list[AnyResults], instants: list[float], style: PictureStyle) -> None:
+    def __init__(self, runs: list[AnyResults], times: list[float], style: PictureStyle) -> None:
         self._runs, self._style = runs, style
         self._cuts = [parsed_cut(text, style.view) for text in style.cut]
-        first = self._scenery(runs[0], instants[0])
+        first = self._scenery(runs[0], times[0])
         folder = runs[0].folder
         self._grains = Scale(
             field_of(style.colour, first.grain_fields, "colour", f"the grains in {folder}"),
@@ -62,7 +62,7 @@ class FrameDrawer:
         # a picture in axes that turn is one of their film: upwards is where it was in the first frame
         turn = upright(None if gravity is None else start.T @ gravity)
         self._axes = looking(style, first.snapshot.frame, turn)
-        self._survey(instants)
+        self._survey(times)
         width, height = style.size
         column = bar_width(height)
         edges = np.linspace(0, width - column, len(runs) + 1).astype(int)
@@ -82,8 +82,8 @@ class FrameDrawer:
         for left, right in self._spans:
             self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity))
 
-    def draw(self, instant: float) -> np.ndarray:
-        """Pixels of the picture of an instant [s], shape (height, width, 3), uint8."""
+    def draw(self, time: float) -> np.ndarray:
+        """Pixels of the picture of an time [s], shape (height, width, 3), uint8."""
         width, height = self._style.size
         image = np.empty((height, width, 3), dtype=np.uint8)
         image[:] = np.round(255.0 * np.array(to_rgb(self._style.background)))
@@ -91,7 +91,7 @@ class FrameDrawer:
         for run, renderer, (left, right), name in zip(
             self._runs, self._renderers, self._spans, self._names, strict=True
         ):
-            scenery = self._scenery(run, instant)
+            scenery = self._scenery(run, time)
             image[:, left:right] = renderer.draw(self._balls(scenery), self._surfaces(scenery))
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._style.view == "laboratory" else "frame axes"
@@ -105,8 +105,8 @@ class FrameDrawer:
         for renderer in self._renderers:
             renderer.close()
 
-    def _scenery(self, run: AnyResults, instant: float) -> _Scenery:
-        k = int(np.argmin(np.abs(run.times - instant)))
+    def _scenery(self, run: AnyResults, time: float) -> _Scenery:
+        k = int(np.argmin(np.abs(run.times - time)))
         snapshot = run.frame(k)
         there = run.walls(k)
         if unknown := set(self._style.hide) - {wall.name for wall in there}:
@@ -123,7 +123,7 @@ class FrameDrawer:
         known = {key: values for arrays in first.wall_fields.values() for key, values in arrays.items()}
         return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._style.wall_range)
 
-    def _survey(self, instants: Iterable[float]) -> None:
+    def _survey(self, times: Iterable[float]) -> None:
         """Bounds and values of all that will be drawn: the picture keeps its place, colours keep their meaning."""
         framing = Framing(np.concatenate([self._axes, np.eye(3)]))  # of the picture, and of the view for the planes
         for run in self._runs:
@@ -133,8 +133,8 @@ class FrameDrawer:
         planes = []
         self._turning = False
         ends, any_kept, largest = [], False, 0.0
-        for run, instant in itertools.product(self._runs, dict.fromkeys(instants)):
-            scenery = self._scenery(run, instant)
+        for run, time in itertools.product(self._runs, dict.fromkeys(times)):
+            scenery = self._scenery(run, time)
             snapshot = scenery.snapshot
             self._turning |= bool(snapshot.frame.parts)
             planes.append((snapshot.frame, [wall for wall in scenery.walls if wall.infinite]))
@@ -182,13 +182,14 @@ class FrameDrawer:
         for cut in self._cuts:
             normal, offset = cut.in_frame(scenery.snapshot.frame)
             shown &= scenery.snapshot.position @ normal > offset
-        return shown
+        return np.asarray(shown)
 
     def _grain_values(self, scenery: _Scenery) -> np.ndarray:
         snapshot = scenery.snapshot
         return self._grains.field.values(scenery.grain_fields, snapshot.frame, snapshot.position)
 
     def _wall_values(self, scenery: _Scenery, wall: WallMesh) -> np.ndarray | None:
+        assert self._on_walls is not None
         arrays = scenery.wall_fields[wall.name]
         return self._on_walls.field.values(arrays) if self._on_walls.field.array in arrays else None
 
@@ -245,8 +246,8 @@ class FrameDrawer:
 
 
 def _placed(snapshot: Snapshot) -> np.ndarray:
-    """Which grains have a place and a size: a run that went wrong may hold numbers that are none; shape (n,), bool."""
-    return np.isfinite(snapshot.position).all(axis=1) & np.isfinite(snapshot.radius)
+    """Which grains have finite position and radius, shape (n,), bool: a run that failed may hold others."""
+    return np.asarray(np.isfinite(snapshot.position).all(axis=1) & np.isfinite(snapshot.radius))
 
 
 def _told_apart(folders: list[Path]) -> list[str]:

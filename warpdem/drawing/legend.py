@@ -1,6 +1,7 @@
 """What is written over a picture: scale bars, time, axes and names of the panes, typeset by Matplotlib."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -93,7 +94,7 @@ class Legend:
         step = (width - self._column) / self._panes
         for k, pane in enumerate(panes):
             left, gap = k * step + 0.7 * self._font, 1.35 * self._font
-            text = {"transform": None, "va": "top", "ha": "left", "color": self._ink}
+            text: dict[str, Any] = {"transform": None, "va": "top", "ha": "left", "color": self._ink}
             figure.text(left, height - 0.6 * self._font, pane.heading, size=self._font, weight="bold", **text)
             figure.text(
                 left, height - 0.6 * self._font - gap, pane.lines, size=0.78 * self._font, alpha=0.8, linespacing=1.3, **text
@@ -110,7 +111,7 @@ class Legend:
     def _draw_bar(self, figure: Figure, bar: Bar, k: int, count: int) -> None:
         width, height = self._size
         font, column = self._font, self._column
-        share = (0.62 if count == 1 else 0.76 / count) * height
+        length = (0.62 if count == 1 else 0.76 / count) * height
         middle = height * (1.0 - (k + 0.5) / count)
         if bar.scale.field.is_kind:
             kinds = bar.scale.kinds
@@ -125,9 +126,9 @@ class Legend:
                 handlelength=1.0, handleheight=1.0, alignment="left",
             ).get_title().set_color(self._ink)  # fmt: skip
             return
-        place = ((width - column + 0.6 * font) / width, (middle - 0.5 * share) / height, font / width, share / height)
+        place = ((width - column + 0.6 * font) / width, (middle - 0.5 * length) / height, font / width, length / height)
         axes = figure.add_axes(place)
-        colours = ScalarMappable(Normalize(*bar.scale.range), bar.scale.map)
+        colours = ScalarMappable(Normalize(*bar.scale.limits), bar.scale.map)
         form = ScalarFormatter(useMathText=True)
         form.set_powerlimits((-2, 4))
         ticks = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
@@ -137,7 +138,7 @@ class Legend:
         axes.tick_params(labelsize=0.8 * font, colors=self._ink, width=0.05 * font, length=0.25 * font)
         axes.yaxis.get_offset_text().set(size=0.8 * font, color=self._ink, ha="left")
         axes.yaxis.set_offset_position("left")
-        size = min(0.85 * font, share / (_LETTER * max(len(bar.title), 1)))  # no longer than the bar
+        size = min(0.85 * font, length / (_LETTER * max(len(bar.title), 1)))  # no longer than the bar
         axes.set_ylabel(bar.title, size=size, color=self._ink, labelpad=0.35 * font)
 
     def _draw_axes(self, figure: Figure, middle: tuple[float, float], axes: np.ndarray) -> None:
@@ -145,15 +146,16 @@ class Legend:
         right, up, forward = axes
         for k in np.argsort(-forward):  # the nearest last
             name, colour = list(_AXES.items())[k]
-            way = 1.7 * self._font * np.array([right[k], up[k]])
-            if np.linalg.norm(way) < 0.3 * self._font:
-                continue  # it points at the eye
-            tip = np.array(middle) + way
+            arrow = 1.7 * self._font * np.array([right[k], up[k]])
+            if np.linalg.norm(arrow) < 0.3 * self._font:
+                continue  # the axis points at the camera
+            tip = np.array(middle) + arrow
             line = Line2D([middle[0], tip[0]], [middle[1], tip[1]], color=colour, lw=0.12 * self._font, transform=None)
             line.set_solid_capstyle("round")
             figure.add_artist(line)
-            at = tip + 0.45 * self._font * way / np.linalg.norm(way)
-            figure.text(*at, name, transform=None, size=0.75 * self._font, color=colour, ha="center", va="center")
+            at = tip + 0.45 * self._font * arrow / np.linalg.norm(arrow)
+            style: dict[str, Any] = {"transform": None, "color": colour, "ha": "center", "va": "center"}
+            figure.text(float(at[0]), float(at[1]), name, size=0.75 * self._font, **style)
 
 
 def _short(name: str) -> str:
@@ -161,14 +163,15 @@ def _short(name: str) -> str:
 
 
 def _pixels(figure: Figure) -> np.ndarray:
-    figure.canvas.draw()
-    return np.asarray(figure.canvas.buffer_rgba()).copy()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
+    return np.asarray(canvas.buffer_rgba()).copy()  # type: ignore[no-untyped-call]
 
 
 def _over(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
     """The layer, shape (h, w, 4), over the image, shape (h, w, 3); uint8."""
     shown = layer[..., 3] > 0
     out = image.copy()
-    share = layer[shown][:, 3:].astype(float) / 255.0
-    out[shown] = np.round(share * layer[shown][:, :3] + (1.0 - share) * image[shown]).astype(np.uint8)
+    length = layer[shown][:, 3:].astype(float) / 255.0
+    out[shown] = np.round(length * layer[shown][:, :3] + (1.0 - length) * image[shown]).astype(np.uint8)
     return out

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import imageio.v2 as imageio
 import imageio_ffmpeg
@@ -38,12 +39,12 @@ def render(
     speed: float | None = None,
     fps: float | None = None,
     watch: Callable[[int, int], None] = lambda done, total: None,
-    **style,
+    **style: Any,
 ) -> Path:
     """Draw the results in ``folder`` as a picture (``out`` ends in .png) or a film (.mp4, H.264).
 
     Args:
-        folder: Folder that holds ``result.pvd`` or ``result.vtkhdf``; several are drawn side by side, at the instants of the
+        folder: Folder that holds ``result.pvd`` or ``result.vtkhdf``; several are drawn side by side, at the times of the
             first one, with one camera and one range of colours.
         out: File to write.
         time: Time of the picture [s], the nearest frame is taken; None for the last one. Not for films.
@@ -52,7 +53,7 @@ def render(
         speed: Seconds of the run in a second of the film [-], so that 0.1 is ten times slowed down; None for each frame once.
         fps: Pictures in a second of the film [1/s]; None for 25, or fewer where frames are shown once each and so few that the
             film would last less than 2 s.
-        watch: Told at the start of a film and after each of its pictures how many are done, and how many there will be.
+        watch: Called at the start of a film and after each of its pictures with the number done and the number of all.
         **style: Choices of ``warpdem.drawing.style.PictureStyle``: view, colour, camera, cut and so on.
 
     Returns:
@@ -80,22 +81,22 @@ def render(
         raise WarpdemError(f"{given[0]} is not a choice of a {kind} ({out.name}), which has {instead}")
     runs = [_results(each) for each in folders]
     if suffix == ".png":
-        instants = [_nearest(runs[0], time)]
+        times = [_nearest(runs[0], time)]
     else:
         _require_ffmpeg()
         chosen = replace(chosen, size=(chosen.size[0] // 2 * 2, chosen.size[1] // 2 * 2))  # as H.264's pixel format needs it
-        instants = _film_times(runs[0], start, end, speed, FPS if fps is None else fps)
+        times = _film_times(runs[0], start, end, speed, FPS if fps is None else fps)
         if fps is None:
-            fps = min(FPS, len(instants) / SHORTEST_FILM) if speed is None else FPS
-        watch(0, len(instants))
-    drawer = FrameDrawer(runs, instants, chosen)
+            fps = min(FPS, len(times) / SHORTEST_FILM) if speed is None else FPS
+        watch(0, len(times))
+    drawer = FrameDrawer(runs, times, chosen)
     try:
         with replaced(out) as part:
             out.parent.mkdir(parents=True, exist_ok=True)
             if suffix == ".png":
-                imageio.imwrite(part, drawer.draw(instants[0]))
+                imageio.imwrite(part, drawer.draw(times[0]))
             else:
-                _write_film(part, (drawer.draw(instant) for instant in instants), fps, len(instants), watch)
+                _write_film(part, (drawer.draw(time) for time in times), fps or FPS, len(times), watch)
     finally:
         drawer.close()
     return out
@@ -158,7 +159,7 @@ def _film_times(results: AnyResults, start: float | None, end: float | None, spe
     first, final = (int(np.argmin(np.abs(times - time))) for time in (begin, last))
     shown = times[first : final + 1]
     if speed is None:
-        return shown.tolist()
+        return [float(time) for time in shown]
     length = shown[-1] - shown[0]
     if (count := length * fps / speed) > MOST_PICTURES:
         raise WarpdemError(

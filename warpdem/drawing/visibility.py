@@ -1,4 +1,4 @@
-"""Which balls of a bed a camera may see: drawing the others takes most of the time and changes no pixel.
+"""Which balls of a bed a camera may see: the hidden ones need not be drawn, which would take most of the time.
 
 On a grid of cells smaller than the balls' pictures, a cell is covered from the depth on at which a ball fills it whole. A ball
 is hidden if all cells that its picture may touch are covered nearer to the camera than the ball itself. Balls come in order of
@@ -33,16 +33,16 @@ def visible(position: np.ndarray, radius: np.ndarray, camera: Camera) -> np.ndar
     if not len(radius) or depth.min() <= 10.0 * radius.max():
         return shown  # the camera stands among the balls
     scale = 1.0 / depth if camera.height is None else np.ones(len(depth))
-    place, size = seen[:, :2] * scale[:, None], radius * scale
+    point, size = seen[:, :2] * scale[:, None], radius * scale
     # off the axis of the camera the picture of a ball is longer than that of its disk, by 1 / cos^2 of the angle
-    stretch = 1.01 + (0.0 if camera.height is not None else float(np.square(place).sum(axis=1).max()))
-    place -= place.min(axis=0)
-    extent = place.max(axis=0)
+    stretch = 1.01 + (0.0 if camera.height is not None else float(np.square(point).sum(axis=1).max()))
+    point -= point.min(axis=0)
+    extent = point.max(axis=0)
     cell = max(float(np.median(size)) / _FINE, float(np.sqrt(extent.prod() / _MOST_CELLS)))
     # a border that nothing covers, wide enough for the cells that any ball tested may touch
     border = int(stretch * _LARGEST) + 3
     width, height = np.ceil(extent / cell).astype(int) + 2 * border
-    at = (place[:, 0] / cell).astype(int) + border + width * ((place[:, 1] / cell).astype(int) + border)
+    at = (point[:, 0] / cell).astype(int) + border + width * ((point[:, 1] / cell).astype(int) + border)
     cells = (size / cell).astype(int)
     covered = np.full(width * height, np.inf)
     for part in np.array_split(np.argsort(depth, kind="stable"), _ROUNDS):
@@ -61,17 +61,17 @@ def visible(position: np.ndarray, radius: np.ndarray, camera: Camera) -> np.ndar
 def _filled(k: int) -> np.ndarray:
     """Cells that a disk of at least k cells' radius fills, from the cell of its centre, shape (m, 2)."""
     steps = _steps(k)
-    return steps[np.hypot(*(np.abs(steps) + 1).T) <= k]
+    return np.asarray(steps[np.hypot(*(np.abs(steps) + 1).T) <= k])
 
 
 @cache
 def _touched(k: int, stretch: float) -> np.ndarray:
     """Cells that the picture of a ball of less than k + 1 cells may touch, from the cell of its centre, shape (m, 2)."""
-    reach = stretch * (k + 1)
-    steps = _steps(int(reach) + 1)
-    return steps[np.hypot(*np.maximum(np.abs(steps) - 1, 0).T) <= reach]
+    cells = stretch * (k + 1)
+    steps = _steps(int(cells) + 1)
+    return np.asarray(steps[np.hypot(*np.maximum(np.abs(steps) - 1, 0).T) <= cells])
 
 
-def _steps(reach: int) -> np.ndarray:
-    along = np.arange(-reach, reach + 1)
+def _steps(most: int) -> np.ndarray:
+    along = np.arange(-most, most + 1)
     return np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -2,6 +2,7 @@
 
 import ctypes.util
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import pyvista as pv
@@ -79,7 +80,7 @@ class VtkRenderer:
         wider = drawn[1] / size[1]
         view.view_angle = 2.0 * np.degrees(np.arctan(wider * np.tan(np.radians(0.5 * camera.angle))))
         if camera.height is not None:
-            view.enable_parallel_projection()
+            view.enable_parallel_projection()  # type: ignore[no-untyped-call]
             view.parallel_scale = 0.5 * wider * camera.height
         self._walls: dict[str, Surface] = {}
 
@@ -88,17 +89,17 @@ class VtkRenderer:
         self._set_grains(balls)
         if not self._shade_reach and len(balls.radius):
             self._shade_reach = _SHADE_REACH * float(np.median(balls.radius))
-            self._plotter.enable_ssao(radius=self._shade_reach, bias=0.05 * self._shade_reach, kernel_size=64)
+            self._plotter.enable_ssao(radius=self._shade_reach, bias=0.05 * self._shade_reach, kernel_size=64)  # type: ignore[call-arg]
         for name in self._walls.keys() - {wall.name for wall in walls}:
             self._remove(name)
         for wall in walls:
             self._draw_wall(wall)
         self._plotter.camera.clipping_range = self._depths(balls, walls)
         self._plotter.render()  # screenshot alone would give the pixels of the frame before
-        fine = self._plotter.screenshot(return_img=True)[..., :3]
+        fine = np.asarray(self._plotter.screenshot(return_img=True))[..., :3]
         n, cut, (width, height) = _OVERSAMPLING, _OVERSAMPLING * _BORDER, self._size
         fine = fine[cut:-cut, cut:-cut].reshape(height, n, width, n, 3)
-        return np.round(fine.mean(axis=(1, 3))).astype(np.uint8)
+        return np.asarray(np.round(fine.mean(axis=(1, 3))).astype(np.uint8))
 
     def close(self) -> None:
         """Free what the plotter holds."""
@@ -120,15 +121,15 @@ class VtkRenderer:
         view = self._plotter.camera
         points = [balls.position, *(wall.vertices for wall in walls)]
         depth = (np.concatenate(points) - view.position) @ np.array(view.direction)
-        room = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
-        far = max(float(depth.max(initial=0.0)) + room, 1e-6)
+        margin = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
+        far = max(float(depth.max(initial=0.0)) + margin, 1e-6)
         # a near plane at the eye would leave no digits for the depth
-        return max(float(depth.min(initial=far)) - room, 1e-3 * far), far * (1.0 + 1e-6)
+        return max(float(depth.min(initial=far)) - margin, 1e-3 * far), far * (1.0 + 1e-6)
 
     def _remove(self, name: str) -> None:
         del self._walls[name]
         for part in ("back", "front", "outline"):
-            self._plotter.remove_actor(f"{part} {name}", reset_camera=False, render=False)
+            self._plotter.remove_actor(f"{part} {name}", reset_camera=False, render=False)  # type: ignore[arg-type]
 
     def _draw_wall(self, wall: Surface) -> None:
         """See-through surface with its outline and sharp edges as lines."""
@@ -145,12 +146,13 @@ class VtkRenderer:
             mesh = mesh.clip(normal=tuple(-normal), origin=tuple(offset * normal))
         if not mesh.n_cells:
             return
-        style = {"reset_camera": False, "render": False}
-        paint = {"color": _WALL} if wall.colour is None else {"scalars": "colour", "rgb": True}
+        style: dict[str, Any] = {"reset_camera": False, "render": False}
+        paint: dict[str, Any] = {"color": _WALL} if wall.colour is None else {"scalars": "colour", "rgb": True}
         # a see-through wall has one tint all over; light is for opaque ones, and leaves the colours of a field readable
-        light = {"lighting": self._opacity == 1.0, "ambient": 0.55, "diffuse": 0.5, "specular": 0.0}
+        light: dict[str, Any] = {"lighting": self._opacity == 1.0, "ambient": 0.55, "diffuse": 0.5, "specular": 0.0}
         # the far side first: so each side shines through the one before it, from wherever the camera looks
-        for part, culling in (("back", "front"), ("front", "back")):
+        sides: tuple[tuple[str, Literal["front", "back"]], ...] = (("back", "front"), ("front", "back"))
+        for part, culling in sides:
             self._plotter.add_mesh(
                 mesh, opacity=self._opacity, culling=culling, name=f"{part} {wall.name}", show_scalar_bar=False,
                 **paint, **light, **style,
@@ -177,12 +179,13 @@ def _open_plotter(size: tuple[int, int], background: str) -> pv.Plotter:
     Raises:
         WarpdemError: The machine has no OpenGL library at all, where VTK would crash.
     """
-    with quiet_vtk():  # it tells at length that there is no screen before it takes the way without one
+    with quiet_vtk():  # VTK reports at length that there is no screen before it draws without one
         plotter = pv.Plotter(off_screen=True, window_size=list(size))
-        if plotter.render_window.GetClassName() == "vtkOSOpenGLRenderWindow" and not ctypes.util.find_library("OSMesa"):
+        window = plotter.render_window
+        if window is not None and window.GetClassName() == "vtkOSOpenGLRenderWindow" and not ctypes.util.find_library("OSMesa"):
             plotter.close()
             raise WarpdemError(
                 "pictures need an OpenGL library and none was found; on Debian or Ubuntu: apt install libegl1"
             )
-        plotter.set_background(to_rgb(background))
+        plotter.set_background(to_rgb(background))  # type: ignore[arg-type]
         return plotter

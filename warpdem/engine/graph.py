@@ -62,11 +62,11 @@ class GraphStorage:
     """Arrays of the lists with capacity to spare; no force is known while lists are built, so their scratch lies there."""
 
     rows_are_counted = True
+    spare: Spare
 
     def __init__(self, device: wp.Device) -> None:
         self._device = device
         self.pool = BufferPool(device, exact=True)
-        self.spare: Spare | None = None
 
     def selection(self, entries: int) -> wp.array:
         """As ``host_build.Storage``."""
@@ -115,8 +115,8 @@ class GraphExecutor:
     """Runs batches of steps as a graph; the clock is all that goes back and forth.
 
     Attributes:
-        refreshes: inner lists built on the device.
-        renewals: outer lists built on the device.
+        inner_builds: inner lists built on the device.
+        outer_builds: outer lists built on the device.
         captures: how often a graph was captured.
     """
 
@@ -126,7 +126,7 @@ class GraphExecutor:
         self._model, self._state, self._clock = model, state, clock
         self.storage = GraphStorage(model.device)
         self.launch = HostLaunch(model.device, threads)
-        self.refreshes = self.renewals = self.captures = 0
+        self.inner_builds = self.outer_builds = self.captures = 0
         self._graphs: dict[tuple, tuple] = {}
 
     def steps_ahead(self) -> int:
@@ -156,12 +156,13 @@ class GraphExecutor:
             captured.step.forces(0)
         if count:
             self._run(captured)
+        del captured.build  # it refers back: without it old arrays are freed at once
         clock = batch.clock.numpy()
         outer = lists.device_builds_left - int(clock[OUTER_BUILDS_LEFT])
-        self.renewals += outer
+        self.outer_builds += outer
         lists.outer_built_on_device(outer)
         if clock[INNER_BUILDS]:
-            self.refreshes += int(clock[INNER_BUILDS])
+            self.inner_builds += int(clock[INNER_BUILDS])
             latest = self._clock.step_number + int(clock[LATEST_BUILD])
             lists.inner_built_on_device(int(clock[INNER_BUILDS]), latest, clock[TOTALS].tolist())
         # where the host is asked for nothing else, a grain has left

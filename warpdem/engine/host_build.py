@@ -77,8 +77,8 @@ def morton_order(position: np.ndarray, cell: float, device: wp.Device | str = "c
         index = (index | (index << np.uint64(shift))) & np.uint64(mask)
     code = index[:, 0] | (index[:, 1] << np.uint64(1)) | (index[:, 2] << np.uint64(2))
     # the second half of both is scratch of the sort
-    key = wp.array(np.pad(code.astype(np.int64), (0, n)), dtype=wp.int64, device=device)
-    slot = wp.array(np.pad(np.arange(n, dtype=np.int32), (0, n)), dtype=wp.int32, device=device)
+    key: wp.array = wp.array(np.pad(code.astype(np.int64), (0, n)), dtype=wp.int64, device=device)
+    slot: wp.array = wp.array(np.pad(np.arange(n, dtype=np.int32), (0, n)), dtype=wp.int32, device=device)
     wp.utils.radix_sort_pairs(key, slot, n)
     return slot.numpy()[:n].copy()
 
@@ -121,7 +121,7 @@ class HostBuild:
         n = a.known = len(kept)
         if n == 0:
             state.reorder(kept)
-            a.outer = None
+            a.forget_outer()
             a.set_totals([0, 0, 0])
             return None
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
@@ -167,7 +167,7 @@ class HostBuild:
                 self._give_rows_capacity()
                 self.program.find_neighbors(new.capacity_start)
         new.contact = pool.zeros(new.slot.shape, wp.int32)
-        if a.outer is None:
+        if not a.built:
             new.contact.fill_(-1)
         if self.model.walls is not None:
             a.near_feature = pool.zeros(self._length("slots", scratch.slots, new.feature_count), wp.int32)

@@ -89,7 +89,7 @@ class NeighborLists(ContactLists):
         """
         due, self.due = self.due, 0
         force_rebuild |= grown and (self.build.storage.rows_are_counted or not self.rebuilds)
-        changed = grown or force_rebuild or self.outer is None
+        changed = grown or force_rebuild or not self.built
         if not changed and not due:
             return
         found = self.build.check(max(0.5 * (self.skin - max(self.margin, self.next_margin)), 0.0))
@@ -107,7 +107,7 @@ class NeighborLists(ContactLists):
         if (found & FAST).any():
             self.watch_travel(self.state.record.numpy(), self._batch.placements_ahead()[0])
         self.force_parity = (self.clock.step_number - 1) & 1
-        force_rebuild |= self.outer is None
+        force_rebuild |= not self.built
         fast = self.flights.slots
         if not force_rebuild:
             with self._timers.measure("lists"):
@@ -137,11 +137,11 @@ class NeighborLists(ContactLists):
         with self._timers.measure("lists"):
             order = self.build.outer()
             if order is not None and len(fast):
-                self.flights.lay_anew(np.flatnonzero(np.isin(order, fast)))
+                self.flights.lay_again(np.flatnonzero(np.isin(order, fast)))
 
     def _rebuild_inner(self) -> None:
         """Build the inner list."""
-        if self.outer is not None:
+        if self.built:
             with self._timers.measure("refresh"):
                 self.build.inner()
                 self.flights.unplace()
@@ -165,13 +165,13 @@ class NeighborLists(ContactLists):
         new = [slot for slot in self.flights.slots if slot not in known]
         unlisted = False  # all that is in the rows of those that fly is in the inner list
         if new:
-            unlisted = self.outer.count.numpy()[new].any() or (self.rows and np.diff(self.rows.first.numpy())[new].any())
+            unlisted = self.outer.neighbors.numpy()[new].any() or (self.rows and np.diff(self.rows.first.numpy())[new].any())
         return not (stray & INNER).any() and not unlisted, fast
 
     def _insert(self) -> bool:
         """Whether newcomers could be added to the lists as they are.
 
-        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid anew.
+        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid again.
         """
         known, flying = self.known, self.flights.slots
         if not self._newcomers.add():

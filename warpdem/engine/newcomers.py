@@ -1,4 +1,4 @@
-"""Grains that come in are added to the lists as they are: those of the others hold, and need not be made anew.
+"""Inserted grains are appended to the lists as they are: those of the others hold, and need not be rebuilt.
 
 A newcomer has a higher id than all others, so it comes last in the row of each neighbor: where the rows have room for it,
 nothing moves. It gets a row of its own, and slots beside walls, behind all others. All arrays have room for those to come.
@@ -26,20 +26,20 @@ def grown(array: wp.array, rows: int, axis: int = 0) -> wp.array:
         return array
     there = (slice(None),) * axis + (slice(0, shape[axis]),)
     shape[axis] = rows + int(ROOM * rows) + 64
-    out = wp.zeros(tuple(shape), dtype=array.dtype, device=array.device)
+    out: wp.array = wp.zeros(tuple(shape), dtype=array.dtype, device=array.device)
     out.numpy()[there] = array.numpy()
     return out
 
 
 def first_rows(array: wp.array, rows: int) -> wp.array:
     """View of the first ``rows`` of an array, whose memory it holds."""
-    out = wp.array(ptr=array.ptr, shape=(rows, *array.shape[1:]), dtype=array.dtype, device=array.device)
-    out._ref = array  # as in Warp's own views
+    out: wp.array = wp.array(ptr=array.ptr, shape=(rows, *array.shape[1:]), dtype=array.dtype, device=array.device)
+    out._ref = array  # type: ignore[assignment]  # as in Warp's own views
     return out
 
 
 class Newcomers:
-    """Adds grains to near lists and wall rows, on a CPU.
+    """Appends grains to the outer list and to the wall slots, on a CPU.
 
     Args:
         lists: built for the grains in the first ``lists.known`` slots; those behind were inserted since.
@@ -52,10 +52,10 @@ class Newcomers:
         self._kept: dict[str, wp.array] = {}
 
     def add(self) -> bool:
-        """Whether there was room for them; else the lists are as they were, and must be made anew."""
+        """Whether there was capacity for them; else the lists are as they were, and must be rebuilt."""
         lists, state = self.lists, self.state
         record, known, n = state.record.numpy(), lists.known, state.slots
-        if n == known:  # nobody came: the lists are wanted anew
+        if n == known:  # none was inserted: a rebuild was requested
             return False
         pairs = self._neighbours(record, known)
         start, count, slot, contact = lists.outer
@@ -132,6 +132,7 @@ class Newcomers:
     def _beside_walls(self, new: np.ndarray) -> None:
         """Slots of newcomers beside walls, behind those of the others."""
         lists, walls = self.lists, self.model.walls
+        assert walls is not None
         rows, n, used = lists.rows, int(new[-1]) + 1, int(lists.rows.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
         shared = self.state.record, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements

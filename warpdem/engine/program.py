@@ -156,7 +156,7 @@ class ListBuild:
         a, k = self.lists, self.kernels.lists
         if a.rows_are_counted:
             self.find_neighbors(a.new.start)
-        if a.outer is not None:
+        if a.built:
             rows = a.new.start, a.new.count, a.new.slot
             old = a.new.old_slot, a.new.old_id, *a.outer
             self.launch(k.carry_contacts, self.n, self.state.id, *rows, *old, a.new.contact)
@@ -175,6 +175,7 @@ class ListBuild:
     def _near_features(self, write: int) -> None:
         """Count the wall features near each grain, or write their numbers."""
         a, walls, nothing = self.lists, self.model.walls, self.batch.scratch(self.n).nothing
+        assert walls is not None
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
         shared = self.state.record, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
         self.launch(self.kernels.walls.near_features, self.n, write, *shared, first, a.new.feature_count, feature)
@@ -185,7 +186,7 @@ class ListBuild:
         """Pairs and wall features closer than the inner skin, where the arrays hold them."""
         a, k, b = self.lists, self.kernels.lists, self.batch
         counts = [a.touching, a.close, a.width]
-        rows = a.outer.start, a.outer.count, a.outer.slot
+        rows = a.outer.start, a.outer.neighbors, a.outer.slot
         self.launch(
             k.select_contacts, self.n, self.state.record, self.state.id, *rows, a.margin, a.flight, a.listed, *counts
         )
@@ -206,7 +207,7 @@ class ListBuild:
         self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), filler, *lanes)
         self.launch(
             k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
-            a.outer.start, a.outer.count, a.outer.slot, a.listed, a.touching_start, a.close_start, a.row_start, a.memory,
+            a.outer.start, a.outer.neighbors, a.outer.slot, a.listed, a.touching_start, a.close_start, a.row_start, a.memory,
             a.outer.contact, *lanes, a.next_memory,
         )  # fmt: skip
         self.decide.adopt_history()

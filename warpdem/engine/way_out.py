@@ -1,14 +1,17 @@
 """Whether analytic walls leave a way out, downwards: what falls through it falls on for ever."""
 
+from typing import Any
+
 import numpy as np
 
+from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
 LEVEL = 1.0e-9  # sine of an angle below which a direction counts as level, or as along another
 
 
-def way_out(scene, smallest: float) -> list[str]:
+def way_out(scene: Scene, smallest: float) -> list[str]:
     """Names of the walls that a grain of diameter ``smallest`` [m] falls past, all of the scene; none if one of them holds it.
 
     Known are the walls that hold by themselves whatever falls: a plane that is no ceiling and no side wall, a sphere or a cone
@@ -25,7 +28,7 @@ def way_out(scene, smallest: float) -> list[str]:
     return [wall.name for wall in scene.walls]
 
 
-def _holds(shape, down: np.ndarray, planes: list[Plane], smallest: float) -> bool:
+def _holds(shape: Any, down: np.ndarray, planes: list[Plane], smallest: float) -> bool:
     """Whether a wall by itself, with planes for its ends, holds whatever falls onto it."""
     if isinstance(shape, Plane):
         return float(np.dot(shape.normal, down)) < -LEVEL

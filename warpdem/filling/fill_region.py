@@ -21,6 +21,12 @@ CUP_NODES = 40_000
 """Nodes of the grid by which a cup is told."""
 
 
+Corners = np.ndarray | Sequence[Sequence[float]]
+"""Least and greatest corner of a box [m], shape (2, 3)."""
+Direction = np.ndarray | Sequence[float]
+"""A direction, any length, shape (3,)."""
+
+
 @dataclass(frozen=True, eq=False)
 class FillRegion:
     """A box along its own axes, within a closed mesh if there is one."""
@@ -62,10 +68,12 @@ class FillRegion:
             return points
         low, high = self.low + radius[:, None], self.high - radius[:, None]
         points = low + generator.random((len(radius), 3)) * (high - low)
-        return points if (self.axes == np.eye(3)).all() else np.einsum("ij,ni->nj", self.axes, points)
+        return points if (self.axes == np.eye(3)).all() else np.asarray(np.einsum("ij,ni->nj", self.axes, points))
 
 
-def closed_region(mesh: TriangleMesh | None, box, key: str, height: float | None = None, up=(0.0, 0.0, 1.0)) -> FillRegion:
+def closed_region(
+    mesh: TriangleMesh | None, box: Corners | None, key: str, height: float | None = None, up: Direction = (0.0, 0.0, 1.0)
+) -> FillRegion:
     """Region of a closed mesh, a box, or the part of the mesh within the box.
 
     Args:
@@ -95,7 +103,7 @@ def closed_region(mesh: TriangleMesh | None, box, key: str, height: float | None
         else:
             low[k] = max(low[k], high[k] - height)
     volume = float(np.prod(high - low)) if mesh is None else clipped_volume(mesh, (low, high))
-    if volume <= 0.0:
+    if mesh is not None and volume <= 0.0:
         raise SceneError(f"{key}: the region {[low.tolist(), high.tolist()]} m holds nothing of the inside of {mesh.name}")
     return FillRegion(low, high, axes, mesh, volume)
 
@@ -103,12 +111,12 @@ def closed_region(mesh: TriangleMesh | None, box, key: str, height: float | None
 def open_region(
     mesh: TriangleMesh,
     walls: Sequence[PlacedWall],
-    box,
+    box: Corners | None,
     radius: float,
     key: str,
     height: float | None = None,
-    up=(0.0, 0.0, 1.0),
-    point=None,
+    up: Direction = (0.0, 0.0, 1.0),
+    point: np.ndarray | None = None,
 ) -> FillRegion:
     """The space that a mesh holds without being closed around it: of a hopper, a cup, a trough, up to their brim or a level.
 
@@ -152,10 +160,11 @@ def open_region(
     open_space = find_open_space(walls, corners, axes, leaks, radius, key, point)
     if open_space is None:
         raise SceneError(leak_message(walls, corners, axes, leaks, radius, key))
-    return FillRegion(*corners, axes, None, open_space.volume, open_space)
+    low, high = corners
+    return FillRegion(low, high, axes, None, open_space.volume, open_space)
 
 
-def is_cup(mesh: TriangleMesh, up) -> bool:
+def is_cup(mesh: TriangleMesh, up: Direction) -> bool:
     """Whether a closed mesh of one skin holds more between its walls than it has inside, as a cup of solid walls."""
     if not any(up):
         return False
@@ -199,12 +208,12 @@ def sample_points(space: FillRegion, count: int) -> np.ndarray:
     # additive recurrence: its numbers are powers of the root of x^4 = x + 1, which spread best in three dimensions
     share = (0.5 + np.outer(np.arange(1, count + 1), 1.2207440846057596 ** -np.arange(1.0, 4.0))) % 1.0
     points = (space.low + share * (space.high - space.low)) @ space.axes
-    return points if space.mesh is None else points[inside(space.mesh, points)]
+    return np.asarray(points if space.mesh is None else points[inside(space.mesh, points)])
 
 
-def _clipped(mesh: TriangleMesh | None, box, key: str) -> np.ndarray:
+def _clipped(mesh: TriangleMesh | None, box: Corners | None, key: str) -> np.ndarray:
     """Least and greatest corner of the box within the bounds of the mesh [m], shape (2, 3)."""
-    bounds = np.asarray(mesh.bounds if box is None else box, float)
+    bounds = np.asarray(mesh.bounds if box is None and mesh is not None else box, float)
     low, high = bounds.copy()
     if mesh is not None:
         low, high = np.maximum(low, mesh.bounds[0]), np.minimum(high, mesh.bounds[1])
@@ -221,13 +230,13 @@ def _slants(up: np.ndarray, key: str) -> SceneError:
     )
 
 
-def _direction(up, key: str) -> np.ndarray:
+def _direction(up: Direction, key: str) -> np.ndarray:
     """Unit vector."""
     up = np.asarray(up, float)
     length = float(np.linalg.norm(up))
     if length == 0.0:
         raise SceneError(f"{key}.height: counts against gravity, but gravity is zero: give a region or box instead")
-    return up / length
+    return np.asarray(up / length)
 
 
 def _below_slanted_level(mesh: TriangleMesh, up: np.ndarray, height: float) -> FillRegion:

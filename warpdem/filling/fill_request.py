@@ -14,7 +14,7 @@ from warpdem.scene.size_distribution import SizeLaw
 DENSEST = 0.74
 """Solid fraction of the densest packing of equal spheres [-]; more is refused at once."""
 HEIGHT_FRACTION = 0.55
-"""Solid fraction of a filling of which only the height is told [-]: a poured bed, walls included, hardly settles."""
+"""Solid fraction of a filling of which only the height is given [-]: a poured bed, walls included, hardly settles."""
 PACKING_BYTES = 350
 """Memory that packing takes at least per grain [B]; measured with 373 000 loose grains: 359, and 408 for moments."""
 
@@ -26,8 +26,8 @@ class Filling:
     region: FillRegion
     radius: np.ndarray
     """Radii [m], shape (n,), in the order in which they were drawn."""
-    places: np.random.Generator
-    """Random numbers of the places; sizes come from a stream of their own."""
+    generator: np.random.Generator
+    """Random numbers of the positions; sizes come from a stream of their own."""
     key: str
     """Scene key, for messages."""
     walls: tuple[PlacedWall, ...] = ()
@@ -69,15 +69,15 @@ def filling(
     if sum(amount is not None for amount in (count, solid_fraction, volume)) != 1:
         raise SceneError(f"{key}: give exactly one of count, solid_fraction and volume")
     generator = np.random.default_rng(seed)
-    places = generator.spawn(1)[0]
-    number = count if count is not None else (volume or solid_fraction * space.volume) / sizes.mean_volume
+    positions = generator.spawn(1)[0]
+    wanted = volume if volume is not None else (solid_fraction or 0.0) * space.volume
+    number = count if count is not None else wanted / sizes.mean_volume
     if reason := memory.refusal(number * PACKING_BYTES, f"packing {number:.6g} grains", "ask for fewer or larger grains"):
         _refuse_too_dense(number, number * sizes.mean_volume / space.volume, space, key)
         raise SceneError(f"{key}: {reason}")
     if count is not None:
         diameter = sizes.draw(generator, int(count))
     else:
-        wanted = volume if volume is not None else solid_fraction * space.volume
         _refuse_too_dense(wanted / sizes.mean_volume, wanted / space.volume, space, key)
         diameter = sizes.draw_volume(generator, wanted)
         if len(diameter) == 0:
@@ -85,10 +85,10 @@ def filling(
                 f"{key}: {wanted:.6g} m3 of grains (solid fraction {wanted / space.volume:.3g} of {space.volume:.6g} m3) "
                 f"is less than half a grain of {sizes.draw(np.random.default_rng(seed), 1)[0]:.6g} m"
             )
-    reach = 0.5 * float(diameter.max())
-    asked = Filling(space, 0.5 * diameter, places, key, tuple(w for w in walls if w.is_near(space.bounds, reach)))
-    _refuse_too_dense(len(diameter), asked.solid_fraction, space, key)
-    return asked
+    largest = 0.5 * float(diameter.max())
+    request = Filling(space, 0.5 * diameter, positions, key, tuple(w for w in walls if w.is_near(space.bounds, largest)))
+    _refuse_too_dense(len(diameter), request.solid_fraction, space, key)
+    return request
 
 
 def _refuse_too_dense(count: float, fraction: float, space: FillRegion, key: str) -> None:

@@ -10,6 +10,8 @@ from warpdem.filling.fill_region import FillRegion, closed_region, is_cup, open_
 from warpdem.filling.placed_walls import PlacedWall, assign_sides, is_closed, straddle_notes
 from warpdem.mesh.shells import cavities, corners_in_file
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
+from warpdem.scene.grains import Fill
+from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
 
 SIDES = 4000
@@ -31,7 +33,7 @@ class FillSpace:
 
 
 def choose_fill_space(
-    scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked, up: np.ndarray, key: str
+    scene: Scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked: Fill, up: np.ndarray, key: str
 ) -> FillSpace:
     """The space that a filling asks for.
 
@@ -51,6 +53,7 @@ def choose_fill_space(
         SceneError: Nothing is left, the grains would run out, or it is not clear which of several spaces is meant.
     """
     if asked.wall is None:
+        assert asked.box is not None  # the scene says where
         space = closed_region(None, (asked.box.min, asked.box.max), key, asked.height, up)
         near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
         points = sample_points(space, SIDES)
@@ -73,11 +76,13 @@ def choose_fill_space(
     return FillSpace(space, [*own, *others], tuple(vessels), note)
 
 
-def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[TriangleMesh | None, tuple[str, ...]]:
+def _bound(
+    scene: Scene, mesh: TriangleMesh, asked: Fill, up: np.ndarray, key: str
+) -> tuple[TriangleMesh | None, tuple[str, ...]]:
     """The closed surface around the space, or None if it has none; and what is to be noted of that."""
     if not is_closed(mesh):
         return None, ()
-    number = [wall.name for wall in scene.walls].index(asked.wall)
+    number = next(k for k, wall in enumerate(scene.walls) if wall.name == asked.wall)
     hollows = _hollows(scene, number, mesh)
     if asked.point is not None:
         point = np.asarray(asked.point, float)[None]
@@ -100,7 +105,7 @@ def _bound(scene, mesh: TriangleMesh, asked, up: np.ndarray, key: str) -> tuple[
     return mesh, ()
 
 
-def body_test(scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
+def body_test(scene: Scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
     """What tells whether a closed mesh wall is a body that holds more than it has inside: a tank or cup of solid walls.
 
     Args:
@@ -109,25 +114,27 @@ def body_test(scene, up: np.ndarray) -> Callable[[PlacedWall], bool]:
     """
 
     def is_body(wall: PlacedWall) -> bool:
-        mesh, number = wall.surface, [one.name for one in scene.walls].index(wall.name)
+        mesh, number = wall.mesh, [one.name for one in scene.walls].index(wall.name)
         held = sum(abs(hollow.volume) for hollow in _hollows(scene, number, mesh))
-        return held > abs(mesh.volume) or is_cup(mesh, up @ wall.axes)
+        return bool(held > abs(mesh.volume)) or is_cup(mesh, up @ wall.axes)
 
     return is_body
 
 
-def _hollows(scene, number: int, mesh: TriangleMesh) -> list[TriangleMesh]:
+def _hollows(scene: Scene, number: int, mesh: TriangleMesh) -> list[TriangleMesh]:
     """Cavities of a closed mesh wall."""
     if not cavities(mesh):
         return []
     wall, key = scene.walls[number], f"{scene.source}: walls[{number}].mesh"
+    assert wall.mesh is not None
     given = scene.resolve(wall.mesh), wall.scale, wall.rotate, wall.translate, wall.prim, key, scene.access.folders
     return cavities(mesh, corners_in_file(*given))
 
 
 def _point_inside(mesh: TriangleMesh) -> list[float]:
     """A point well inside a closed mesh [m], in few digits."""
-    space = FillRegion(*mesh.bounds, np.eye(3), mesh, abs(mesh.volume))
+    low, high = mesh.bounds
+    space = FillRegion(low, high, np.eye(3), mesh, abs(mesh.volume))
     points = sample_points(space, SIDES)
     deepest = points[np.argmin(signed_distance(mesh, points)[0])]
     return [float(f"{x:.4g}") for x in deepest]

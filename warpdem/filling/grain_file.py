@@ -2,6 +2,7 @@
 
 import math
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -188,7 +189,7 @@ def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
     return {"position": arrays["points"], **{field: arrays[name] for field, name in VTP_ARRAYS.items() if name in arrays}}
 
 
-def _listed(names) -> str:
+def _listed(names: Iterable[str]) -> str:
     """The first of some names, as they may be shown."""
     shown = [ascii(name)[1:-1][:60] for name in names]
     return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "") or "none"

@@ -53,12 +53,12 @@ class OpenSpace:
         cells = np.argwhere(self.fits)
         chosen = cells[generator.integers(len(cells), size=count)]
         local = self.low + (chosen + generator.random((count, 3))) * self.cell
-        return np.einsum("ij,ni->nj", self.axes, local)
+        return np.asarray(np.einsum("ij,ni->nj", self.axes, local))
 
     def _at(self, nodes: np.ndarray, position: np.ndarray) -> np.ndarray:
         local = np.einsum("ij,nj->ni", self.axes, position)
         index = np.clip(((local - self.low) / self.cell).astype(np.int64), 0, np.array(nodes.shape) - 1)
-        return nodes[tuple(index.T)]
+        return np.asarray(nodes[tuple(index.T)])
 
 
 def find_open_space(
@@ -135,10 +135,11 @@ def leak_message(
     if around.max() < 0:
         return f"{key}: no grain of {2.0 * radius:.4g} m in diameter fits between the walls"
     best = np.where(around == around.max(), grid.distance, -np.inf)
-    return _leak_text(grid, np.unravel_index(int(np.argmax(best)), grid.shape), radius, key)
+    seed = tuple(int(i) for i in np.unravel_index(int(np.argmax(best)), grid.shape))
+    return _leak_text(grid, seed, radius, key)
 
 
-def _leak_text(grid: SpaceGrid, seed: tuple, radius: float, key: str) -> str:
+def _leak_text(grid: SpaceGrid, seed: tuple[int, ...], radius: float, key: str) -> str:
     """Where grains at a node would run out, and how wide the opening is: the narrowest point of the widest path out."""
 
     def reachable(least: float) -> tuple[np.ndarray, np.ndarray]:

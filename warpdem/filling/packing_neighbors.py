@@ -11,10 +11,10 @@ from warpdem.kernels import packing as kernels
 def worst_overlaps(position: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest overlap of each grain as a share of the smaller radius [-], (n,), and its partner, (n,), -1: none."""
     threads = Threads(available_threads())
-    neighbours = NeighborTable(np.array(position, float), radius, len(radius), 0.0, threads, room=0)
-    neighbours.build()
+    neighbors = NeighborTable(np.array(position, float), radius, len(radius), 0.0, threads, capacity=0)
+    neighbors.build()
     threads.close()
-    return neighbours.overlap.numpy(), neighbours.partner.numpy()
+    return neighbors.overlap.numpy(), neighbors.partner.numpy()
 
 
 class NeighborTable:
@@ -23,18 +23,18 @@ class NeighborTable:
     Args:
         position: Positions [m], shape (n, 3); read again at each call.
         radius: Radii [m], shape (n,).
-        loose: Number of grains, the first ones, that have neighbours and move.
+        loose: Number of grains, the first ones, that have neighbors and move.
         skin: Reach beyond touching [m].
         threads: Who computes.
-        room: Neighbours that the table has room for to begin with, per grain; 0 for no table.
+        capacity: Neighbors per grain that the table can hold at first; 0 for no table.
     """
 
-    def __init__(self, position: np.ndarray, radius: np.ndarray, loose: int, skin: float, threads: Threads, room: int = 24):
+    def __init__(self, position: np.ndarray, radius: np.ndarray, loose: int, skin: float, threads: Threads, capacity: int = 24):
         self._position, self._loose, self._skin, self._threads = position, loose, skin, threads
         self._radii, self._classes = radius, size_classes(radius)
-        self._room = RowRoom(room) if room else None
+        self._capacity = RowRoom(capacity) if capacity else None
         self._points = wp.zeros(len(position), dtype=wp.vec3d, device="cpu")
-        self._radius = wp.array(radius, dtype=wp.float64, device="cpu")
+        self._radius: wp.array[wp.float64] = wp.array(radius, dtype=wp.float64, device="cpu")
         self._count = wp.zeros(loose, dtype=wp.int32, device="cpu")
         self._move = wp.zeros(loose, dtype=wp.vec3d, device="cpu")
         self.overlap = wp.zeros(loose, dtype=wp.float64, device="cpu")
@@ -43,19 +43,19 @@ class NeighborTable:
         self.builds = 0
 
     def build(self) -> None:
-        """List the neighbours."""
+        """List the neighbors."""
         self._points.numpy()[:] = self._position
         grids = grids_for(self._position, self._radii, self._classes, self._skin, wp.get_device("cpu"))
         wp.launch(kernels.insert_grains, len(self._radii), [grids, self._points, self._radius], device="cpu")
         loose = self._classes[: self._loose]
         while True:
-            start = self._room.starts(loose) if self._room else np.zeros(self._loose + 1, dtype=np.int32)
-            self._start = wp.array(start, dtype=wp.int32, device="cpu")
+            start = self._capacity.starts(loose) if self._capacity else np.zeros(self._loose + 1, dtype=np.int32)
+            self._start: wp.array[wp.int32] = wp.array(start, dtype=wp.int32, device="cpu")
             self._table = wp.empty(int(start[-1]), dtype=wp.int32, device="cpu")
             inputs = [grids, self._points, self._radius, self._skin, self._start]
             outputs = [self._table, self._count, self.overlap, self.partner]
             self._threads.split(kernels.list_neighbours, self._loose, [*inputs, *outputs], wp.get_device("cpu"))
-            if self._room is None or self._room.holds(loose, self._count.numpy()):
+            if self._capacity is None or self._capacity.holds(loose, self._count.numpy()):
                 break
         self._built_at = self._position[: self._loose].copy()
         self.builds += 1
@@ -71,6 +71,6 @@ class NeighborTable:
         return self._move.numpy(), self.overlap.numpy()
 
     def _moved(self) -> float:
-        """Longest way of a grain since the table was built [m]."""
-        way = self._position[: self._loose] - self._built_at
-        return float(np.sqrt(np.einsum("ij,ij->i", way, way).max(initial=0.0)))
+        """Largest displacement of a grain since the table was built [m]."""
+        moved = self._position[: self._loose] - self._built_at
+        return float(np.sqrt(np.einsum("ij,ij->i", moved, moved).max(initial=0.0)))

@@ -18,7 +18,7 @@ OVERLAP = 1e-6
 """Largest overlap left between two grains as a share of the smaller radius [-]: more than rounding leaves in a row of grains
 that fits exactly between two walls."""
 START_FRACTION = 0.3
-"""Solid fraction at which growing starts [-]: random places overlap little there."""
+"""Solid fraction at which growing starts [-]: random positions overlap little there."""
 GROWING_STEPS = 30
 """Steps over which the grains grow to their size without shaking."""
 FLUID_FRACTION = 0.5
@@ -32,7 +32,7 @@ SHAKING_HELPS = 0.8
 MOMENTUM = 0.95
 """Share of a grain's last move that it repeats [-] (heavy ball)."""
 SKIN = 0.6
-"""Reach of the neighbour table beyond touching, in mean radii [-]."""
+"""Skin of the neighbor table, in mean radii [-]."""
 PATIENCE = 300
 """Steps within which the largest overlap must shrink by `PROGRESS`, or growing to the full size is given up."""
 PROGRESS = 1e-3
@@ -45,7 +45,7 @@ next [-]."""
 LEAST_SMALLER = 0.003
 """Least share by which they are [-]."""
 IN_WALL = 0.1
-"""How far a grain that has no room reaches into a wall, though each step ends with moving it off, in its own radii [-]."""
+"""How far a grain that has no space reaches into a wall, though each step ends with moving it off, in its own radii [-]."""
 SMALLER_ATTEMPTS = 10
 """Attempts with smaller grains."""
 SMALLER_WORK = 2_000_000
@@ -65,7 +65,7 @@ class Packing:
     steps: int
     """Steps of pushing and shaking."""
     rebuilds: int
-    """Neighbour searches."""
+    """Neighbor searches."""
     shakes: int
     """Attempts of shaking; 0 when pushing apart was enough."""
     seconds: float
@@ -73,7 +73,7 @@ class Packing:
 
 
 class PackingRun:
-    """Fillings that are packed together, among grains that are held fast.
+    """Fillings that are packed together, among grains that do not move.
 
     Args:
         fillings: What is to be placed.
@@ -84,21 +84,21 @@ class PackingRun:
     def __init__(self, fillings: list[Filling], held_position: np.ndarray, held_radius: np.ndarray) -> None:
         self._begin = time.perf_counter()
         self._fillings = fillings
-        ends = np.cumsum([len(asked.radius) for asked in fillings])
-        self._parts = [slice(end - len(asked.radius), end) for end, asked in zip(ends, fillings, strict=True)]
+        ends = np.cumsum([len(request.radius) for request in fillings])
+        self._parts = [slice(end - len(request.radius), end) for end, request in zip(ends, fillings, strict=True)]
         self._loose = int(ends[-1])
-        self._radius = np.concatenate([*(asked.radius for asked in fillings), held_radius])
-        places = [initial_positions(asked) for asked in fillings]
-        # neighbours in space become neighbours in memory; the order within a filling is put back at the end
+        self._radius = np.concatenate([*(request.radius for request in fillings), held_radius])
+        points_of = [initial_positions(request) for request in fillings]
+        # neighbors in space become neighbors in memory; the order within a filling is restored at the end
         cell = 2.0 * finest_cell(self._radius, size_classes(self._radius), 0.0)
-        self._order = [np.lexsort(np.floor(points / cell).T) for points in places]
-        self._position = np.concatenate([*(p[o] for p, o in zip(places, self._order, strict=True)), held_position])
+        self._order = [np.lexsort(np.floor(points / cell).T) for points in points_of]
+        self._position = np.concatenate([*(p[o] for p, o in zip(points_of, self._order, strict=True)), held_position])
         for part, order in zip(self._parts, self._order, strict=True):
             self._radius[part] = self._radius[part][order]
-        self._walls = [walls_of(asked, self._radius[part]) for asked, part in zip(fillings, self._parts, strict=True)]
+        self._walls = [walls_of(request, self._radius[part]) for request, part in zip(fillings, self._parts, strict=True)]
         self._last = np.zeros((self._loose, 3))
         self._move = np.zeros((self._loose, 3))
-        self._fraction = sum(asked.solid_fraction for asked in fillings)
+        self._fraction = sum(request.solid_fraction for request in fillings)
         self._threads = Threads(available_threads())
         skin = SKIN * float(self._radius[: self._loose].mean())
         self._neighbours = NeighborTable(self._position, self._radius, self._loose, skin, self._threads)
@@ -109,10 +109,10 @@ class PackingRun:
     def __enter__(self) -> "PackingRun":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._threads.close()
 
-    def places(self) -> list[np.ndarray]:
+    def positions(self) -> list[np.ndarray]:
         """Positions [m] of the grains of each filling, shape (n, 3), in the order in which sizes were drawn."""
         found = []
         for part, order in zip(self._parts, self._order, strict=True):
@@ -125,7 +125,7 @@ class PackingRun:
         """Push apart, shake as long as that helps, and give up with what was reached.
 
         Raises:
-            SceneError: The grains did not find places.
+            SceneError: The grains did not find positions.
         """
         shakes = 0
         left = self._settle(1.0, self._size_at(START_FRACTION), GROWING_STEPS)
@@ -141,12 +141,12 @@ class PackingRun:
         if left > 0.0:
             raise self._too_dense(left)
         seconds = time.perf_counter() - self._begin
-        keys = tuple(asked.key for asked in self._fillings)
+        keys = tuple(request.key for request in self._fillings)
         return Packing(keys, self._loose, self._steps, self._neighbours.builds, shakes, seconds)
 
     def _size_at(self, fraction: float) -> float:
         """Factor on the radii [-] at which the grains would have this solid fraction, at most 1."""
-        return min(1.0, (fraction / self._fraction) ** (1.0 / 3.0))
+        return float(min(1.0, (fraction / self._fraction) ** (1.0 / 3.0)))
 
     def _settle(self, goal: float = 1.0, start: float = 1.0, growing: int = 0) -> float:
         """Heavy-ball steps until nothing overlaps at `goal` times the radii; then 0, else the least overlap found [-].
@@ -177,7 +177,7 @@ class PackingRun:
         """Grow from a fluid to full size, slower and slower, while all grains keep moving."""
         start = self._size_at(FLUID_FRACTION)
         radius = self._radius[: self._loose, None]
-        self._last[:] = self._fillings[0].places.normal(size=self._last.shape) * radius
+        self._last[:] = self._fillings[0].generator.normal(size=self._last.shape) * radius
         for step in range(steps):
             self._last *= SHAKING / np.sqrt(((self._last / radius) ** 2).sum(axis=1).mean())
             self._push_apart(start + (1.0 - start) * (1.0 - (1.0 - step / steps) ** 2))
@@ -200,12 +200,12 @@ class PackingRun:
         self._last *= momentum
         self._last += self._move
         before = loose.copy()
-        for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
-            if asked.region.open_space is not None:
+        for request, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
+            if request.region.open_space is not None:
                 keep_this_side(self._last[part], walls)
         loose += self._last
-        for asked, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
-            asked.region.clamp(loose[part], self._radius[part])
+        for request, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
+            request.region.clamp(loose[part], self._radius[part])
             for wall in walls:
                 came_from = loose[part].copy() if len(walls) > 1 else None
                 wall.push_in(loose[part])
@@ -213,8 +213,8 @@ class PackingRun:
                     for other in walls:
                         if other is not wall:
                             other.note(loose[part] - came_from)
-            if asked.region.open_space is not None:
-                strayed = ~asked.region.open_space.is_near(loose[part])
+            if request.region.open_space is not None:
+                strayed = ~request.region.open_space.is_near(loose[part])
                 loose[part][strayed] = before[part][strayed]
                 for wall in walls:
                     wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
@@ -242,27 +242,27 @@ class PackingRun:
         stuck = "" if left <= 0.0 else self._stuck_in_wall()
         found = "reached {:.3f} without overlap: about {:.0f} grains of these sizes fit"
         if in_wall:
-            found = "not all found a place clear of the walls"
+            found = "not all found a position clear of the walls"
         elif left > 0.0:
             found = "less than {:.3f} would fit, {:.0f} grains of these sizes"
-        asked = "; ".join(
+        request = "; ".join(
             f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} ({len(one.radius)} grains in "
             f"{one.region.volume:.6g} m3), {found.format(one.solid_fraction * goal**3, len(one.radius) * goal**3)}"
             for one in self._fillings
         )
         held = len(self._radius) - self._loose
-        among = f" among {held} grains given by place" if held else ""
+        among = f" among {held} grains given by position" if held else ""
         return SceneError(
-            f"{asked}{among} (after {self._steps} steps, {time.perf_counter() - self._begin:.1f} s){stuck}; ask for fewer "
+            f"{request}{among} (after {self._steps} steps, {time.perf_counter() - self._begin:.1f} s){stuck}; ask for fewer "
             "grains, smaller ones or a larger region"
         )
 
     def _stuck_in_wall(self) -> str:
-        """Which grain keeps reaching into a wall, in words; nothing if none does."""
+        """Message on the grain that keeps reaching into a wall; empty if none does."""
         for walls, part in zip(self._walls, self._parts, strict=True):
             for wall in walls:
                 position = self._position[part]
                 if wall.reached(position) > 0.0:
                     where = ", ".join(f"{x:.4g}" for x in position[wall.worst(position)])
-                    return f"; a grain at ({where}) m keeps reaching into {wall.name!r}, where there is too little room for it"
+                    return f"; a grain at ({where}) m keeps reaching into {wall.name!r}, where there is too little space for it"
         return ""

@@ -22,7 +22,9 @@ class PackingWall:
         touch: Overlap that is left alone, in radii [-]: a box that ends at a wall holds its grains itself.
     """
 
-    def __init__(self, name: str, distance: Callable, radius: np.ndarray, touch: float):
+    def __init__(
+        self, name: str, distance: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], radius: np.ndarray, touch: float
+    ) -> None:
         self.name, self.radius, self._distance, self._touch = name, radius, distance, touch
         self.slack = np.zeros(len(radius))
         """Lower bound of each grain's gap to the wall [m]."""

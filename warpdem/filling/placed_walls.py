@@ -1,4 +1,4 @@
-"""Walls that fillings and streams keep clear of: how far grains are from each, and which way leads off it."""
+"""Walls that fillings and streams keep clear of: distance of grains from each, and its gradient."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
+from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import frame_chain, wall_chain
 from warpdem.scene.wall_shapes import Shape
 
@@ -18,7 +19,7 @@ WHOLE = 0.999
 FITTING = 0.1
 """Volume over that of a mesh around it below which a body is a fitting of it, not a vessel of its own [-]."""
 STRADDLED = 0.02
-"""Share of a region on the wrong side of a closed mesh above which it is told [-]."""
+"""Share of a region on the wrong side of a closed mesh above which a note is given [-]."""
 PROBES = 200
 """Corners of a mesh that are looked at to tell what it lies in."""
 
@@ -28,7 +29,7 @@ WallPose = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class PlacedWall:
-    """A wall where it stands, with the side of it that grains are on."""
+    """A wall at its pose, with the side of it that grains are on."""
 
     name: str
     """Name of the wall."""
@@ -42,6 +43,12 @@ class PlacedWall:
     """Origin of the body in frame axes [m], shape (3,)."""
 
     @property
+    def mesh(self) -> TriangleMesh:
+        """The mesh; only of a mesh wall."""
+        assert isinstance(self.surface, TriangleMesh)
+        return self.surface
+
+    @property
     def is_closed(self) -> bool:
         """Whether it is a closed mesh."""
         return self.side != 0
@@ -50,13 +57,13 @@ class PlacedWall:
         """Distance of points (n, 3) [m] from the surface [m], (n,), negative where no grain may be; its gradient, (n, 3)."""
         body = (position - self.origin) @ self.axes
         if isinstance(self.surface, TriangleMesh):
-            distance, way = signed_distance(self.surface, body)
+            distance, gradient = signed_distance(self.surface, body)
             sign = np.where(distance < 0.0, -1.0, 1.0) if self.side == 0 else float(self.side)
-            distance, way = sign * distance, (sign * way.T).T
+            distance, gradient = sign * distance, (sign * gradient.T).T
         else:
             nearest, distance = self.surface.nearest(body)
-            way = (body - nearest) / np.where(distance == 0.0, np.inf, distance)[:, None]
-        return distance, way @ self.axes.T
+            gradient = (body - nearest) / np.where(distance == 0.0, np.inf, distance)[:, None]
+        return distance, gradient @ self.axes.T
 
     def gap(self, position: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
         """Gap between grains [m], (n, 3) and (n,), and the wall [m], shape (n,); negative when they overlap."""
@@ -74,50 +81,50 @@ class PlacedWall:
     @property
     def bounds(self) -> np.ndarray:
         """Least and greatest corner of a mesh in frame axes [m], shape (2, 3), of a box around it."""
-        low, high = self.surface.bounds
+        low, high = self.mesh.bounds
         middle, reach = self.axes @ (0.5 * (low + high)) + self.origin, np.abs(self.axes) @ (0.5 * (high - low))
         return np.array([middle - reach, middle + reach])
 
 
-def wall_poses_at_start(scene) -> list[WallPose]:
+def wall_poses_at_start(scene: Scene) -> list[WallPose]:
     """Where the body of each wall of a scene is at time 0."""
     begin = np.zeros(1)
     frame = frame_chain(scene).pose(begin)
-    turned, moved = frame.axes[0].astype(float), frame.origin[0].astype(float)
+    rotation, shift = frame.axes[0].astype(float), frame.origin[0].astype(float)
     found = []
     for number, wall in enumerate(scene.walls):
         own = wall_chain(scene, number).pose(begin)
         axes, origin = own.axes[0].astype(float), own.origin[0].astype(float)
         if wall.fixed_to == "laboratory":
-            axes, origin = turned.T @ axes, turned.T @ (origin - moved)
+            axes, origin = rotation.T @ axes, rotation.T @ (origin - shift)
         found.append((axes, origin))
     return found
 
 
-def place_walls(scene, meshes: dict[str, TriangleMesh], places: Sequence[WallPose]) -> list[PlacedWall]:
+def place_walls(scene: Scene, meshes: dict[str, TriangleMesh], poses: Sequence[WallPose]) -> list[PlacedWall]:
     """All walls of a scene, and the images of meshes across its periodic borders; grains are outside of closed meshes.
 
     Args:
         scene: Validated scene.
         meshes: Mesh walls by name.
-        places: Where the body of each wall is.
+        poses: Where the body of each wall is.
     """
     found = []
     images = _images(scene)
-    for wall, (axes, origin) in zip(scene.walls, places, strict=True):
+    for wall, (axes, origin) in zip(scene.walls, poses, strict=True):
         surface = wall.shape if wall.shape is not None else meshes[wall.name]
-        side = int(wall.shape is None and is_closed(surface))
+        side = int(isinstance(surface, TriangleMesh) and is_closed(surface))
         one = PlacedWall(wall.name, surface, side, axes, origin)
         found += [replace(one, origin=origin + shift) for shift in (images if wall.shape is None else images[:1])]
     return found
 
 
 def is_closed(mesh: TriangleMesh) -> bool:
-    """Whether a mesh has an inside, whatever its wall says of it."""
+    """Whether a mesh has an inside, whatever the scene says of it."""
     return mesh.is_closed and mesh.mismatched_edges == 0
 
 
-def _images(scene) -> np.ndarray:
+def _images(scene: Scene) -> np.ndarray:
     """Shifts to the periodic images next to the domain [m], none first, shape (k, 3)."""
     borders = getattr(scene, "borders", None)
     sides = [getattr(borders, axis, None) for axis in "xyz"]
@@ -155,7 +162,7 @@ def assign_sides(
             vessels.append(wall)
         else:
             around = [other for other in closed if other is not wall and share[id(other)] > 0.5 and _lies_in(wall, other)]
-            small = any(abs(wall.surface.volume) < FITTING * abs(other.surface.volume) for other in around)
+            small = any(abs(wall.mesh.volume) < FITTING * abs(other.mesh.volume) for other in around)
             if (not around or (held > WHOLE and not small)) and not is_body(wall):
                 vessels.append(wall)
     return [replace(wall, side=-1) if wall in vessels else wall for wall in walls], [wall.name for wall in vessels]
@@ -180,20 +187,21 @@ def straddle_notes(walls: Sequence[PlacedWall], points: np.ndarray, key: str) ->
 
 def _lies_in(inner: PlacedWall, outer: PlacedWall) -> bool:
     """Whether most of the corners of one closed mesh are inside another."""
-    corners = inner.surface.vertices
+    corners = inner.mesh.vertices
     corners = corners[:: max(1, len(corners) // PROBES)] @ inner.axes.T + inner.origin
     return float((outer.distance(corners)[0] < 0.0).mean()) > 0.5
 
 
 def smallest_gap(walls: Sequence[PlacedWall], position: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
     """Smallest gap between grains, (n, 3) [m] and (n,) [m], and any of the walls [m], shape (n,)."""
-    return np.min([np.full(len(position), np.inf), *(wall.gap(position, radius) for wall in walls)], axis=0)
+    gaps = [np.full(len(position), np.inf), *(wall.gap(position, radius) for wall in walls)]
+    return np.asarray(np.min(gaps, axis=0))
 
 
-def in_body_axes(scene, number: int, position: np.ndarray) -> np.ndarray:
+def in_body_axes(scene: Scene, number: int, position: np.ndarray) -> np.ndarray:
     """Positions (n, 3) [m] at time 0 in the axes of a wall's body; the same ones unless something has been moving before."""
     wall, begin = scene.walls[number], np.zeros(1)
     frame, own = frame_chain(scene).pose(begin), wall_chain(scene, number).pose(begin)
     if wall.fixed_to == "laboratory":
         position = position @ frame.axes[0].T.astype(float) + frame.origin[0].astype(float)
-    return (position - own.origin[0].astype(float)) @ own.axes[0].astype(float)
+    return np.asarray((position - own.origin[0].astype(float)) @ own.axes[0].astype(float))

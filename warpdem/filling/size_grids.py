@@ -15,8 +15,8 @@ def size_classes(radius: np.ndarray) -> np.ndarray:
     count = max(1, round(np.log(large / small) / np.log(CLASS_RATIO)))
     if count == 1:
         return np.zeros(len(radius), dtype=np.int64)
-    place = np.log(large / radius) * (count / np.log(large / small))
-    return np.minimum(place.astype(np.int64), count - 1)
+    position = np.log(large / radius) * (count / np.log(large / small))
+    return np.asarray(np.minimum(position.astype(np.int64), count - 1))
 
 
 def finest_cell(radius: np.ndarray, classes: np.ndarray, beyond: float) -> float:
@@ -40,7 +40,8 @@ def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
     cells = (np.minimum(span, 1000.0) + 1.0).astype(int)
     while cells.prod() > max(4096, 4 * len(position)) and cells.max() > 1:
         cells[cells.argmax()] //= 2
-    return tuple(int(c) for c in cells)
+    nx, ny, nz = (int(c) for c in cells)
+    return nx, ny, nz
 
 
 class RowRoom:
@@ -73,7 +74,7 @@ class RowRoom:
 
 
 def grids_for(
-    position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float, device
+    position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float, device: wp.Device
 ) -> kernels.SizeGrids:
     """Empty grids, wide enough for the grains.
 

@@ -33,7 +33,15 @@ class SpaceGrid:
         outside: nodes of the last layer at a side that leaks.
     """
 
-    def __init__(self, walls, box: np.ndarray, axes: np.ndarray, leaks: np.ndarray, radius: float, most: int) -> None:
+    def __init__(
+        self,
+        walls: Sequence[PlacedWall],
+        box: np.ndarray,
+        axes: np.ndarray,
+        leaks: np.ndarray,
+        radius: float,
+        most: int,
+    ) -> None:
         extent = box[1] - box[0]
         nodes = np.clip((extent / (CELL * radius)).prod(), min(FEWEST_NODES, most), most)
         width = float((extent.prod() / nodes) ** (1.0 / 3.0))
@@ -61,14 +69,14 @@ class SpaceGrid:
 
     def position(self, index: np.ndarray) -> np.ndarray:
         """Positions of nodes (k, 3) in frame axes [m], shape (k, 3)."""
-        return np.stack([axis[i] for axis, i in zip(self.local, index.T, strict=True)], axis=1) @ self.axes
+        return np.asarray(np.stack([axis[i] for axis, i in zip(self.local, index.T, strict=True)], axis=1) @ self.axes)
 
-    def node_at(self, point: np.ndarray, nodes: np.ndarray, largest: float) -> tuple | None:
+    def node_at(self, point: np.ndarray, nodes: np.ndarray, largest: float) -> tuple[int, ...] | None:
         """Index of the one of ``nodes`` that is nearest to a point [m], or None if none is within ``largest`` [m]."""
         index = np.argwhere(nodes)
         apart = np.linalg.norm(self.position(index) - np.asarray(point, float), axis=1)
         best = int(np.argmin(apart)) if len(index) else 0
-        return tuple(index[best]) if len(index) and apart[best] <= largest else None
+        return tuple(int(i) for i in index[best]) if len(index) and apart[best] <= largest else None
 
     def _joined(self, offset: np.ndarray) -> tuple[tuple[slice, ...], tuple[slice, ...], np.ndarray]:
         """Slices of the nodes with a neighbor at this offset and of these neighbors, and whether no wall can lie between."""
@@ -102,8 +110,9 @@ class SpaceGrid:
             here, there, _ = self._joined(offset)
             beside[there] |= nodes[here]
         beside &= ~nodes
-        share = np.abs(self.distance) / float(np.cbrt(self.cell.prod()))
-        return float(np.minimum(0.5 + share[nodes], 1.0).sum() + np.maximum(0.5 - share[beside], 0.0).sum()) * self.cell.prod()
+        depth = np.abs(self.distance) / float(np.cbrt(self.cell.prod()))
+        cells = float(np.minimum(0.5 + depth[nodes], 1.0).sum() + np.maximum(0.5 - depth[beside], 0.0).sum())
+        return float(cells * self.cell.prod())
 
     def path(self, nodes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """A shortest path over ``nodes`` from one of ``start`` to one of ``end``, indices (k, 3); empty if there is none."""

@@ -9,10 +9,12 @@ from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
-from warpdem.scene.wall_shapes import SHAPES, Cylinder, Sphere
+from warpdem.scene.model import Scene
+from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Sphere
+from warpdem.scene.walls import Wall
 
 
-def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene, known: Collection[str] = ()) -> None:
+def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene: Scene, known: Collection[str] = ()) -> None:
     """Refuse a start that the engine would answer with an explosion.
 
     A closed mesh with more than half of the grains inside, or one whose inside is filled, is a container: all other
@@ -45,7 +47,7 @@ def _place(grains: InitialGrains, i: int) -> str:
     return f"grain {grains.id[i]} at ({', '.join(f'{v:.6g}' for v in grains.position[i])}) m"
 
 
-def _entry(grains: InitialGrains, i: int, scene) -> str:
+def _entry(grains: InitialGrains, i: int, scene: Scene) -> str:
     """Grain i by its key and position where the scene lists positions, else by its id."""
     for number, group in enumerate(scene.grains):
         if group.positions is not None:
@@ -55,7 +57,7 @@ def _entry(grains: InitialGrains, i: int, scene) -> str:
     return _place(grains, i)
 
 
-def _check_overlaps(grains: InitialGrains, scene) -> None:
+def _check_overlaps(grains: InitialGrains, scene: Scene) -> None:
     share, partner = worst_overlaps(grains.position, grains.radius)
     i = int(np.argmax(share))
     allowed = scene.engine.max_overlap
@@ -74,7 +76,7 @@ def _check_overlaps(grains: InitialGrains, scene) -> None:
     )
 
 
-def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray], scene) -> None:
+def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray], scene: Scene) -> None:
     """Refuse grains that reach too far into a wall, given the distances (n,) [m] of their centres from each wall."""
     allowed = scene.engine.max_overlap
     for number, wall in enumerate(scene.walls):
@@ -91,7 +93,7 @@ def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray],
             )
 
 
-def _check_shape(grains: InitialGrains, position: np.ndarray, height: np.ndarray, wall, key: str) -> None:
+def _check_shape(grains: InitialGrains, position: np.ndarray, height: np.ndarray, wall: Wall, key: str) -> None:
     kind = next(name for name in SHAPES if getattr(wall, name) is not None)
     shape = wall.shape
     if isinstance(shape, (Cylinder, Sphere)):
@@ -106,7 +108,7 @@ def _check_shape(grains: InitialGrains, position: np.ndarray, height: np.ndarray
     if behind.any():
         i = int(np.argmin(height))
         asked = "whose normal must point to the grains"
-        if kind != "plane":
+        if isinstance(shape, (Cylinder, Cone, Sphere)):
             asked = f"whose grains are {'inside' if shape.inside else 'outside'} (inside = {str(shape.inside).lower()})"
         raise SceneError(
             f"{key}.{kind}: {_place(grains, i)} is {-height[i]:.6g} m behind the {kind} {wall.name!r}, {asked} "
@@ -115,7 +117,7 @@ def _check_shape(grains: InitialGrains, position: np.ndarray, height: np.ndarray
 
 
 def _check_closed_meshes(
-    grains: InitialGrains, distance: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene
+    grains: InitialGrains, distance: dict[str, np.ndarray], meshes: dict[str, TriangleMesh], scene: Scene
 ) -> None:
     keys = {wall.name: f"walls[{number}].mesh" for number, wall in enumerate(scene.walls)}
     depth = {

@@ -9,6 +9,7 @@ import io
 import json
 import os
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ EXPANSION = 100
 """Memory that reading may take per byte of the file [-], beside what is always allowed: arrays may be compressed."""
 
 
-def arrays_of(file: str, wanted: list[str]) -> tuple[dict, dict[str, np.ndarray]]:
+def arrays_of(file: str, wanted: list[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Points and the wanted point arrays of a file, by name, with what is refused about it."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
@@ -63,7 +64,8 @@ def main() -> None:
         except MemoryError:
             said, arrays = {"refused": "reading it takes far more memory than the file is long: damaged?"}, {}
         held = io.BytesIO()
-        np.savez(held, answer=np.array(json.dumps(said)), **arrays)
+        contents: dict[str, Any] = {"answer": np.array(json.dumps(said)), **arrays}
+        np.savez(held, **contents)
         out.write(held.getbuffer())
 
 

@@ -101,7 +101,9 @@ def driven(run: Model) -> bool:
     fields = any(
         not hasattr(model("field", name), "energy") or (axes == "frame" and plan.frame.moves) for name, axes in plan.fields
     )
-    law = plan.contact.normal not in ("hertz", "hooke") or plan.contact.tangential not in (None, "mindlin")
+    contact = plan.contact
+    laws = [("normal", contact.normal), *([("tangential", contact.tangential)] if contact.tangential else [])]
+    law = not all(getattr(model(role, name), "PASSIVE", False) for role, name in laws)
     # a grain that comes round falls for ever
     pulled = any(scene.gravity) if plan.frame.moves else np.dot(np.abs(scene.gravity), plan.domain.period) > 0.0
     return walls or fields or law or bool(any(plan.domain.period) and pulled)

@@ -18,9 +18,15 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from warpdem.guards.verdict import Verdict, at_time, grain_at
-from warpdem.measure.observers import LEAST_OVERLAP, Contacts, Particles, coefficients_of, read_contacts
-from warpdem.model.impact import secant
-from warpdem.scene.models import model
+from warpdem.measure.observers import (
+    LEAST_OVERLAP,
+    Contacts,
+    Particles,
+    coefficients_of,
+    normal_energy,
+    normal_secant,
+    read_contacts,
+)
 from warpdem.state.view import RunView
 
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
@@ -64,16 +70,17 @@ def springs(view: RunView, contacts: Contacts) -> Springs:
     i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
     radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
     overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
-    energy, h = model("normal", plan.contact.normal).energy, DIFFERENCE * overlap
-    slope = (energy(overlap + h, contacts.stiffness) - 2.0 * energy(overlap, contacts.stiffness)
-             + energy(overlap - h, contacts.stiffness)) / (h * h)  # fmt: skip
-    k = secant(plan.contact.normal, overlap, contacts.stiffness)
+    normal, h = plan.contact.normal, DIFFERENCE * overlap
+    above, here, below = (normal_energy(normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
+    slope = (above - 2.0 * here + below) / (h * h)
+    k = normal_secant(normal, overlap, contacts)
     table = coefficients_of(view, contacts)
-    dashpot = table[:, 1] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
-    friction = (table[:, 4] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
+    at = plan.contact.coefficients
+    dashpot = table[:, at.damping] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
+    friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
-    out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, 2] * k]),
-                  np.stack([dashpot, friction * table[:, 3] * dashpot]), arm)  # fmt: skip
+    out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
+                  np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]), arm)  # fmt: skip
     return out.taken(np.flatnonzero(contacts_on))
 
 

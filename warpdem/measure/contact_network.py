@@ -8,7 +8,6 @@ from warpdem.kernels import grain
 from warpdem.measure.observers import coefficients_of, read_contacts
 from warpdem.state.view import RunView
 
-FRICTION = 4  # column of the table of coefficients
 _ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]
 
 
@@ -26,8 +25,9 @@ def read_network(view: RunView) -> ContactNetwork:
     end[pairs] = start[pairs] - view.model.domain.nearest(start[pairs] - partner)
     normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
     friction_force = contacts.force - normal_force[:, None] * contacts.normal
-    limit = coefficients_of(view, contacts)[:, FRICTION] * np.maximum(normal_force, 0.0)
-    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[view.model.features.backend.real]) * limit
+    features = view.model.features
+    limit = coefficients_of(view, contacts)[:, features.contact.coefficients.friction] * np.maximum(normal_force, 0.0)
+    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[features.backend.real]) * limit
     return ContactNetwork(
         i=contacts.i,
         j=np.where(pairs, contacts.j, -1),

@@ -7,7 +7,7 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.model.features import field_numbers
-from warpdem.model.impact import secant, stiffness
+from warpdem.model.impact import elastic_energy, own_constants, own_of, secant, stiffness
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
@@ -158,11 +158,15 @@ class Contacts:
     share: np.ndarray
     """Overlap over the smaller radius [-], shape (c,)."""
     stiffness: np.ndarray
-    """Constant of the normal law (hertz: K [N/m^1.5], hooke: k [N/m]), shape (c,)."""
+    """Stiffness constant of the normal law, in its own unit (a linear spring's k [N/m]), shape (c,)."""
     angle: np.ndarray
     """Rolling spring [rad], shape (c, 3)."""
     radius: np.ndarray
     """R* [m], the grain's at a wall, shape (c,)."""
+    weight: np.ndarray
+    """Fraction of a full contact, below 1 where neighboring facets of a wall carry a grain together [-], shape (c,)."""
+    own: dict[str, np.ndarray]
+    """The normal law's own constants and history by name [of the law], each of shape (c,)."""
 
     def worst(self) -> str:
         """The deepest contact in words."""
@@ -192,14 +196,17 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
         on = overlap > -plan.contact.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
-        memory = flat(lists.memory)[on]
-        spring = memory[:, :3] if plan.contact.memory else np.zeros((len(a), 3))
-        angle = memory[:, 3:6] if plan.contact.memory == 6 else np.zeros((len(a), 3))
+        memory, constants, at = flat(lists.memory)[on], flat(lists.constants())[on], plan.contact.history
+        history = {name: memory[:, at.of(name)] for name in at.names}
         parts.append(
             (
-                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3], spring,
+                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3],
+                history.get("spring", np.zeros((len(a), 3))),
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
-                flat(lists.constants())[on][:, 0], angle, radius[a] * radius[b] / (radius[a] + radius[b]),
+                constants[:, plan.contact.constants.stiffness], history.get("angle", np.zeros((len(a), 3))),
+                radius[a] * radius[b] / (radius[a] + radius[b]), np.ones(len(a)),
+                *(constants[:, plan.contact.constants.of(name)] for name in plan.contact.own_constants),
+                *(history[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
     if len(state) and run.walls is not None and lists.row_count:
@@ -212,23 +219,29 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
         material = run.walls.material[wall]
         which = kind * plan.contact.materials + material if plan.contact.table else np.zeros(len(g), dtype=int)
         # the law is linear in its constant: a place that carries part of a force has that part of it
-        base = stiffness(plan.contact.normal, table[which, 0], radius[g]) * place["weight"]
+        law = plan.contact
+        base = stiffness(law.normal, table[which, law.coefficients.stiffness], radius[g]) * place["weight"]
+        own = own_constants(law.normal, own_of(law.normal, table[which]), radius[g])
         parts.append(
             (
                 ids[g], -1 - wall, overlap, normal, place["force"], spring,
                 position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
-                place.get("angle", np.zeros((len(g), 3))), radius[g],
+                place.get("angle", np.zeros((len(g), 3))), radius[g], place["weight"],
+                *(own[name] for name in plan.contact.own_constants), *(place[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
+    names = (*plan.contact.own_constants, *plan.contact.own_history)
     if not parts:
         empty, vectors = np.zeros(0), np.zeros((0, 3))
         return Contacts(
             np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty, vectors, vectors, vectors, vectors, empty,
-            empty, vectors, empty,
+            empty, vectors, empty, empty, dict.fromkeys(names, empty),
         )  # fmt: skip
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     order = np.lexsort((columns[1], columns[0], columns[1] < 0))  # stable: the places of a grain on a wall keep theirs
-    return Contacts(*(column[order] for column in columns))
+    columns = [column[order] for column in columns]
+    known = len(columns) - len(names)
+    return Contacts(*columns[:known], dict(zip(names, columns[known:], strict=True)))
 
 
 def energy(view: RunView) -> dict[str, float]:
@@ -257,16 +270,31 @@ def elastic_energies(view: RunView, contacts: Contacts) -> dict[str, np.ndarray]
     A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
     """
     plan, none = view.model.features, np.zeros(len(contacts.i))
-    normal = model("normal", plan.contact.normal).energy(contacts.overlap, contacts.stiffness)
+    law, at = plan.contact, plan.contact.coefficients
+    normal = normal_energy(law.normal, contacts.overlap, contacts)
     out = {"normal": normal, "tangential": none, "rolling": none}
-    if plan.contact.memory:
-        k_n = secant(plan.contact.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts.stiffness)
+    if "spring" in law.history:
+        k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
         table = coefficients_of(view, contacts)
-        out["tangential"] = 0.5 * table[:, 2] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
-        bent = getattr(model("rolling", plan.contact.rolling), "energy", None) if plan.contact.memory == 6 else None
+        out["tangential"] = 0.5 * table[:, at.shear] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
+        bent = getattr(model("rolling", law.rolling), "energy", None) if "angle" in law.history else None
         if bent is not None:
-            out["rolling"] = bent(contacts.angle, k_n * (table[:, 5] * contacts.radius) ** 2)
+            out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
     return out
+
+
+def normal_energy(normal: str, overlap: np.ndarray, contacts: Contacts) -> np.ndarray:
+    """Energy of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [J], shape (c,)."""
+    if not contacts.own:  # linear in its one constant, which holds the weight already
+        return elastic_energy(normal, overlap, contacts.stiffness)
+    return contacts.weight * elastic_energy(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+
+
+def normal_secant(normal: str, overlap: np.ndarray, contacts: Contacts) -> np.ndarray:
+    """k_n of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [N/m], shape (c,)."""
+    if not contacts.own:
+        return secant(normal, overlap, contacts.stiffness)
+    return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
 
 
 def field_energies(
@@ -283,7 +311,7 @@ def field_energies(
 
 
 def coefficients_of(view: RunView, contacts: Contacts) -> np.ndarray:
-    """Coefficients of each contact, columns as in ``kernels.law.COEFFICIENTS``, shape (c, 7)."""
+    """Coefficients of each contact, columns as of ``ContactFeatures.coefficients``, shape (c, their number)."""
     run, state = view.model, view.state
     table = run.coefficient_table
     if not run.features.contact.table:

@@ -46,7 +46,7 @@ class DistanceQuery:
             outputs=[distance, gradient],
             device="cpu",
         )
-        return distance.numpy(), gradient.numpy()  # type: ignore[no-untyped-call]
+        return distance.numpy(), gradient.numpy()
 
     def pierced(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Whether the segment from each point to another, without its end points, intersects the surface.
@@ -59,4 +59,4 @@ class DistanceQuery:
         unit = [((p - self._centre) / self._size).astype(np.float32) for p in (start, end)]
         inputs = [self._tree.id, *(wp.array(p, dtype=wp.vec3, device="cpu") for p in unit)]
         wp.launch(kernels.pierced, dim=len(start), inputs=inputs, outputs=[hit], device="cpu")
-        return np.asarray(hit.numpy() == 1)  # type: ignore[no-untyped-call]
+        return np.asarray(hit.numpy() == 1)

@@ -65,27 +65,28 @@ def _built(features: Features) -> Built:
         model("tangential", laws.tangential) if laws.tangential else None,
         model("rolling", laws.rolling) if laws.rolling else None,
     )
-    constants, wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
-    _, pair_law = law.build(backend.real, *models, laws.torsion)
+    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
+    pair_law = law.build(backend.real, *models, laws.torsion)
     pair_parts = dissipation.build(backend.real, *models, laws.torsion)[0] if measures.energy else None
     wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
     spins = {"spins": laws.spins}
-    shared = {
-        **spins, "rolling": laws.rolling is not None, "history": laws.memory, "table": laws.table, "gap": laws.gap,
-    }  # fmt: skip
+    shared = {**spins, "table": laws.table, "gap": laws.gap}
+    met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
     scheme = backend.scheme
     # a scheme with frame-relative velocities sees contacts as if the frame were at rest
     turning = frame.rotates and not scheme.RELATIVE
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
-    pair_pack = pairs.build(backend.real, pair_law, pair_parts, images, backend.lanes, **shared, turning_frame=turning)
+    pair_pack = pairs.build(
+        backend.real, pair_law, pair_parts, images, backend.lanes, **shared, stored=laws.constants, turning_frame=turning
+    )
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     Rows, touch = contact.build(
-        wall_law, wall_parts, constants, closest_on_feature, images, around, **shared, turning_frame=turning,
-        moving_frame=shifting, lag=laws.inertia_factor, meshes=meshes, moving=walls.moving,
+        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
+        moving_frame=shifting, meshes=meshes, moving=walls.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
@@ -119,8 +120,9 @@ def _built(features: Features) -> Built:
         leave=domain.outlets > 0,
     )
     lists = neighbors.build(
-        backend.real, constants, images, backend.lanes, **shared, lag=laws.inertia_factor, stored=not backend.resident
-    )
+        backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
+        inertia_factor=laws.inertia_factor, keep_constants=not backend.resident,
+    )  # fmt: skip
     wall_lists = None
     if walls.present:
         wall_lists = candidates.build(
@@ -143,8 +145,8 @@ def _built(features: Features) -> Built:
     graph = again = None
     if backend.resident:
         evaluate = thread_contact.build(
-            backend.real, constants, pair_pack, images, pair_parts is not None, **shared, turning_frame=turning,
-            lag=laws.inertia_factor,
+            backend.real, pair_law, wall_law.constants, pair_pack, images, pair_parts is not None, **shared, **met,
+            turning_frame=turning,
         )  # fmt: skip
         graph = captured.build(
             step, pair_pack, evaluate, Rows, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes

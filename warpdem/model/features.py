@@ -1,5 +1,6 @@
 """What a scene needs: the only place that decides what is compiled, allocated and run, and what is left out."""
 
+import inspect
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -8,10 +9,12 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
-from warpdem.kernels.contact import law, pairs
+from warpdem.kernels.contact import columns, pairs
+from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
+from warpdem.kernels.wall import record
 from warpdem.model.domain import Domain
 from warpdem.scene.models import digest, is_file, model, numbers
 from warpdem.scene.motion_chain import frame_chain
@@ -38,11 +41,36 @@ class ContactFeatures:
     """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
 
     @cached_property
+    def history(self) -> Columns:
+        """What a contact remembers, by name."""
+        tangential = model("tangential", self.tangential) if self.tangential else None
+        rolling = model("rolling", self.rolling) if self.rolling else None
+        return columns.history(model("normal", self.normal), tangential, rolling)
+
+    @property
     def memory(self) -> int:
         """Numbers of the contact history per contact."""
-        if self.rolling and model("rolling", self.rolling).HISTORY:
-            return 6
-        return 3 if self.tangential else 0
+        return self.history.width
+
+    @property
+    def own_history(self) -> tuple[str, ...]:
+        """Names of what a contact remembers for its normal law."""
+        return columns.own_history(model("normal", self.normal)).names
+
+    @property
+    def own_constants(self) -> tuple[str, ...]:
+        """Names of the constants of a contact that its normal law adds."""
+        return columns.own_coefficients(model("normal", self.normal)).names
+
+    @cached_property
+    def coefficients(self) -> Columns:
+        """Columns of the table of coefficients."""
+        return columns.coefficients(model("normal", self.normal))
+
+    @cached_property
+    def constants(self) -> Columns:
+        """What is constant of each contact, by name."""
+        return columns.stored_constants(model("normal", self.normal), self.rolling is not None)
 
     @cached_property
     def inertia_factor(self) -> float:
@@ -55,7 +83,7 @@ class FrameFeatures:
     """Motion of the frame."""
 
     rotates: bool
-    """The frame's axes turn."""
+    """The axes of the frame rotate."""
     moves: bool
     """The frame moves at all."""
     tracked: bool
@@ -176,7 +204,7 @@ class Features:
         The graph keeps no constants and carries the history over in the memory of the forces; its lists have 1/8 to spare.
         """
         law, walls, measures = self.contact, self.walls, self.measures
-        constants, memories, listed, near = (4 if law.rolling else 2), 2, 4.2, 20 * (4 + 4 + 1)
+        constants, memories, listed, near = law.constants.width, 2, 4.2, 20 * (4 + 4 + 1)
         if self.backend.resident:
             constants, memories, listed, near = 0, 1, 3.2, 10 * (4 + 4) + 20
         number = 4 if self.backend.precision == "mixed" else 8
@@ -184,7 +212,8 @@ class Features:
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         contact += number * 2 * ENTRY * measures.energy
         fixed += 8 * sum(measures.sums.values()) + 8 * (25 + measures.scene_walls) * (measures.energy and walls.present)
-        place = 8 * (2 * (9 + law.memory) + (7 if law.rolling else 4)) + 64 + 12
+        result = record.RESULT.width if law.rolling else record.FRICTION
+        place = 8 * (2 * record.columns(law.history).width + result) + 64 + 12
         beside_walls = 48 + 8 + 0.4 * place if walls.present else 0
         return int(fixed + listed * contact + near + beside_walls)
 
@@ -206,24 +235,29 @@ class Features:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
-        runs += [f"contacts side by side: {backend.lanes}", f"memory per contact: {8 * contact.memory} B"]
+        runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
 
 
 def coefficient_table(scene) -> np.ndarray:
-    """Coefficients of every pair of materials, shape (m * m, 7), columns as in ``kernels.law.COEFFICIENTS``.
+    """Coefficients of every pair of materials, shape (m * m, width of ``coefficient_columns``).
 
     Pairs that cannot meet (no coefficients given) hold NaN.
     """
     names = list(scene.materials)
-    normal = model("normal", scene.located(scene.contact.normal))
-    table = np.full((len(names), len(names), len(law.COEFFICIENTS)), np.nan)
+    normal, at = model("normal", scene.located(scene.contact.normal)), coefficient_columns(scene)
+    table = np.full((len(names), len(names), at.width), np.nan)
     for pair in scene.pairs:
         a, b = (names.index(m) for m in pair.materials)
-        base = normal.coefficients(scene.materials[names[a]], scene.materials[names[b]], pair)
-        row = (*base, pair.friction, pair.rolling_friction, pair.rolling_damping)
-        table[a, b] = table[b, a] = row
-    return table.reshape(-1, len(law.COEFFICIENTS))
+        of_law = normal.coefficients(scene.materials[names[a]], scene.materials[names[b]], pair)
+        of_pair = {key: getattr(pair, key) for key in columns.OF_PAIR}
+        table[a, b] = table[b, a] = columns.coefficient_row(of_law, of_pair)
+    return table.reshape(-1, at.width)
+
+
+def coefficient_columns(scene) -> Columns:
+    """Columns of ``coefficient_table``, by name."""
+    return columns.coefficients(model("normal", scene.located(scene.contact.normal)))
 
 
 def field_numbers(scene) -> np.ndarray:
@@ -231,13 +265,19 @@ def field_numbers(scene) -> np.ndarray:
     return np.array([numbers(one.parameters) for one in scene.fields]).reshape(-1, NUMBERS)
 
 
-def law_gap(scene) -> float:
-    """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone."""
+def law_gap(scene, largest: float) -> float:
+    """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone.
+
+    Args:
+        scene: the validated scene.
+        largest: radius of the largest grain [m]; R* is at most that at a wall, and half of it between grains.
+    """
     gap = getattr(model("normal", scene.located(scene.contact.normal)), "gap", None)
     if gap is None:
         return 0.0
     materials = scene.materials
-    return max((float(gap(*(materials[m] for m in pair.materials), pair)) for pair in scene.pairs), default=0.0)
+    radius = (largest if scene.walls else 0.5 * largest,) if len(inspect.signature(gap).parameters) > 3 else ()
+    return max((float(gap(*(materials[m] for m in pair.materials), pair, *radius)) for pair in scene.pairs), default=0.0)
 
 
 def choose_features(
@@ -250,6 +290,7 @@ def choose_features(
     images: bool,
     lanes: int = SIMD_LANES,
     resident: bool = False,
+    largest: float = 0.0,
 ) -> Features:
     """Decide what ``scene`` needs.
 
@@ -262,22 +303,24 @@ def choose_features(
         images: whether walls act at their periodic images too.
         lanes: SIMD width.
         resident: steps run as one captured graph.
+        largest: radius of the largest grain that may come [m].
     """
     names = list(scene.materials)
-    table = coefficient_table(scene).reshape(len(names), len(names), -1)
+    at = coefficient_columns(scene)
+    table = coefficient_table(scene).reshape(len(names), len(names), at.width)
     present = sorted(set(np.unique(grain_types).tolist()))
     others = sorted(set(present) | {names.index(w.material) for w in scene.walls})
-    used = np.array([table[a, b] for a in present for b in others]).reshape(-1, len(law.COEFFICIENTS))
+    used = np.array([table[a, b] for a in present for b in others]).reshape(-1, at.width)
     left_out = {}
     normal = scene.located(scene.contact.normal)
     tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
     rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
-    if tangential is None or not np.any(used[:, 4] > 0):
+    if tangential is None or not np.any(used[:, at.friction] > 0):
         left_out["tangential spring and Coulomb limit"] = (
             "contact.tangential is none" if tangential is None else "every friction coefficient is zero"
         )
         tangential = None
-    if rolling is None or not np.any(used[:, 5] > 0):
+    if rolling is None or not np.any(used[:, at.rolling_friction] > 0):
         left_out["rolling resistance"] = (
             "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
         )
@@ -324,7 +367,7 @@ def choose_features(
             spins=spins,
             materials=len(names),
             table=not one_kind,
-            gap=law_gap(scene),
+            gap=law_gap(scene, largest),
         ),
         frame=FrameFeatures(
             rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)

@@ -4,10 +4,16 @@ E(d_max) = m v^2 / 2,     t_c = 2 int_0^d_max dd / sqrt(v^2 - 2 E(d)/m),     k_s
 Under a load F:  E'(d) = F
 """
 
+import functools
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
+from warpdem.kernels.contact import columns
 from warpdem.scene.models import model, using
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
@@ -28,6 +34,11 @@ class Impact:
     """Slope of the force there [N/m]."""
 
 
+Own = Mapping[str, Any]
+"""A normal law's own numbers by name: of a pair of materials, of contacts, or what contacts remember."""
+NONE: Own = MappingProxyType({})
+
+
 def stiffness(normal: str, base, radius):
     """Constant of the normal law of contacts: its file's ``stiffness(base, radius)``, or the base itself.
 
@@ -40,27 +51,86 @@ def stiffness(normal: str, base, radius):
     return of_contact(base, radius) if of_contact else base
 
 
-def secant(normal: str, overlap, constant):
-    """Elastic force over overlap [N/m] of the law named ``normal`` at ``overlap`` [m], arrays of one shape."""
+def own_constants(normal: str, own: Own, radius) -> dict[str, Any]:
+    """The law's own constants of contacts: its file's ``own_constants(radius, **own)``, or the coefficients themselves.
+
+    Args:
+        normal: name of the normal law.
+        own: its own coefficients of a pair of materials.
+        radius: R* [m].
+    """
+    of_contact = getattr(model("normal", normal), "own_constants", None)
+    return dict(of_contact(radius, **own)) if of_contact else dict(own)
+
+
+def own_of(normal: str, row: np.ndarray) -> dict[str, Any]:
+    """The law's own coefficients by name, from rows of the table of coefficients, columns along the last axis."""
+    module = model("normal", normal)
+    at = columns.coefficients(module)
+    return {name: row[..., at.of(name)] for name in columns.own_coefficients(module).names}
+
+
+def untouched(normal: str) -> dict[str, float]:
+    """What a contact remembers for its normal law before it begins."""
+    return dict.fromkeys(columns.own_history(model("normal", normal)).names, 0.0)
+
+
+def damped_time(normal: str, restitution: float) -> float:
+    """Contact time with damping over that without [-]: as the law says, else that of a linear spring and dashpot."""
+    of_law = getattr(model("normal", normal), "damped_time", None)
+    return of_law(restitution) if of_law else math.hypot(math.log(restitution), math.pi) / math.pi
+
+
+def elastic_energy(normal: str, overlap, constant, own: Own = NONE):
+    """Energy of contacts [J] of the law named ``normal``.
+
+    Args:
+        normal: name of the normal law.
+        overlap: [m], one or an array.
+        constant: stiffness constants of the contacts.
+        own: the law's own constants and history of the contacts.
+    """
+    return model("normal", normal).energy(overlap, constant, **own)
+
+
+def secant(normal: str, overlap, constant, own: Own = NONE):
+    """k_n [N/m] of contacts: the law's ``secant``, else elastic force over overlap; arguments as of ``elastic_energy``."""
+    of_law = getattr(model("normal", normal), "secant", None)
+    if of_law:
+        return of_law(overlap, constant, **own)
+    return _force_over_overlap(normal, overlap, constant, own)
+
+
+def _force_over_overlap(normal: str, overlap, constant, own: Own):
+    """E'(d)/d [N/m]; arguments as of ``elastic_energy``."""
     energy, step = model("normal", normal).energy, DIFFERENCE * overlap
-    return (energy(overlap + step, constant) - energy(overlap - step, constant)) / (2.0 * step * overlap)
+    return (energy(overlap + step, constant, **own) - energy(overlap - step, constant, **own)) / (2.0 * step * overlap)
 
 
-def tangent(normal: str, overlap: float, constant: float) -> float:
-    """Slope of the elastic force [N/m] of the law named ``normal`` at ``overlap`` [m]."""
+def tangent(normal: str, overlap: float, constant: float, own: Own = NONE) -> float:
+    """Slope of the elastic force [N/m]; arguments as of ``elastic_energy``."""
     energy, step = model("normal", normal).energy, DIFFERENCE * overlap
-    bend = energy(overlap + step, constant) - 2.0 * energy(overlap, constant) + energy(overlap - step, constant)
-    return float(bend / step**2)
+    bend = energy(overlap + step, constant, **own) - 2.0 * energy(overlap, constant, **own)
+    return float((bend + energy(overlap - step, constant, **own)) / step**2)
 
 
-def impact(normal: str, base: float, mass: float, radius: float, speed: float) -> Impact:
+def impact(normal: str, base: float, mass: float, radius: float, speed: float, own: Own = NONE) -> Impact:
     """Impact at ``speed`` [m/s] of two bodies with m* [kg] and R* [m] under the law named ``normal``.
 
+    Args:
+        normal: name of the normal law.
+        base: stiffness base of the pair of materials.
+        mass: m* [kg].
+        radius: R* [m].
+        speed: at which they meet [m/s].
+        own: the law's own coefficients of the pair.
+
     Raises:
-        SceneError: ``energy`` or ``stiffness`` in a file of the user fails.
+        SceneError: a function of the law in a file of the user fails.
     """
     with using([normal], "it fails in the estimate of an impact"):
-        energy, constant = model("normal", normal).energy, stiffness(normal, base, radius)
+        constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
+        energy = functools.partial(model("normal", normal).energy, **own)
         whole = 0.5 * mass * speed**2
         low, high = 0.0, 1.0e-12 * radius
         while energy(high, constant) < whole:
@@ -71,21 +141,21 @@ def impact(normal: str, base: float, mass: float, radius: float, speed: float) -
         u = 0.5 * (NODES + 1.0)  # d = d_max (1 - u^2) takes the singular end of the integral away
         left = 1.0 - energy(high * (1.0 - u**2), constant) / whole
         time = 2.0 * float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
-        return Impact(high, time, float(secant(normal, high, constant)), tangent(normal, high, constant))
+        return Impact(high, time, float(secant(normal, high, constant, own)), tangent(normal, high, constant, own))
 
 
-def pressed(normal: str, base: float, radius: float, force: float) -> tuple[float, float]:
-    """Secant and tangent stiffness [N/m] of a contact of R* [m] that carries ``force`` [N] under the law named ``normal``.
+def pressed(normal: str, base: float, radius: float, force: float, own: Own = NONE) -> tuple[float, float]:
+    """Secant and tangent stiffness [N/m] of a contact that carries ``force`` [N]; other arguments as of ``impact``.
 
     Raises:
-        SceneError: ``energy`` or ``stiffness`` in a file of the user fails.
+        SceneError: a function of the law in a file of the user fails.
     """
     with using([normal], "it fails in the estimate of a load"):
-        constant = stiffness(normal, base, radius)
+        constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
         low, high = 0.0, 1.0e-12 * radius
-        while secant(normal, high, constant) * high < force:
+        while _force_over_overlap(normal, high, constant, own) * high < force:
             low, high = high, 2.0 * high
         for _ in range(60):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if secant(normal, middle, constant) * middle < force else (low, middle)
-        return float(secant(normal, high, constant)), tangent(normal, high, constant)
+            low, high = (middle, high) if _force_over_overlap(normal, middle, constant, own) * middle < force else (low, middle)
+        return float(secant(normal, high, constant, own)), tangent(normal, high, constant, own)

@@ -78,6 +78,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         images=images is not None,
         lanes=WARP_LANES if resident else SIMD_LANES,
         resident=resident,
+        largest=float(expected.radius.max(initial=0.0)),
     )
     domain.check(scene, start, schedule.frame, features.contact.gap)
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)

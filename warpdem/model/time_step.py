@@ -1,7 +1,7 @@
 """Characteristic times of a scene and the time step chosen from them.
 
 Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
-contact time      of an undamped impact at max_speed, from the law's energy (Hertz: 2.9433 d_max/v; Hooke: pi sqrt(m*/k))
+contact time      of an undamped impact at max_speed, from the energy of the normal law
 spectral limit    the least step at which a mode (K, C, m*) of the contacts grows: K dt^2/4 + C dt = m*
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 travel            s r / max_speed beside meshes, see ``travel``
@@ -36,8 +36,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
-from warpdem.model.features import coefficient_table
-from warpdem.model.impact import impact, pressed
+from warpdem.model.features import coefficient_columns, coefficient_table
+from warpdem.model.impact import damped_time, impact, own_of, pressed
 from warpdem.model.travel import longest_step
 from warpdem.scene.models import model, numbers
 from warpdem.scene.motion_chain import frame_chain, wall_chain
@@ -92,16 +92,6 @@ class Limits:
     def binding(self) -> str:
         """Which of the candidates is the least."""
         return min(self.candidates, key=self.candidates.__getitem__)
-
-
-def damped_contact_factor(restitution: float) -> float:
-    """Contact time of the damped Hertz law over the undamped one [-].
-
-    Table of the closed relation (Antypov and Elliott 2011) interpolated in restitution.
-    """
-    e = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
-    factor = (1.778, 1.511, 1.296, 1.195, 1.134, 1.093, 1.064, 1.042, 1.025, 1.011, 1.005, 1.0)
-    return float(np.interp(restitution, e, factor))
 
 
 def stable_step(stiffness: float, damping: float, mass: float) -> float:
@@ -161,9 +151,10 @@ def rolling_limit(
     return packing, stable_step(*both, 1.0)
 
 
-def contact_time(scene, base: float, mass: float, radius: float, speed: float) -> float:
-    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``base`` is the stiffness base of the normal law."""
-    return impact(scene.located(scene.contact.normal), base, mass, radius, speed).time
+def contact_time(scene, row: np.ndarray, mass: float, radius: float, speed: float) -> float:
+    """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``row`` of the table of coefficients."""
+    law = scene.located(scene.contact.normal)
+    return impact(law, row[coefficient_columns(scene).stiffness], mass, radius, speed, own_of(law, row)).time
 
 
 def fall_speed(scene, start, meshes: dict) -> float:
@@ -209,7 +200,10 @@ def limits(scene, start, meshes: dict) -> Limits:
     law = scene.located(scene.contact.normal)
     materials = list(scene.materials.values())
     names = list(scene.materials)
-    table = coefficient_table(scene).reshape(len(names), len(names), -1)
+    at = coefficient_columns(scene)
+    table = coefficient_table(scene).reshape(len(names), len(names), at.width)
+    rolling_law = model("rolling", scene.located(scene.contact.rolling)) if scene.contact.rolling != "none" else None
+    oscillator = getattr(rolling_law, "oscillator", None)
     for t in np.unique(start.type):
         m = materials[t]
         radius = float(start.radius[start.type == t].min())
@@ -224,26 +218,30 @@ def limits(scene, start, meshes: dict) -> Limits:
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
             restitution = scene.pair(names[t], names[other]).restitution
-            base, damping, shear, shear_damping, friction, rolling_friction, rolling_damping = table[t, other]
-            met = impact(law, base, reduced_mass, reduced_radius, max(speed, 1e-6))
+            row = table[t, other]
+            own = own_of(law, row)
+            damping, shear, shear_damping = (row[at.of(name)] for name in ("damping", "shear", "shear_damping"))
+            met = impact(law, row[at.stiffness], reduced_mass, reduced_radius, max(speed, 1e-6), own)
             if speed > 0:
                 contact = min(contact, met.time)
-                damped = min(damped, met.time * damped_contact_factor(restitution))
+                damped = min(damped, met.time * damped_time(law, restitution))
                 overlap = max(overlap, met.overlap / radius)
             dashpot = damping * math.sqrt(met.secant * reduced_mass)
-            sticks = scene.contact.tangential != "none" and friction > 0.0
+            sticks = scene.contact.tangential != "none" and row[at.friction] > 0.0
             normal = met.tangent, dashpot
             tangential = (shear * met.secant, shear_damping * dashpot) if sticks else (0.0, 0.0)
             packed = min(packed, packing_limit(normal, tangential, reduced_mass))
             if weight > 0.0:
-                secant, slope = pressed(law, base, reduced_radius, weight * math.pi / 3.0 * (2.0 * radius) ** 2)
+                secant, slope = pressed(
+                    law, row[at.stiffness], reduced_radius, weight * math.pi / 3.0 * (2.0 * radius) ** 2, own
+                )  # fmt: skip
                 resting = damping * math.sqrt(secant * reduced_mass)
                 across = (shear * secant, shear_damping * resting) if sticks else (0.0, 0.0)
                 settled = min(settled, packing_limit((slope, resting), across, reduced_mass))
             stable = min(stable, contact_limit(normal, tangential, reduced_mass))
-            if scene.contact.rolling == "spring" and rolling_friction > 0.0:
-                k_r = 2.25 * met.secant * (rolling_friction * reduced_radius) ** 2
-                spring = k_r, 2.0 * rolling_damping * math.sqrt(1.4 * reduced_mass * radius**2 * k_r)
+            if oscillator is not None and row[at.rolling_friction] > 0.0:
+                arm = row[at.rolling_friction] * reduced_radius
+                spring = oscillator(met.secant, arm, row[at.rolling_damping], 1.4 * reduced_mass * radius**2)
                 wall = reduced_radius == radius
                 rolling = rolling_limit(spring, tangential, 0.4 * reduced_mass * radius**2, reduced_mass, radius, wall)
                 packed, stable = min(packed, rolling[0]), min(stable, rolling[1])

@@ -45,7 +45,8 @@ def wall_images(scene, meshes: dict, schedule, domain: Domain, radius: np.ndarra
     if not period.any() or not scene.walls:
         return None
     schedule.period = period
-    reach = float(radius.max(initial=0.0)) + law_gap(scene)
+    largest = float(radius.max(initial=0.0))
+    reach = largest + law_gap(scene, largest)
     times = np.linspace(0.0, scene.time.end, INSTANTS)
     placements = schedule.wall_places(times)
     images, found, plain = domain.images, [], True

@@ -146,11 +146,12 @@ def visible(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def unknown_key(key_path: KeyPath, root: type[BaseModel]) -> str:
-    """Message for an unknown key: the most similar known key, and where in the scene the key exists."""
+def unknown_key(key_path: KeyPath, root: type[BaseModel], also: Sequence[str] = ()) -> str:
+    """Message for an unknown key (``also`` are known): the most similar known key, and where the key exists."""
     *parent, key = key_path
     models = _models_at(parent, root)
     siblings = [name for model in models for name in model.model_fields if model is not root or name not in PYTHON_ONLY]
+    siblings += also
     elsewhere = [other for other in _all_keys(root) if other.rsplit(".", 1)[-1] == key and key not in PYTHON_ONLY]
     if key in siblings:  # two kinds of table are allowed here
         return f"belongs to another kind of table than the other keys of {key_text(tuple(parent))}"

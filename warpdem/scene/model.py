@@ -5,19 +5,17 @@ frame. Frame axes and laboratory axes coincide at time 0. A scene without a fram
 """
 
 import functools
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-from pydantic import Field, StrictBool, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import FileName, Label, Problem, SceneModel, Vec3, relocated, validation_error
+from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.checks import (
     Named,
@@ -29,82 +27,19 @@ from warpdem.scene.checks import (
     source_problems,
     stream_problems,
 )
+from warpdem.scene.contact import Contact, Material, Pair, with_own_keys
+from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
 from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
-from warpdem.scene.model_names import ModelName, plugin_refusal, user_model
+from warpdem.scene.model_names import plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.walls import Wall
-
-
-class Material(SceneModel):
-    """What grains or walls are made of."""
-
-    density: Annotated[float, Quantity("kg/m3", gt=0)] = Field(description="Density [kg/m3], > 0.")
-    young_modulus: Annotated[float, Quantity("Pa", gt=0)] = Field(description="Young's modulus [Pa], > 0.")
-    poisson_ratio: Annotated[float, Quantity("-", gt=-1, le=0.5)] = Field(
-        description="Poisson's ratio [-], > -1 and <= 0.5."
-    )
-
-
-class Contact(SceneModel):
-    """Contact laws, the same for all contacts of grains with grains and walls."""
-
-    normal: Annotated[FileName, ModelName("normal")] = Field(
-        "hertz",
-        description='Normal law: "hertz" (from the moduli; default), "hooke" (linear, stiffness per pair) or a .py file.',
-    )
-    tangential: Annotated[FileName, ModelName("tangential", ("none",))] = Field(
-        "mindlin",
-        description='Tangential law: "mindlin" (force history; default), "mindlin_displacement" (displacement history), '
-        '"none" or a .py file.',
-    )
-    rolling: Annotated[FileName, ModelName("rolling", ("none",))] = Field(
-        "none",
-        description='Rolling law: "none" (default), "constant" (directional torque), "spring" (EPSD) or a .py file.',
-    )
-    torsion: StrictBool = Field(
-        False, description="Whether the rolling law also resists spin about the normal, default false."
-    )
-
-    @model_validator(mode="after")
-    def _torsion_has_a_law(self) -> "Contact":
-        if self.torsion and self.rolling == "none":
-            reason = 'needs a rolling law: set contact.rolling = "constant" or "spring"'
-            raise validation_error([(("torsion",), True, reason)])
-        return self
-
-
-class Pair(SceneModel):
-    """Contact coefficients of two materials (or of one with itself), given once, in either order."""
-
-    materials: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(
-        description="Names of the two materials, in any order."
-    )
-    restitution: Annotated[float, Quantity("-", gt=0, le=1)] = Field(
-        description="Coefficient of normal restitution [-], > 0 and <= 1."
-    )
-    friction: Annotated[float, Quantity("-", ge=0)] = Field(
-        0.0, description="Coefficient of sliding friction [-], >= 0, default 0."
-    )
-    rolling_friction: Annotated[float, Quantity("-", ge=0)] = Field(
-        0.0, description="Coefficient of rolling friction [-], >= 0, default 0."
-    )
-    stiffness: Annotated[float, Quantity("N/m", gt=0)] | None = Field(
-        None, description='Normal stiffness [N/m], > 0; only with normal = "hooke", and required there.'
-    )
-    tangential_stiffness_ratio: Annotated[float, Quantity("-", gt=0)] = Field(
-        2.0 / 7.0,
-        description='Tangential over normal stiffness [-], > 0, default 2/7; only with normal = "hooke".',
-    )
-    rolling_damping: Annotated[float, Quantity("-", ge=0)] = Field(
-        0.3, description='Damping of the rolling spring [-], >= 0, default 0.3; only with rolling = "spring".'
-    )
 
 
 class Scene(SceneModel):
@@ -249,6 +184,11 @@ class Scene(SceneModel):
             raise validation_error(problems)
         return checked
 
+    @field_validator("pairs")
+    @classmethod
+    def _keys_fit_the_laws(cls, pairs: list[Pair], info: ValidationInfo) -> list[Pair]:
+        return with_own_keys(pairs, info.data, cls)
+
     @field_validator("contact")
     @classmethod
     def _laws_may_be_loaded(cls, contact: Contact, info: ValidationInfo) -> Contact:
@@ -265,15 +205,17 @@ class Scene(SceneModel):
         named: dict[str, Sequence[Named]] = {
             "walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases
         }  # fmt: skip
+        of_grains = [*(group.material for group in self.grains), *(stream.material for stream in self.streams)]
+        of_walls = [wall.material for wall in self.walls]
         problems = [
             *material_problems(self._material_uses(), self.materials),
             *source_problems(self.grains, self.streams, self.start),
             *name_problems(named),
             *grain_problems(self.grains, self.walls),
             *stream_problems(self.streams, self.outlets, self.borders),
-            *_pair_problems(self),
-            *_law_problems(self),
-            *_own_law_problems(self),
+            *pair_problems(self.pairs, self.materials, of_grains, of_walls),
+            *law_problems(self.contact, self.pairs),
+            *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
             *measure_problems(self.measures, self.engine.integrator),
         ]
         if problems:
@@ -336,76 +278,3 @@ class Scene(SceneModel):
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]
         return (*names, *(wall.name for wall in scene.walls if wall.name in before and wall.name not in moved))
-
-
-def _pair_problems(scene: Scene) -> Iterator[Problem]:
-    """Coefficients given twice, and missing ones of materials that can meet (grain-grain, grain-wall)."""
-    given: dict[tuple[str, ...], int] = {}
-    for i, pair in enumerate(scene.pairs):
-        key = tuple(sorted(pair.materials))
-        if key in given:
-            yield ("pairs", i, "materials"), pair.materials, f"pairs[{given[key]}] is this pair too: give it once"
-        given.setdefault(key, i)
-
-    # in the order of the scene, without repeats; unknown names have been named already
-    sources: list[Grains | Stream] = [*scene.grains, *scene.streams]
-    of_grains = [name for name in dict.fromkeys(g.material for g in sources) if name in scene.materials]
-    of_walls = [name for name in dict.fromkeys(w.material for w in scene.walls) if name in scene.materials]
-    meeting = [*itertools.combinations_with_replacement(of_grains, 2), *itertools.product(of_grains, of_walls)]
-    missing = dict.fromkeys(key for a, b in meeting if (key := tuple(sorted((a, b)))) not in given)
-    if missing:
-        listed = "; ".join(f"materials = [{quoted(key)}]" for key in missing)
-        yield ("pairs",), None, f"no coefficients for materials that can meet: add [[pairs]] with {listed}"
-
-
-def _choices(role: str) -> str:
-    """The laws of a role, as a scene may name them."""
-    return f"a {role} law, contact.{role} = " + " or ".join(f'"{name}"' for name in models.model_names(role))
-
-
-def _law_problems(scene: Scene) -> Iterator[Problem]:
-    """Coefficients without a law to use them, and laws without their coefficients."""
-    contact = scene.contact
-    for i, pair in enumerate(scene.pairs):
-
-        def problem(key: str, text: str, i: int = i, pair: Pair = pair) -> Problem:
-            return ("pairs", i, key), getattr(pair, key), text
-
-        if contact.normal == "hooke" and pair.stiffness is None:
-            yield problem("stiffness", 'missing; contact.normal = "hooke" needs a stiffness [N/m], > 0')
-        if contact.normal != "hooke" and not models.is_file(contact.normal):
-            for key in ("stiffness", "tangential_stiffness_ratio"):
-                if getattr(pair, key) != Pair.model_fields[key].default:
-                    yield problem(key, f'only for contact.normal = "hooke"; it is "{contact.normal}"')
-        if contact.tangential == "none" and pair.friction > 0:
-            yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
-        if contact.rolling == "none" and pair.rolling_friction > 0:
-            reason = f'contact.rolling = "none": set rolling_friction = 0 or choose {_choices("rolling")}'
-            yield problem("rolling_friction", reason)
-        damped = pair.rolling_damping != Pair.model_fields["rolling_damping"].default
-        if damped and contact.rolling != "spring" and not models.is_file(contact.rolling):
-            yield problem("rolling_damping", f'only for contact.rolling = "spring"; it is "{contact.rolling}"')
-
-
-def _own_law_problems(scene: Scene) -> Iterator[Problem]:
-    """Files of the user that are no contact law, or that fail on the scene's coefficients."""
-    for role in ("normal", "tangential", "rolling"):
-        name = getattr(scene.contact, role)
-        if not models.is_file(name):
-            continue
-        try:
-            module = user_model(role, name, {"base": scene.base, "access": scene.access})
-        except SceneError as error:
-            yield ("contact", role), name, str(error)
-            continue
-        for i, pair in enumerate(scene.pairs if role == "normal" else []):
-            if not set(pair.materials) <= scene.materials.keys():
-                continue  # named already
-            try:
-                numbers = np.array(module.coefficients(*(scene.materials[m] for m in pair.materials), pair), dtype=float)
-            except Exception as error:  # whatever the user's function stumbles over
-                yield ("pairs", i), None, f"coefficients of {name} fails for this pair: {type(error).__name__}: {error}"
-                continue
-            if numbers.shape != (4,) or not np.isfinite(numbers).all():
-                reason = f"coefficients of {name} gives {numbers.tolist()}; four finite numbers are needed"
-                yield ("pairs", i), None, reason

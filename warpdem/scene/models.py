@@ -19,7 +19,10 @@ import numpy as np
 
 from warpdem import kernels
 from warpdem.errors import SceneError
+from warpdem.kernels.contact import columns
+from warpdem.kernels.contact.columns import PairKey
 from warpdem.kernels.field import NUMBERS
+from warpdem.kernels.wall import record
 from warpdem.scene.units import DIMENSIONS, Quantity, Vector
 
 REQUIRED = {
@@ -31,6 +34,8 @@ REQUIRED = {
     "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
 }
 """Roles, and what each file of a role defines."""
+LAWS = ("normal", "tangential", "rolling")
+"""Roles of the contact law."""
 CODE_PLACE = re.compile(r'Error while parsing function ".*?" at (.+?):(\d+):\n(.*?)\n;', re.DOTALL)
 """Where Warp failed to translate a function, outermost first: file, line and the code there."""
 
@@ -62,6 +67,43 @@ def allowed(role: str, *others: str) -> str:
     """What may stand where a model of ``role`` is named, in words."""
     known = [f'"{name}"' for name in (*model_names(role), *others)]
     return f"must be {' or '.join([', '.join(known[:-1]), *known[-1:]] if known[1:] else known)}, or a .py file of your own"
+
+
+def default(role: str) -> str:
+    """Name of the model of a role that a scene has if it names none."""
+    return importlib.import_module(f"{kernels.__name__}.{role}").DEFAULT
+
+
+def choices(role: str, chosen: str, *others: str) -> str:
+    """The models of a role, each with a few words on it, for the schema; ``chosen`` is the default, ``others`` no model."""
+    known = {name: importlib.import_module(f"{kernels.__name__}.{role}.{name}").SUMMARY for name in model_names(role)}
+    known = {**dict.fromkeys(others, ""), **known} if chosen in others else {**known, **dict.fromkeys(others, "")}
+    words = {name: "; ".join(filter(None, [about, "default" * (name == chosen)])) for name, about in known.items()}
+    listed = [f'"{name}"' + (f" ({about})" if about else "") for name, about in words.items()]
+    return f"{role.capitalize()} law: {', '.join(listed)} or a .py file."
+
+
+@functools.cache
+def pair_keys() -> dict[str, tuple[PairKey, list[tuple[str, str]]]]:
+    """Keys of ``[[pairs]]`` that laws of the package declare: what each is, and role and name of the laws that read it.
+
+    Raises:
+        TypeError: two laws declare the same key in two ways.
+    """
+    found: dict[str, tuple[PairKey, list[tuple[str, str]]]] = {}
+    for role in LAWS:
+        for name in model_names(role):
+            for key, entry in columns.pair_keys(model(role, name)).items():
+                known, laws = found.setdefault(key, (entry, []))
+                if known != entry:
+                    raise TypeError(f"PAIR[{key!r}] of {role}/{name}.py is not that of {'/'.join(laws[0])}.py")
+                laws.append((role, name))
+    return found
+
+
+def quantity(entry: PairKey) -> Quantity:
+    """What a key of ``[[pairs]]`` accepts."""
+    return Quantity(entry.unit, gt=0) if entry.positive else Quantity(entry.unit, ge=0)
 
 
 def model(role: str, name: str) -> ModuleType:
@@ -153,6 +195,8 @@ def _user_model(role: str, file: str) -> ModuleType:
         raise SceneError(f"{file}: in {_article(role)} model {', '.join(functions)} must be a function")
     if "PARAMETERS" in REQUIRED[role]:
         _check_parameters(file, module.PARAMETERS)
+    if role in LAWS:
+        _check_law(file, role, module)
     if not isinstance(getattr(module, "UNIT", ""), str):
         raise SceneError(f"{file}: UNIT = {module.UNIT!r}: must be a text such as \"m/s\"")
     return module
@@ -211,6 +255,28 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
             raise SceneError(f"{', '.join(files)}: {failure}: {reason}") from error
         file, line, code = places[-1]
         raise SceneError(f"{file}, line {line}: {failure}: {code}: {reason}") from error
+
+
+RESERVED = {*columns.OF_NORMAL_LAW, *columns.OF_PAIR, *columns.VECTORS, *record.GEOMETRY.names, *record.RESULT.names,
+            "radius", "inertia", "grain"}  # fmt: skip
+"""Names that a law cannot give numbers of its own."""
+
+
+def _check_law(file: str, role: str, module: ModuleType) -> None:
+    """Refuse numbers and keys of a contact law that nothing could be laid out or checked by."""
+    for name in ("COEFFICIENTS", "HISTORY") if role == "normal" else ():
+        declared = getattr(module, name, {})
+        if not isinstance(declared, Mapping) or not all(isinstance(text, str) for entry in declared.items() for text in entry):
+            raise SceneError(f"{file}: {name} = {declared!r}: must be a dict: name -> unit")
+        if taken := RESERVED & declared.keys():
+            raise SceneError(f"{file}: {name}: the name {min(taken)!r} is taken")
+    if not isinstance(getattr(module, "PAIR", {}), Mapping):
+        raise SceneError(f"{file}: PAIR must be a dict: key -> (unit, default, text)")
+    for key, entry in getattr(module, "PAIR", {}).items():
+        if not isinstance(entry, tuple) or len(entry) not in (3, 4):
+            raise SceneError(f"{file}: PAIR[{key!r}] = {entry!r}: must be (unit, default, text), and True if 0 is refused")
+        if entry[0] not in DIMENSIONS:
+            raise SceneError(f"{file}: PAIR[{key!r}]: unit {entry[0]!r} is not known; known: {', '.join(DIMENSIONS)}")
 
 
 def _check_parameters(file: str, parameters: Any) -> None:

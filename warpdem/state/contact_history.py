@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.filling.size_grids import starts
+from warpdem.kernels.contact.columns import VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
@@ -16,6 +17,11 @@ def read(view: RunView) -> dict[str, np.ndarray]:
     return _pair_contacts(view) | wall_contacts(view)
 
 
+def springs_width(at: Columns) -> int:
+    """Numbers of the springs, which stand first in the contact history ``at`` and in ``pair_memory`` of a checkpoint."""
+    return sum(size for name, size in at.sizes if name in VECTORS)
+
+
 def _listed(contacts: ListedContacts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ids (lower, higher) of the listed contacts, and their two force slots."""
     if not contacts.contact_count:
@@ -26,16 +32,19 @@ def _listed(contacts: ListedContacts) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
-    """History and forces of the listed grain-grain contacts."""
+    """History and pair forces of the listed grain-grain contacts."""
     contacts, features = view.contacts, view.model.features
     pair, i, j = _listed(contacts)
-    width, shares = max(features.contact.memory, 1), share_width(features.contact.spins)
+    at, shares = features.contact.history, share_width(features.contact.spins)
+    width = max(at.width, 1)
     memory, row = np.zeros((0, width)), np.zeros((0, shares))
     if len(pair):
         memory = contacts.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
-        memory = memory if features.contact.memory else np.zeros((len(pair), 1))
         row = contacts.row.numpy()
-    out = {"pair": pair, "pair_memory": memory, "pair_share_i": row[i], "pair_share_j": row[j]}
+    vectors = springs_width(at)
+    springs = memory[:, :vectors] if vectors else np.zeros((len(pair), 1))
+    out = {"pair": pair, "pair_memory": springs, "pair_share_i": row[i], "pair_share_j": row[j]}
+    out |= {f"pair_own_{name}": memory[:, at.of(name)] for name in at.names if name not in VECTORS}
     if features.measures.energy:
         entry = contacts.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
         out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
@@ -63,11 +72,17 @@ def remember(lists, data: dict) -> None:
     """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
 
     Args:
-        data: ids of the grains in their order (``id``), ``pair`` and ``pair_memory``, and where there are walls the
-            ``place_*`` of a checkpoint.
+        data: ids of the grains in their order (``id``), ``pair``, its springs ``pair_memory`` and the law's own scalars
+            ``pair_own_*``, and where there are walls the ``place_*`` of a checkpoint.
     """
     features, n = lists.model.features, len(lists.state)
-    pair, memory = data["pair"], data["pair_memory"][:, : max(features.contact.memory, 1)]
+    at = features.contact.history
+    pair, memory = data["pair"], np.zeros((len(data["pair"]), max(at.width, 1)))
+    springs = springs_width(at)
+    memory[:, :springs] = data["pair_memory"][:, :springs]
+    for name in at.names:
+        if name not in VECTORS:
+            memory[:, at.of(name)] = data[f"pair_own_{name}"]
     owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
     order = np.lexsort((partner, owner))
     count = np.bincount(owner, minlength=n)
@@ -98,7 +113,8 @@ def _put_places(lists, data: dict, n: int) -> None:
     rows.first = lists.pool.upload(starts(count), wp.int32)
     rows.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
     memory = rows.place.numpy()
-    memory[lists.force_parity] = wall_record.packed(wall_record.MEMORY, data, memory.shape[-1])[order]
+    at = wall_record.columns(lists.model.features.contact.history)
+    memory[lists.force_parity] = wall_record.packed(at, data, memory.shape[-1])[order]
     rows.place.assign(memory)
     lists.rows = rows
 

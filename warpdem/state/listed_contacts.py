@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.particles import State
 
@@ -26,6 +27,8 @@ class ListedContacts:
 
     state: State
     """The grains, whose memory slots the arrays name."""
+    history: Columns
+    """Columns of the contact history."""
     contact_count: int
     """Contacts between grains."""
     row_count: int
@@ -75,7 +78,7 @@ class ListedContacts:
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """Wall contact points in ``slot``: history and results of the last force call, by the names of ``wall.record``."""
-        return wall_record.unpacked(self.walls.place.numpy()[parity, slot], self.walls.result.numpy()[slot])
+        return wall_record.unpacked(self.history, self.walls.place.numpy()[parity, slot], self.walls.result.numpy()[slot])
 
     def copied(self, state: State, take: Callable[[str, wp.array], wp.array], pairs: bool) -> "ListedContacts":
         """A copy that stays as it is while the run goes on.

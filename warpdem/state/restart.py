@@ -18,8 +18,10 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
+from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
@@ -252,18 +254,23 @@ def _grains(scene: Scene, data: dict, material: list[int]) -> InitialGrains:
 def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
     """Memory of contacts for ``Lists.remember``, numbered as the walls of ``scene``, and what was dropped in words."""
     was, now, notes = data["scene"]["contact"], scene.contact, []
+    springs, given = Columns(tuple((name, 3) for name in VECTORS)), data["pair_memory"].shape[1]
     held = {
-        "spring": now.tangential == was["tangential"] and data["pair_memory"].shape[1] >= 3,
-        "angle": (now.rolling, now.torsion) == (was["rolling"], was["torsion"]) and data["pair_memory"].shape[1] == 6,
+        "spring": now.tangential == was["tangential"],
+        "angle": (now.rolling, now.torsion) == (was["rolling"], was["torsion"]),
     }
-    pairs = np.zeros((len(data["pair"]), 6))
-    for name, columns in (("spring", slice(0, 3)), ("angle", slice(3, 6))):
+    held = {name: same and springs.of(name).stop <= given for name, same in held.items()}
+    pairs = np.zeros((len(data["pair"]), springs.width))
+    for name in springs.names:
         if held[name]:
-            pairs[:, columns] = data["pair_memory"][:, columns]
+            pairs[:, springs.of(name)] = data["pair_memory"][:, springs.of(name)]
+    normal = model("normal", scene.located(now.normal))
+    own = {name: now.normal == was["normal"] and f"pair_own_{name}" in data for name in own_history(normal).names}
     lost = [f"contact.{role}" for role in ("tangential", "rolling") if getattr(now, role) != was[role] != "none"]
     if lost:
         notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
     out = {"id": data["id"], "pair": data["pair"], "pair_memory": pairs}
+    out |= {f"pair_own_{k}": data[f"pair_own_{k}"] if same else np.zeros(len(pairs)) for k, same in own.items()}
     if "place_wall" not in data:
         return out, notes
     number, dropped = _wall_numbers(scene, data)
@@ -274,8 +281,10 @@ def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.n
         out[f"place_{name}"] = data[f"place_{name}"][keep]
     out["place_point"] = _in_new_axes(scene, data, redrawn, out["place_wall"], out["place_point"])
     out["place_wall"] = number[out["place_wall"]]
-    for name in ("spring", "angle"):
+    for name in springs.names:
         out[f"place_{name}"] = data[f"place_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
+    for name, same in own.items():
+        out[f"place_{name}"] = data[f"place_{name}"][keep] if same else np.zeros(keep.sum())
     return out, notes
 
 

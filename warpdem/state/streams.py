@@ -53,7 +53,7 @@ class Streams:
                 continue
             record = state.record.numpy()[state.here]
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
-            position, radius = inlet.bring(step, *there, self._model.domain.nearest)
+            position, radius = inlet.insert(step, *there, self._model.domain.nearest)
             if len(radius):
                 state.add(self._grains(inlet, position, radius), self._model.density)
                 inserted.append(np.arange(state.slots - len(radius), state.slots))

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 import warp as wp
-from warpdem.kernels.contact import law
+from warpdem.kernels.contact import columns, law
 from warpdem.kernels.normal import hertz
 from warpdem.kernels.rolling import constant, spring
 from warpdem.kernels.tangential import mindlin, mindlin_displacement
@@ -16,12 +16,18 @@ DT = 1e-3
 EPS = {wp.float32: 1.2e-7, wp.float64: 2.3e-16}
 
 
+def coefficients(real, **values):
+    """Coefficients of Hertz's law by name; those not given are 0."""
+    at = columns.coefficients(hertz)
+    return at.vector(real)(*(values.pop(name, 0.0) for name in at.names))
+
+
 @functools.cache
 def path_kernel(real, tangential):
     """Kernel that takes one contact per thread along a path of relative positions (x, y tangential, z overlap)."""
     vec3 = wp.types.vector(3, real)
-    Coefficients = wp.types.vector(7, real)
-    _, contact_law = law.build(real, hertz, tangential, None, False)
+    joined = law.build(real, hertz, tangential, None, False)
+    past, Coefficients, Constants, History = joined.history, joined.Coefficients, joined.Constants, joined.History
 
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(
@@ -35,20 +41,21 @@ def path_kernel(real, tangential):
         p = wp.tid()
         n = vec3(real(0.0), real(0.0), real(1.0))
         turning = n * spin
-        spring = vec3()
+        k = Constants(real(wp.static(STIFFNESS)), damping)
+        history = History()
         for s in range(1, path.shape[1]):
             now = path[p, s]
             before = path[p, s - 1]
             # i sinks towards j as the overlap grows
             step = vec3(now[0] - before[0], now[1] - before[1], before[2] - now[2])
             velocity = step / real(wp.static(DT))
-            force, _moment, held, _bent = contact_law(
-                n, n, now[2], before[2], velocity, step, turning, vec3(), vec3(), real(wp.static(DT)),
-                real(wp.static(STIFFNESS)), damping, real(1.0), real(1.0), c, spring, vec3(),
+            force, _moment, after = joined.force(
+                n, n, now[2], before[2], velocity, step, turning, vec3(), vec3(), real(wp.static(DT)), k, real(1.0),
+                real(1.0), c, history,
             )  # fmt: skip
-            spring = held
+            history = after
             force_out[p, s] = force
-            spring_out[p, s] = held
+            spring_out[p, s] = past.spring(after)
 
     return kernel
 
@@ -57,7 +64,7 @@ def follow(path, tangential, *, real=wp.float64, friction=FRICTION, damping=0.0,
     """Forces on i [N] and springs [m] along paths of shape (paths, steps, 3)."""
     vec3 = wp.types.vector(3, real)
     out = [wp.zeros(path.shape[:2], dtype=vec3, device="cpu") for _ in range(2)]
-    c = wp.types.vector(7, real)(1.0, 0.0, SHEAR, 1.0, friction, 0.0, 0.0)
+    c = coefficients(real, shear=SHEAR, shear_damping=1.0, friction=friction)
     inputs = [wp.array(path, dtype=vec3, device="cpu"), damping, c, spin, *out]
     wp.launch(path_kernel(real, tangential), dim=path.shape[0], inputs=inputs, device="cpu")
     return [x.numpy().astype(float) for x in out]
@@ -173,14 +180,15 @@ def test_a_sheared_contact_turned_about_its_normal_keeps_its_force_in_turning_ax
 
 @functools.cache
 def rolling_kernel(torsion):
-    _, contact_law = law.build(wp.float64, hertz, None, constant, torsion)
+    joined = law.build(wp.float64, hertz, None, constant, torsion)
+    Coefficients, Constants, History = joined.Coefficients, joined.Constants, joined.History
 
     @wp.kernel(module="unique", enable_backward=False)
-    def kernel(n: wp.vec3d, spin: wp.vec3d, c: wp.types.vector(7, wp.float64), out: wp.array(dtype=wp.vec3d)):
+    def kernel(n: wp.vec3d, spin: wp.vec3d, c: Coefficients, out: wp.array(dtype=wp.vec3d)):
         zero = wp.vec3d()
-        force, moment, _held, _bent = contact_law(
+        force, moment, _after = joined.force(
             n, n, wp.float64(1.0e-4), wp.float64(1.0e-4), zero, zero, zero, spin, spin, wp.float64(1.0e-9),
-            wp.float64(1.0e6), wp.float64(0.0), wp.float64(5.0e-4), wp.float64(1.0), c, zero, zero,
+            Constants(wp.float64(1.0e6), wp.float64(0.0)), wp.float64(5.0e-4), wp.float64(1.0), c, History(),
         )  # fmt: skip
         out[0] = force
         out[1] = moment
@@ -191,7 +199,7 @@ def rolling_kernel(torsion):
 @pytest.mark.parametrize("torsion", [False, True])
 def test_rolling_torque_leaves_the_spin_about_the_normal_alone_unless_torsion_is_on(torsion):
     out = wp.zeros(2, dtype=wp.vec3d, device="cpu")
-    c = wp.types.vector(7, wp.float64)(1.0, 0.0, SHEAR, 1.0, FRICTION, 0.1, 0.0)
+    c = coefficients(wp.float64, shear=SHEAR, shear_damping=1.0, friction=FRICTION, rolling_friction=0.1)
     wp.launch(
         rolling_kernel(torsion), dim=1, inputs=[wp.vec3d(0.0, 0.6, 0.8), wp.vec3d(0.0, 4.0, 7.0), c, out], device="cpu"
     )
@@ -206,26 +214,27 @@ def test_rolling_torque_leaves_the_spin_about_the_normal_alone_unless_torsion_is
 @functools.cache
 def one_step_kernel():
     """Kernel that evaluates one contact of Hertz, Mindlin and the rolling spring."""
-    _, contact_law = law.build(wp.float64, hertz, mindlin, spring, False)
-    Coefficients = wp.types.vector(7, wp.float64)
+    joined = law.build(wp.float64, hertz, mindlin, spring, False)
+    past, Coefficients, Constants, Own = joined.history, joined.Coefficients, joined.Constants, joined.history.Own
 
     @wp.kernel(module="unique", enable_backward=False)
     def kernel(vectors: wp.array(dtype=wp.vec3d), numbers: wp.array(dtype=wp.float64), c: Coefficients,
                out: wp.array(dtype=wp.vec3d)):  # fmt: skip
-        force, moment, held, bent = contact_law(
+        force, moment, after = joined.force(
             vectors[0], vectors[1], numbers[0], numbers[0], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6],
-            numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], c, vectors[7], vectors[8],
+            numbers[1], Constants(numbers[2], numbers[3]), numbers[4], numbers[5], c,
+            past.joined(vectors[7], vectors[8], Own()),
         )  # fmt: skip
         out[0] = force
         out[1] = moment
-        out[2] = held
-        out[3] = bent
+        out[2] = past.spring(after)
+        out[3] = past.angle(after)
 
     return kernel
 
 
 CONTACT = {"overlap": DEPTH, "dt": DT, "stiffness": STIFFNESS, "damping": 50.0, "radius": 5e-4, "inertia": 1e-9}
-COLUMNS = (1.0, 0.0, SHEAR, 0.7, 0.9, 0.2, 0.3)  # as law.COEFFICIENTS: all of those that the law reads differ
+COEFFICIENTS = {"shear": SHEAR, "shear_damping": 0.7, "friction": 0.9, "rolling_friction": 0.2, "rolling_damping": 0.3}
 VECTORS = ("n", "n_before", "velocity", "slip", "turning", "spin", "spin_predicted", "spring", "angle")
 
 
@@ -234,7 +243,7 @@ def one_step(**vectors):
     given = wp.array([vectors.get(name, np.zeros(3)) for name in VECTORS], dtype=wp.vec3d, device="cpu")
     numbers = wp.array(list(CONTACT.values()), dtype=wp.float64, device="cpu")
     out = wp.zeros(4, dtype=wp.vec3d, device="cpu")
-    c = wp.types.vector(7, wp.float64)(*COLUMNS)
+    c = coefficients(wp.float64, **COEFFICIENTS)
     wp.launch(one_step_kernel(), dim=1, inputs=[given, numbers, c, out], device="cpu")
     return out.numpy()
 
