@@ -46,7 +46,7 @@ def settled():
 
 
 def test_forces_of_the_lines_are_the_loads_of_the_grains(settled):
-    network, p = read_network(settled), settled.particles
+    network, p = read_network(settled.view), settled.particles
     total = np.zeros((len(p.id), 3))
     np.add.at(total, np.searchsorted(p.id, network.i), network.force)
     pairs = network.j >= 0
@@ -57,7 +57,7 @@ def test_forces_of_the_lines_are_the_loads_of_the_grains(settled):
 
 
 def test_lines_join_centres_and_end_on_walls(settled):
-    network, p = read_network(settled), settled.particles
+    network, p = read_network(settled.view), settled.particles
     pairs, floor = network.j >= 0, network.wall == 1
     assert_array_equal(network.start, p.position[np.searchsorted(p.id, network.i)])
     assert_allclose(network.end[pairs], p.position[np.searchsorted(p.id, network.j[pairs])], rtol=0, atol=1e-18)
@@ -68,7 +68,7 @@ def test_lines_join_centres_and_end_on_walls(settled):
 
 
 def test_force_is_split_along_and_across_the_line(settled):
-    network = read_network(settled)
+    network = read_network(settled.view)
     normal = network.start - network.end
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     size = np.abs(network.force).max()
@@ -87,7 +87,7 @@ def test_a_grain_pushed_over_the_floor_slides(speed, sliding):
     overlap = 2e-6
     sim = simulated([[0.01, 0, R - overlap]], grains={"velocities": [[0, speed, 0]]})
     sim.step(3)
-    network = read_network(sim)
+    network = read_network(sim.view)
     assert (network.i, network.j, network.wall, network.sliding) == ([0], [-1], [1], [sliding])
     assert_allclose(network.friction_force[0], [0, -MU * network.normal_force[0] * sliding, 0], rtol=0, atol=1e-15)
 
@@ -95,14 +95,14 @@ def test_a_grain_pushed_over_the_floor_slides(speed, sliding):
 def test_a_contact_across_a_periodic_border_is_a_short_line():
     side = {"min": 0.0, "max": 0.02, "kind": "periodic"}
     sim = simulated([[0.0005, 0.01, 0.01], [0.01851, 0.01, 0.01]], walls=[], borders={"x": side}, gravity=[0, 0, 0])
-    network = read_network(sim)
+    network = read_network(sim.view)
     assert_allclose(network.end - network.start, [[-0.00199, 0, 0]], rtol=0, atol=1e-15)
 
 
 def test_the_network_does_not_depend_on_the_order_in_memory(settled):
     other = heap(engine={"skin": 3e-5})
     assert other.lists.rebuilds != settled.lists.rebuilds
-    first, second = read_network(settled), read_network(other)
+    first, second = read_network(settled.view), read_network(other.view)
     for name, values in vars(first).items():
         assert_array_equal(getattr(second, name), values)
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from warpdem.kernels.step.motion import BEYOND
 
 from warpdem import Scene, Simulation, StabilityError
 from warpdem.app.run import run_scene
@@ -26,7 +27,7 @@ def put(sim: Simulation, number: int, column, value) -> None:
     record = sim.state.record.numpy()
     record[sim.state.rank[number], column] = value
     sim.state.record.assign(record)
-    sim._clock.forces_evaluated, sim._grown = False, True
+    sim.live.clock.forces_evaluated, sim.lists.due = False, BEYOND
 
 
 # -- energy ----------------------------------------------------------------------------------------
@@ -63,9 +64,9 @@ def test_what_brings_energy_in_is_known(make_scene):
         ({"tangential": "mindlin_displacement", "friction": 0.5}, True), ({"tangential": "mindlin", "friction": 0.5}, False),
     ]  # fmt: skip
     for change, expected in cases:
-        assert driven(simulate(make_scene, **(still | change))) is expected, change
+        assert driven(simulate(make_scene, **(still | change)).model) is expected, change
     wide = make_scene(**still, gravity=(0, 0, -9.81)).model_dump(mode="json") | {"borders": falling}
-    assert driven(Simulation(Scene.model_validate(wide), device="cpu", threads=1))
+    assert driven(Simulation(Scene.model_validate(wide), device="cpu", threads=1).model)
 
 
 def test_a_driven_scene_is_watched_by_its_budget(make_scene):
@@ -87,7 +88,7 @@ def test_rate_of_a_pair_is_exact(make_scene):
     for friction in (0.0, 0.5):
         tangential = "mindlin" if friction else "none"
         sim = simulate(make_scene, PRESSED, step=1e-6, restitution=0.5, friction=friction, tangential=tangential)
-        p, found = sim.particles, stability.springs(sim, sim.contacts())
+        p, found = sim.particles, stability.springs(sim.view, sim.contacts())
         rate, damping, _ = stability.largest_rate(found, p.mass, p.inertia)
         k, k_t = found.stiffness[:, 0]
         arm = 0.995  # of the radius
@@ -111,7 +112,7 @@ def sheared_pair(make_scene, step: float, restitution: float = 0.5, spin: float 
 
 def measured_limit(sim: Simulation) -> float:
     p = sim.particles
-    return stability.stable_step(stability.springs(sim, sim.contacts()), p.mass, p.inertia)[0]
+    return stability.stable_step(stability.springs(sim.view, sim.contacts()), p.mass, p.inertia)[0]
 
 
 @pytest.mark.parametrize("restitution", [1.0, 0.5, 0.1])
@@ -218,7 +219,7 @@ def test_lists_that_cannot_be_counted_stop_the_run(make_scene, monkeypatch):
 def looked_at(monkeypatch) -> list[int]:
     """Steps at which guards look from now on."""
     looks, look = [], watch.Guards.look
-    monkeypatch.setattr(watch.Guards, "look", lambda self: (looks.append(self.sim.step_number), look(self)))
+    monkeypatch.setattr(watch.Guards, "look", lambda self: (looks.append(self.view.clock.step_number), look(self)))
     return looks
 
 
@@ -238,7 +239,7 @@ def test_a_danger_that_was_recorded_is_not_confirmed_again(make_scene, monkeypat
     """With guards that only record, a run in danger goes on, and is not looked at every few steps from then on."""
     looks = looked_at(monkeypatch)
     sim = sheared_pair(make_scene, 1.6 * measured_limit(sheared_pair(make_scene, 1e-7)), spin=1e-15)
-    monkeypatch.setattr(stability.StabilityGuard, "_share", lambda self: (1.6, 1e-5, 0))
+    monkeypatch.setattr(stability, "_share", lambda view: (1.6, 1e-5, 0))
     sim.step(250)
     assert looks == [0, stability.CONFIRM, 100, 200]
 

@@ -10,8 +10,11 @@ import warp as wp
 from warpdem import Scene, Simulation
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
+from warpdem.measure.observers import Particles, read_contacts
+from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import CONTACT_ARRAYS, Instant, Room
+from warpdem.output.instant import Instant, Room
+from warpdem.state.listed_contacts import CONTACT_ARRAYS
 
 STEPS = 800
 
@@ -78,9 +81,9 @@ def sim(scene):
     return made
 
 
-def row_of(sim) -> list[float]:
-    """The row of history.csv at the present time of ``sim``."""
-    return history_row(history_columns(sim.scene), Readings(sim))
+def row_of(view) -> list[float]:
+    """The row of history.csv at the time of a view."""
+    return history_row(history_columns(view.model.scene), Readings(view))
 
 
 def spoil(sim) -> None:
@@ -92,19 +95,19 @@ def spoil(sim) -> None:
 
 
 def test_an_instant_is_read_after_the_run_has_gone_on(sim):
-    there, row = sim.snapshot(), row_of(sim)
+    there, row = sim.snapshot(), row_of(sim.view)
     assert len(there.contacts.i) > 5 and (there.contacts.wall >= 0).any() and np.abs(row).sum() > 0.0
-    instant = Instant(sim, Room(sim.device))
+    instant = Instant(sim.view, Room(sim.device))
     spoil(sim)
-    still = instant.simulation()
-    equal(still.snapshot(), there)
+    still = instant.view()
+    equal(take_snapshot(still), there)
     assert row_of(still) == row
-    assert (still.step_number, still.time) == (STEPS, STEPS * sim.dt)
+    assert (still.clock.step_number, still.clock.time) == (STEPS, STEPS * sim.dt)
 
 
 def test_instants_do_not_change_the_run(scene, sim):
     for _ in range(3):
-        Instant(sim, Room(sim.device)).simulation().snapshot()
+        take_snapshot(Instant(sim.view, Room(sim.device)).view())
         sim.step(20)
     other = Simulation(scene, device="cpu", threads=1)
     other.step(STEPS + 60)
@@ -115,30 +118,30 @@ def test_a_room_is_used_again_when_there_is_more_to_hold(scene):
     sim = Simulation(scene, device="cpu", threads=1)
     room, counts = Room(sim.device), []
     for _ in range(3):
-        there, instant = sim.snapshot(), Instant(sim, room)
+        there, instant = sim.snapshot(), Instant(sim.view, room)
         sim.step(STEPS)
-        equal(instant.simulation().snapshot(), there)
+        equal(take_snapshot(instant.view()), there)
         counts.append(len(there.contacts.i))
     assert counts[0] < counts[-1]
 
 
 def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
-    still = Instant(sim, Room(sim.device), contacts=False).simulation()
-    assert all(getattr(still.lists, name) is None for name in CONTACT_ARRAYS)
-    equal(still.particles.force, sim.particles.force)
+    still = Instant(sim.view, Room(sim.device), contacts=False).view()
+    assert all(getattr(still.contacts, name) is None for name in CONTACT_ARRAYS)
+    equal(Particles(still).force, sim.particles.force)
     with pytest.raises(AttributeError):
-        still.contacts()
-    assert observation.observed(sim) == {}
+        read_contacts(still)
+    assert observation.observed(sim.view) == {}
 
 
 def test_there_is_an_instant_before_the_first_grain(scene):
     """All of them come by a stream, the first after some steps."""
     scene = scene.model_copy(update={"grains": []})
     sim = Simulation(scene, device="cpu", threads=1)
-    still = Instant(sim, Room(sim.device)).simulation()
-    equal(still.snapshot(), sim.snapshot())
+    still = Instant(sim.view, Room(sim.device)).view()
+    equal(take_snapshot(still), sim.snapshot())
     assert len(sim.state) == 0
-    np.testing.assert_array_equal(row_of(still), row_of(sim))
+    np.testing.assert_array_equal(row_of(still), row_of(sim.view))
     sim.step(STEPS)
     assert len(sim.state) > 0
 

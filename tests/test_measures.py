@@ -41,7 +41,7 @@ def scene(positions, velocities=None, measures=None, **more):
 
 def properties(sim, box):
     """Bulk properties in a box."""
-    readings = Readings(sim)
+    readings = Readings(sim.view)
     return [column.read(readings) for column in region_columns(Region(name="r", box=box))]
 
 
@@ -132,7 +132,7 @@ def test_bulk_of_a_pressed_lattice_has_its_coordination_and_pressure():
     borders = {axis: {"min": 0.0, "max": length, "kind": "periodic"} for axis in "xyz"}
     made = scene((cells + 0.3) * gap, borders=borders)
     sim = Simulation(made, device="cpu", threads=1)
-    network = read_network(sim)
+    network = read_network(sim.view)
     found = properties(sim, {"min": [0, 0, 0], "max": [length] * 3})
     force = network.normal_force[0]
     assert found[6] == 6.0
@@ -165,7 +165,7 @@ def test_stress_of_a_column_is_the_same_wherever_the_faces_are():
         {"name": name, "material": "g", "plane": {"point": point, "normal": normal}} for name, (point, normal) in planes.items()
     ]
     sim = Simulation(scene([[0, 0, (k + 0.5) * gap] for k in range(4)], walls=walls), device="cpu", threads=1)
-    network = read_network(sim)
+    network = read_network(sim.view)
     assert len(network.i) == 5
     # plates press as sqrt(2) (d/2)^(3/2) where pairs do as d^(3/2): the outer halves of the column bear half the load
     of_plates, of_pairs = network.normal_force[network.wall >= 0], network.normal_force[network.wall < 0]
@@ -190,7 +190,7 @@ def test_stress_times_volume_adds_up_and_ends_at_the_virial():
     borders = {axis: {"min": 0.0, "max": length, "kind": "periodic"} for axis in "xyz"}
     made = scene((cells + 0.5) * gap + rng.uniform(-1.5e-5, 1.5e-5, (125, 3)), borders=borders)
     sim = Simulation(made, device="cpu", threads=1)
-    total = virial(read_network(sim))
+    total = virial(read_network(sim.view))
     total = 0.5 * (total + total.T)
     tolerance = {"rtol": 0, "atol": 1e-12 * np.abs(total).max()}
     shift = rng.uniform(-length, length, 3)
@@ -244,9 +244,9 @@ def test_mixing_tells_two_kinds_by_what_is_asked_for():
     places = [[-0.01, 0, 0], [-0.02, 0, 0.01], [0.01, 0, 0.02], [0.02, 0, 0.03]]
     made = scene(places, measures={"mixing": asked})
     sim = Simulation(made, device="cpu", threads=1)
-    assert kinds("x", sim)[0].tolist() == [True, True, False, False]
-    assert kinds("z", sim)[0].tolist() == [True, True, False, False]
-    assert kinds("group", sim)[0].tolist() == [True] * 4
+    assert kinds("x", sim.particles, sim.expected)[0].tolist() == [True, True, False, False]
+    assert kinds("z", sim.particles, sim.expected)[0].tolist() == [True, True, False, False]
+    assert kinds("group", sim.particles, sim.expected)[0].tolist() == [True] * 4
     values = sim.measure()
     assert values["mixing x [-]"] == 0.0  # cells end at the origin
     assert np.isnan(values["mixing group [-]"])
@@ -282,7 +282,7 @@ def test_stress_on_the_grid_is_exact_where_the_kernel_is_narrower_than_a_contact
     """Two grains pressed together: on the line of centres all over its length, and in sum."""
     gap, width = 1.99e-3, 4e-4
     sim = Simulation(scene([[0, 0, 0], [gap, 0, 0]]), device="cpu", threads=1)
-    network = read_network(sim)
+    network = read_network(sim.view)
     snapshot = replace(sim.snapshot(), contacts=network)
     x = np.linspace(width, gap - width, 14)
     line = Lattice(np.array([x[0], 0.0, 0.0]), (14, 1, 1), x[1] - x[0])

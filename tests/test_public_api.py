@@ -12,13 +12,13 @@ from pydantic import BaseModel
 
 import warpdem
 from warpdem.core import snapshot
-from warpdem.measure import observers
+from warpdem.measure import observers, run_readings
 
 NAMES = [name for name in warpdem.__all__ if name != "__version__"]
 DRAWING = ("picture", "render")
 """Imported by what asks for them: their libraries take seconds."""
 CLASSES = [thing for name in NAMES if name not in DRAWING and inspect.isclass(thing := getattr(warpdem, name))]
-READINGS = [observers.Particles, observers.Contacts, snapshot.WallLoad]
+READINGS = [run_readings.RunReadings, observers.Particles, observers.Contacts, snapshot.WallLoad]
 """What ``Simulation`` hands out."""
 WITHOUT_UNIT = {"id", "type", "group", "i", "j"}
 

@@ -41,7 +41,7 @@ def scene(frame=None, walls=(), **changes) -> Scene:
 
 def numbers(of: Scene):
     gathered = TurningNumbers(of)
-    gathered.add(Simulation(of, device="cpu", threads=1))
+    gathered.add(Simulation(of, device="cpu", threads=1).view)
     return gathered.result()
 
 

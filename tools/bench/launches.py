@@ -71,7 +71,7 @@ def measured(sim: warpdem.Simulation, steps: int, repeats: int = 5) -> dict:
     The launches repeat one instant and spoil the run: measure at its end.
     """
     run = activities(sim, steps)
-    sim._prepare()
+    sim.prepare()
     engine, executor, device = sim.engine, sim.engine.executor, sim.device
     step = Captured(sim.model, sim.state, engine.lists, engine.structs, engine.batch, executor.storage).step
     engine.batch.set_time()

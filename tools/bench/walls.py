@@ -79,8 +79,8 @@ def hourglasses(launches: int, folder: Path) -> list[dict]:
             grains = dict(material="grain", positions=first.particles.position, radii=first.particles.radius)
         sim = hourglass(mesh, wall, grains)
         sim.step(1000)
-        places = int(sim.lists.places(sim.step_number & 1, sim.lists.place_slots(
-            sim.step_number & 1, sim.lists.wall_grains)[0])["wall"].size)  # fmt: skip
+        listed = sim.view.contacts
+        places = len(listed.place_slots(sim.step_number & 1, listed.wall_grains)[0])
         rows.append({"case": name, "triangles": len(triangles), "places": places, **phases(sim, launches)})
         runs.append(hourglass(mesh, wall, grains))
     for row, seconds in zip(rows, windows(runs), strict=True):

@@ -48,6 +48,7 @@ from paper import hourglass as paper_hourglass
 from paper.common import SCENES
 from warpdem import Scene, Simulation
 from warpdem.engine import graph
+from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.instant import Instant, Room
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -142,9 +143,9 @@ def agreement(device: str, small: bool, folder: Path) -> dict:
     for sim in (own, two, again):
         sim.step(100 if small else 1000)
     error = np.abs(own.particles.position - two.particles.position).max() / start.state["r"].min()
-    there, instant = again.snapshot(), Instant(again, Room(again.device))
+    there, instant = again.snapshot(), Instant(again.view, Room(again.device))
     again.step(100)
-    aside = instant.simulation().snapshot()
+    aside = take_snapshot(instant.view())
     same = all(np.array_equal(getattr(there, name), getattr(aside, name)) for name in ("position", "velocity", "spin", "force"))
     two.step(100)
     steps, twins = (50, 2) if small else (20_000, TWINS)

@@ -157,7 +157,7 @@ def lost_over_limit(restitution: float) -> float:
 
     sim = pair(1e-7)
     p = sim.particles
-    rule = stable_step(springs(sim, sim.contacts()), p.mass, p.inertia)[0]
+    rule = stable_step(springs(sim.view, sim.contacts()), p.mass, p.inertia)[0]
     return abs(longest_step(pair, lambda sim: float(np.abs(sim.particles.spin).max()) < 1e-4, rule) / rule - 1.0)
 
 

@@ -11,6 +11,7 @@ from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import TurningNumbers
+from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.background import Background
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import Instant, Room
@@ -89,18 +90,18 @@ class Outputs:
         with self.sim.clock("output"):
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
             network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
-            instant = Instant(self.sim, self.rooms[0], contacts=row or network)
-            observed = observation.observed(self.sim) if row else {}  # by kernels, which no other thread may launch
+            instant = Instant(self.sim.view, self.rooms[0], contacts=row or network)
+            observed = observation.observed(self.sim.view) if row else {}  # by kernels, which no other thread may launch
             self.background.start(lambda: self._write(instant, observed, row, frame))
 
     def _write(self, instant: Instant, observed: dict[str, np.ndarray], row: bool, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
-            sim = instant.simulation()  # type: ignore[no-untyped-call]  # until output.instant is typed
+            view = instant.view()
             if row:
-                self.history.write(history_row(self.columns, Readings(sim, observed)))
-                self.turning.add(sim)
+                self.history.write(history_row(self.columns, Readings(view, observed)))
+                self.turning.add(view)
             if frame:
-                snapshot = sim.snapshot()
+                snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
 

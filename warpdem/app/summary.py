@@ -83,7 +83,7 @@ def shortfalls(sim: Simulation) -> list[str]:
 def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder: Path, turning: Turning | None) -> None:
     """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
     table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
-    n, steps = len(sim.state), sim.steps_done
+    n, steps = len(sim.state), sim.loop.steps_done
     stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
     table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
     if n and steps:

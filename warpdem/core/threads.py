@@ -11,7 +11,10 @@ from contextlib import suppress
 import warp as wp
 
 from warpdem.core.cpu_cores import available_cores
+from warpdem.errors import SceneError
 
+MOST_THREADS = 1024
+"""Threads of a CPU run [-]: no machine has more cores."""
 GRAINS_PER_THREAD = 24
 """Minimum grains per thread: with fewer the threads wait for each other longer than they work."""
 SLICE = 100_000  # [ns], the minimum that Linux grants
@@ -26,6 +29,24 @@ def available_threads() -> int:
 def threads_for(grains: int) -> int:
     """Number of threads that is efficient for so many grains, up to the cores that this process may use."""
     return max(1, min(available_threads(), grains // GRAINS_PER_THREAD))
+
+
+def run_threads(asked: int | None, grains: int, *, grows: bool, cpu: bool) -> "Threads":
+    """The threads of a run.
+
+    Args:
+        asked: how many the user asked for; None: as many as pay for the number of grains.
+        grains: grains at the start.
+        grows: more may be inserted later.
+        cpu: the run is on a CPU; a GPU takes one thread.
+
+    Raises:
+        SceneError: ``asked`` is below 1, or more than any machine has.
+    """
+    if asked is not None and not 1 <= asked <= MOST_THREADS:
+        raise SceneError(f"threads = {asked}: at least 1 is needed, at most {MOST_THREADS} are taken")
+    count = asked or (available_threads() if grows else threads_for(grains))
+    return Threads(count if cpu else 1, as_pays=asked is None)
 
 
 def request_short_time_slices() -> None:

@@ -13,6 +13,7 @@ from warpdem.kernels.wall import record as wall_record
 from warpdem.kernels.wall.places import Hit
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
+from warpdem.state.listed_contacts import CONTACT_ARRAYS, ListedContacts
 from warpdem.state.particles import State
 
 
@@ -168,13 +169,13 @@ class ContactLists:
 
     # -- reading --------------------------------------------------------------------------------
 
-    def real_lanes(self) -> np.ndarray:
-        """Numbers of the lanes that hold a contact of grains that are there, and do not merely fill a batch."""
-        real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
-        if len(self.state) < self.state.slots:
-            for side in (self.owner, self.partner):
-                real &= self.state.here[side.numpy().ravel()]
-        return np.flatnonzero(real)
+    def view(self) -> ListedContacts:
+        """The contacts of the inner list, to be read."""
+        arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        return ListedContacts(
+            self.state, self.model.features.contact.history, self.contact_count, self.row_count, **arrays,
+            constants=self.contact_constants, walls=self.rows,
+        )  # fmt: skip
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
@@ -185,19 +186,3 @@ class ContactLists:
         inputs = [state.record, state.inverse, self.model.coefficients, self.owner, self.partner, self.kind, out]
         wp.launch(lists.contact_constants, self.owner.size, inputs, device=self.model.device)
         return out
-
-    def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
-        """Wall contacts in ``slot``, and what the last force call made of them, by the names of ``wall.record``."""
-        history = self.model.features.contact.history
-        return wall_record.unpacked(history, self.rows.place.numpy()[parity, slot], self.rows.result.numpy()[slot])
-
-    @property
-    def wall_grains(self) -> np.ndarray:
-        """Memory slots of the grains that have wall candidates, shape (wall rows,)."""
-        return self.rows.grain.numpy()[: self.row_count] if self.row_count else np.zeros(0, dtype=np.int32)
-
-    def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slots of the wall contacts of the grains in memory slots ``g``, and the grain of each."""
-        count = self.rows.place_count.numpy()[parity, g]
-        slot = np.repeat(self.rows.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        return slot, np.repeat(g, count)

@@ -13,9 +13,12 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from warpdem.guards.messages import grain_at, instant
-from warpdem.measure.budget import DISSIPATED
+from warpdem.guards.verdict import Verdict, at_time, grain_at
+from warpdem.measure import observers
+from warpdem.measure.budget import DISSIPATED, Budget
+from warpdem.model.model import Model
 from warpdem.scene.models import model
+from warpdem.state.view import RunView
 
 SHARE = 0.05  # of the energy at hand
 STORED = ("kinetic", "rotational", "elastic")
@@ -33,30 +36,32 @@ class Books:
 
 
 class EnergyGuard:
-    """Watches the energy of a simulation."""
+    """Watches the energy of a run."""
 
-    def __init__(self, sim) -> None:
-        self.sim = sim
-        self._driven = driven(sim)
+    NAME = "energy"
+
+    def __init__(self, model: Model) -> None:
+        self._budget = model.features.measures.energy
+        self._blind = driven(model) and not self._budget
         self._books = self._next = Books()
 
-    def look(self) -> str:
-        """What is wrong with the energy, nothing if it is no more than can be there."""
-        sim = self.sim
-        if self._driven and not sim.plan.measures.energy:
-            return ""
-        energy = sim.energy()
+    def look(self, view: RunView) -> Verdict | None:
+        """What is wrong with the energy, None if it is no more than can be there."""
+        if self._blind:
+            return None
+        energy = observers.energy(view)
         stored = sum(energy[name] for name in STORED)
-        surplus = self._unexplained(stored) if sim.plan.measures.energy else self._risen(sum(energy.values()), stored)
+        surplus = self._unexplained(view, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
-            return ""
-        p = sim.particles
+            return None
+        p = observers.Particles(view)
         kinetic = p.mass * np.einsum("ij,ij->i", p.velocity_lab, p.velocity_lab)
-        return (
-            f"{instant(sim)}: {surplus:.3g} J appeared from nowhere, more than {SHARE:.0%} of the {at_hand:.3g} J at hand; "
-            f"most of it in {grain_at(sim, int(np.argmax(kinetic)))}, at {np.sqrt(kinetic / p.mass).max():.3g} m/s the "
-            f"fastest grain moves. Time step {sim.dt:.3g} s. Take a smaller time.step."
+        return Verdict(
+            self.NAME,
+            f"{at_time(view.clock)}: {surplus:.3g} J appeared from nowhere, more than {SHARE:.0%} of the {at_hand:.3g} J at "
+            f"hand; most of it in {grain_at(view.state, int(np.argmax(kinetic)))}, at {np.sqrt(kinetic / p.mass).max():.3g} "
+            f"m/s the fastest grain moves. Time step {view.clock.dt:.3g} s. Take a smaller time.step.",
         )
 
     def remember(self) -> None:
@@ -71,27 +76,27 @@ class EnergyGuard:
         """Take over what ``state`` gave."""
         self._books = self._next = Books(**{**state, "known": tuple(state["known"])})
 
-    def _risen(self, total: float, stored: float) -> float:
+    def _risen(self, view: RunView, total: float, stored: float) -> float:
         """Rise over the least energy so far [J]."""
-        sim, books = self.sim, self._books
-        known = (sim._next_id, len(sim.state))
+        books = self._books
+        known = (view.state.next_id, len(view.state))
         if known != books.known:
             books = Books(known)
         self._next = Books(known, min(books.least, total), max(books.largest, stored))
         return total - self._next.least
 
-    def _unexplained(self, stored: float) -> float:
+    def _unexplained(self, view: RunView, stored: float) -> float:
         """What the budget cannot explain [J]."""
-        budget = self.sim.budget.energy()
+        budget = Budget(view).energy()
         through = [budget["work_walls"], budget["work_fields"], budget["carried_in"]]
         through += [budget[f"dissipated_{name}"] for name in DISSIPATED]
         self._next = Books(largest=max(self._books.largest, stored + sum(abs(x) for x in through)))
         return budget["integration_error"]
 
 
-def driven(sim) -> bool:
+def driven(run: Model) -> bool:
     """Whether anything but gravity and the potentials of fields at rest may bring energy in, or the law itself does."""
-    scene, plan = sim.scene, sim.plan
+    scene, plan = run.scene, run.features
     walls = any(wall.motion is not None or (wall.fixed_to == "frame" and plan.frame.moves) for wall in scene.walls)
     fields = any(
         not hasattr(model("field", name), "energy") or (axes == "frame" and plan.frame.moves) for name, axes in plan.fields

@@ -17,8 +17,17 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from warpdem.guards.messages import grain_at, instant
-from warpdem.measure.observers import LEAST_OVERLAP, coefficients_of, normal_energy, normal_secant
+from warpdem.guards.verdict import Verdict, at_time, grain_at
+from warpdem.measure.observers import (
+    LEAST_OVERLAP,
+    Contacts,
+    Particles,
+    coefficients_of,
+    normal_energy,
+    normal_secant,
+    read_contacts,
+)
+from warpdem.state.view import RunView
 
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
@@ -53,10 +62,10 @@ class Springs:
         )  # fmt: skip
 
 
-def springs(sim, contacts) -> Springs:
-    """The touching contacts of ``sim`` at their present overlaps."""
+def springs(view: RunView, contacts: Contacts) -> Springs:
+    """The touching contacts of a run at their present overlaps."""
     contacts_on = contacts.overlap > 0.0
-    p, plan = sim.particles, sim.plan
+    p, plan = Particles(view), view.model.features
     n, ids = len(p.id), p.id
     i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
     radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
@@ -65,7 +74,7 @@ def springs(sim, contacts) -> Springs:
     above, here, below = (normal_energy(normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
     slope = (above - 2.0 * here + below) / (h * h)
     k = normal_secant(normal, overlap, contacts)
-    table = coefficients_of(sim, contacts)
+    table = coefficients_of(view, contacts)
     at = plan.contact.coefficients
     dashpot = table[:, at.damping] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
     friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
@@ -155,10 +164,11 @@ class Seen:
 
 
 class StabilityGuard:
-    """Watches the time step of a simulation."""
+    """Watches the time step of a run."""
 
-    def __init__(self, sim) -> None:
-        self.sim = sim
+    NAME = "stability"
+
+    def __init__(self) -> None:
         self._seen = self._next = Seen()
 
     @property
@@ -182,18 +192,19 @@ class StabilityGuard:
         """Whether the time step was over ``DANGER`` of the limit at the last look."""
         return self._seen.share > DANGER
 
-    def look(self) -> str:
-        """What is wrong with the time step: nothing unless it is in danger now and was at the look before."""
-        sim = self.sim
-        share, limit, worst = self._share()
+    def look(self, view: RunView) -> Verdict | None:
+        """What is wrong with the time step: None unless it is in danger now and was at the look before."""
+        clock = view.clock
+        share, limit, worst = _share(view)
         seen = self._seen
-        self._next = Seen(share, *max((seen.largest, seen.step), (share, sim.step_number), key=lambda most: most[0]))
+        self._next = Seen(share, *max((seen.largest, seen.step), (share, clock.step_number), key=lambda most: most[0]))
         if share <= DANGER or not self.in_danger:
-            return ""
-        return (
-            f"{instant(sim)}: the time step {sim.dt:.3g} s is {share:.3g} times the stability limit {limit:.3g} s of the "
+            return None
+        return Verdict(
+            self.NAME,
+            f"{at_time(clock)}: the time step {clock.dt:.3g} s is {share:.3g} times the stability limit {limit:.3g} s of the "
             f"present contacts, at two looks in a row; up to {DANGER:g} times a run bears it. The stiffest contacts: "
-            f"{grain_at(sim, worst)}. Take a smaller time.step, or a larger time.max_speed for step = 'auto'."
+            f"{grain_at(view.state, worst)}. Take a smaller time.step, or a larger time.max_speed for step = 'auto'.",
         )
 
     def remember(self) -> None:
@@ -208,13 +219,14 @@ class StabilityGuard:
         """Take over what ``state`` gave."""
         self._seen = self._next = Seen(**state)
 
-    def _share(self) -> tuple[float, float, int]:
-        """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
-        sim = self.sim
-        if sim.plan.backend.integrator != "exact_drift":
-            return 0.0, np.inf, 0
-        found, p = springs(sim, sim.contacts()), sim.particles
-        if not len(found.i) or filter_rates(found, p.mass).max() * sim.dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:
-            return 0.0, np.inf, 0
-        limit, worst = stable_step(found, p.mass, p.inertia)
-        return float(sim.dt / limit), float(limit), worst
+
+def _share(view: RunView) -> tuple[float, float, int]:
+    """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
+    dt = view.clock.dt
+    if view.model.features.backend.integrator != "exact_drift":
+        return 0.0, np.inf, 0
+    found, p = springs(view, read_contacts(view)), Particles(view)
+    if not len(found.i) or filter_rates(found, p.mass).max() * dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:
+        return 0.0, np.inf, 0
+    limit, worst = stable_step(found, p.mass, p.inertia)
+    return float(dt / limit), float(limit), worst

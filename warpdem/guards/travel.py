@@ -3,61 +3,56 @@
 A grain that goes further in a step than the walls allow always causes a refresh.
 """
 
-from functools import cached_property
-
 import numpy as np
-import warp as wp
 
+from warpdem.guards.verdict import Verdict, at_time
 from warpdem.kernels import grain
-from warpdem.kernels.lists.flight import Watched
+from warpdem.model.model import Model
 from warpdem.model.travel import share
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
 
 
 class TravelGuard:
-    """Watches the grains beside the mesh walls of a simulation."""
+    """Watches the grains beside the mesh walls of a model."""
 
-    def __init__(self, sim) -> None:
-        self.sim = sim
-        self.motion = sim.walls.surface.motion.numpy() if sim.plan.walls.present else np.zeros(0, dtype=int)
-        self.meshes = [
-            (number, wall, sim.meshes[wall.name].vertices.min(axis=0), sim.meshes[wall.name].vertices.max(axis=0))
-            for number, wall in enumerate(sim.scene.walls)
+    NAME = "travel"
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._motion = model.schedule.wall_motion
+        self._meshes = [
+            (number, wall, model.meshes[wall.name].vertices.min(axis=0), model.meshes[wall.name].vertices.max(axis=0))
+            for number, wall in enumerate(model.scene.walls)
             if wall.mesh is not None
         ]
 
-    @cached_property
-    def watched(self) -> Watched:
-        """The meshes for the device."""
-        watched, device, meshes = Watched(), self.sim.device, self.meshes
-        watched.motion = wp.array([self.motion[n] for n, *_ in meshes], dtype=wp.int32, device=device)
-        watched.share = wp.array([share(wall) for _, wall, *_ in meshes], dtype=wp.float64, device=device)
-        watched.low = wp.array(np.array([m[2] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        watched.high = wp.array(np.array([m[3] for m in meshes]).reshape(-1, 3), dtype=wp.vec3d, device=device)
-        return watched
-
-    def watch(self, record: np.ndarray, placements: np.ndarray) -> None:
-        """Look at the last step of all grains; ``record`` as in ``kernels.grain``, ``placements`` (motions, 18) as they are.
+    def look(self, record: np.ndarray, placements: np.ndarray, state: State, clock: Clock) -> list[Verdict]:
+        """Which grains moved further in the last step than the walls allow, the worst beside each.
 
         Only grains count that are within their travel of a mesh's bounding box, in its body axes.
 
-        Raises:
-            StabilityError: one went further than the walls allow.
+        Args:
+            record: the record of the state on the host, shape (slots, numbers).
+            placements: placements of the wall motions at present, shape (motions, 18).
+            state: the grains.
+            clock: where the run is in time.
         """
-        sim = self.sim
-        if not self.meshes or not len(record):
-            return
+        found: list[Verdict] = []
+        if not self._meshes or not len(record):
+            return found
         position, velocity, radius = record[:, grain.POSITION], record[:, grain.VELOCITY], record[:, grain.RADIUS]
-        for number, wall, low, high in self.meshes:
-            p = placements[self.motion[number]]
+        for number, wall, low, high in self._meshes:
+            p = placements[self._motion[number]]
             relative = velocity - p[15:18] - np.cross(p[12:15], position)
-            travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * sim.dt
+            travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * clock.dt
             allowed = share(wall) * radius
             fast = np.flatnonzero(travel > allowed)
             if not len(fast):
                 continue
             room = (radius[fast] + travel[fast])[:, None]
             beside = np.zeros(len(fast), bool)
-            for shift in sim.domain.images:
+            for shift in self._model.domain.images:
                 body = (position[fast] + shift - p[9:12]) @ p[:9].reshape(3, 3)
                 beside |= ((body > low - room) & (body < high + room)).all(axis=1)
             fast = fast[beside]
@@ -65,11 +60,12 @@ class TravelGuard:
                 continue
             worst = fast[np.argmax(travel[fast] / radius[fast])]
             place = ", ".join(f"{x:.4g}" for x in position[worst])
-            sim.guards.notice(
-                "travel",
-                f"at t = {sim.time:.6g} s (step {sim.step_number}): grain {sim.state.id.numpy()[worst]} at ({place}) m went "
+            message = (
+                f"{at_time(clock)}: grain {state.id.numpy()[worst]} at ({place}) m went "
                 f"{travel[worst] / radius[worst]:.3g} of its radius in one step beside the wall {wall.name!r}; allowed is "
                 f"{share(wall):g} ({'open' if wall.open else 'closed'} mesh), beyond which it could pass through. Speed "
-                f"{travel[worst] / sim.dt:.4g} m/s, time step {sim.dt:.3g} s. Take a time.step below "
-                f"{share(wall) * radius[worst] * sim.dt / travel[worst]:.2g} s.",
+                f"{travel[worst] / clock.dt:.4g} m/s, time step {clock.dt:.3g} s. Take a time.step below "
+                f"{share(wall) * radius[worst] * clock.dt / travel[worst]:.2g} s."
             )
+            found.append(Verdict(self.NAME, message))
+        return found

@@ -1,22 +1,22 @@
-"""A column of history.csv, and the readings of a simulation that the columns of one row share."""
+"""A column of history.csv, and the readings of a run that the columns of one row share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpdem.core.snapshot import ContactNetwork, WallLoad
+from warpdem.measure import observers
+from warpdem.measure.budget import Budget
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
+from warpdem.measure.wall_loads import read_loads
 from warpdem.scene.measures import Region
-
-if TYPE_CHECKING:
-    from warpdem.simulation import Simulation
+from warpdem.state.view import RunView
 
 
 @dataclass(frozen=True)
@@ -37,27 +37,27 @@ class Column:
 
 
 class Readings:
-    """Quantities of a simulation at its present time, each computed once, when the first column asks for it.
+    """Quantities of a run at one time, each computed once, when the first column asks for it.
 
     Args:
-        sim: the simulation.
+        view: the run.
         observed: what each observer of the scene reads, by its name, shapes (n,); see ``observation.observed``.
     """
 
-    def __init__(self, sim: Simulation, observed: Mapping[str, np.ndarray] | None = None) -> None:
-        self.sim = sim
+    def __init__(self, view: RunView, observed: Mapping[str, np.ndarray] | None = None) -> None:
+        self.view = view
         self.observed = observed or {}
         self._bulk: dict[str, Bulk] = {}
 
     @cached_property
     def particles(self) -> Particles:
         """The grains, by id."""
-        return self.sim.particles
+        return Particles(self.view)
 
     @cached_property
     def energy(self) -> dict[str, float]:
         """Kinetic, rotational, elastic, potential and field energy in the laboratory [J]."""
-        return self.sim.energy()
+        return observers.energy(self.view)
 
     @cached_property
     def center_of_mass(self) -> np.ndarray:
@@ -68,35 +68,35 @@ class Readings:
     @cached_property
     def extremes(self) -> dict[str, float]:
         """Largest overlaps over radius [-] and approach speeds [m/s] so far."""
-        return self.sim.extremes
+        return self.view.extremes
 
     @cached_property
     def wall_loads(self) -> dict[str, WallLoad]:
         """Load on each wall by its name, vectors in laboratory axes."""
-        return self.sim.wall_loads(lab=True)
+        return read_loads(self.view, lab=True)
 
     @cached_property
     def contacts(self) -> ContactNetwork:
         """All contacts."""
-        return read_network(self.sim)
+        return read_network(self.view)
 
     @cached_property
     def energy_budget(self) -> dict[str, float]:
         """Terms of the energy budget [J] by name."""
-        return self.sim.budget.energy()
+        return Budget(self.view).energy()
 
     @cached_property
     def momentum_budget(self) -> dict[str, float]:
         """Terms of the budgets of momentum [N s] and angular momentum [N m s] by name."""
-        return self.sim.budget.momentum()
+        return Budget(self.view).momentum()
 
     @cached_property
     def flow(self) -> list[float]:
         """Mass [kg] and number [-] that went through each plane so far, plane after plane."""
-        return self.sim.budget.flow()
+        return Budget(self.view).flow()
 
     def bulk(self, region: Region) -> Bulk:
         """The grains in a region of the scene, and their averages."""
         if region.name not in self._bulk:
-            self._bulk[region.name] = Bulk(region, self.particles, self.contacts, self.sim.domain.period)
+            self._bulk[region.name] = Bulk(region, self.particles, self.contacts, self.view.model.domain.period)
         return self._bulk[region.name]

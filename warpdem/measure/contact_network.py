@@ -4,29 +4,30 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.snapshot import ContactNetwork
+from warpdem.kernels import grain
 from warpdem.measure.observers import coefficients_of, read_contacts
+from warpdem.state.view import RunView
 
 _ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]
 
 
-def read_network(sim) -> ContactNetwork:
-    """Contacts of ``sim`` at its present time, from the results of its last force call.
+def read_network(view: RunView) -> ContactNetwork:
+    """Contacts of a run at the time of the view, from the results of its last force call.
 
     F_n = F . n,  F_t = F - F_n n; a contact slides where |F_t| = mu F_n > 0, to the rounding of the law.
     """
-    sim._prepare()
-    contacts = read_contacts(sim)
-    ids, position = sim.particles.id, sim.particles.position
+    contacts = read_contacts(view)
+    ids, position = view.state.ids, view.state.by_id(grain.POSITION)
     start = position[np.searchsorted(ids, contacts.i)]
     end = contacts.point.copy()
     pairs = contacts.j >= 0
     partner = position[np.searchsorted(ids, contacts.j[pairs])]
-    end[pairs] = start[pairs] - sim.domain.nearest(start[pairs] - partner)
+    end[pairs] = start[pairs] - view.model.domain.nearest(start[pairs] - partner)
     normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
     friction_force = contacts.force - normal_force[:, None] * contacts.normal
-    at = sim.plan.contact.coefficients
-    limit = coefficients_of(sim, contacts)[:, at.friction] * np.maximum(normal_force, 0.0)
-    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[sim.plan.backend.real]) * limit
+    features = view.model.features
+    limit = coefficients_of(view, contacts)[:, features.contact.coefficients.friction] * np.maximum(normal_force, 0.0)
+    reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[features.backend.real]) * limit
     return ContactNetwork(
         i=contacts.i,
         j=np.where(pairs, contacts.j, -1),

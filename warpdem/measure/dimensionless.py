@@ -23,7 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.core.rigid_motion import compose
+from warpdem.measure.observers import Particles
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
+from warpdem.state.view import RunView
 
 
 @dataclass(frozen=True)
@@ -71,11 +73,11 @@ class TurningNumbers:
         self.axes, self.motions = turning_axes(scene) or ("", [])
         self.instants, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
 
-    def add(self, sim) -> None:
-        """Take in the present instant of a simulation of the scene, unless the axes rest at it."""
-        if not self.motions or not len(sim.state):
+    def add(self, view: RunView) -> None:
+        """Take in one time of a run of the scene, unless the axes rest at it."""
+        if not self.motions or not len(view.state):
             return
-        now = np.array([sim.time])
+        now = np.array([view.clock.time])
         pose = functools.reduce(compose, [motion.pose(now) for motion in self.motions])
         spin, velocity, axes, origin = (
             values[0].astype(float) for values in (pose.spin, pose.velocity, pose.axes, pose.origin)
@@ -83,7 +85,7 @@ class TurningNumbers:
         rate = float(np.linalg.norm(spin))
         if rate == 0.0:
             return
-        p = sim.particles
+        p = Particles(view)
         mass, place = p.mass, (p.position_lab - origin) @ axes
         carried = velocity + np.cross(spin, place)
         relative = p.velocity_lab @ axes - carried

@@ -10,6 +10,7 @@ from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.scene.measures import FlowPlane, Mixing, Region
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import frame_chain
+from warpdem.state.view import RunView
 
 ENERGY = (
     "elastic_normal", "elastic_tangential", "elastic_rolling", "dissipated_normal_damping", "dissipated_tangential_damping",
@@ -50,10 +51,10 @@ def columns(scene: Scene) -> list[Column]:
     return found + [_mixing(one) for one in asked.mixing]
 
 
-def measured(sim) -> dict[str, float]:
-    """All measures of the scene at the present time, by the headers of their columns."""
-    readings = Readings(sim)
-    return {column.header: column.read(readings) for column in columns(sim.scene)}
+def measured(view: RunView) -> dict[str, float]:
+    """All measures of the scene at the time of the view, by the headers of their columns."""
+    readings = Readings(view)
+    return {column.header: column.read(readings) for column in columns(view.model.scene)}
 
 
 def _energy(scene: Scene) -> list[Column]:
@@ -93,7 +94,7 @@ def _mixing(asked: Mixing) -> Column:
     """Lacey's index of two kinds of grains."""
 
     def index(readings: Readings) -> float:
-        first, known = kinds(asked.by, readings.sim)
+        first, known = kinds(asked.by, readings.particles, readings.view.model.expected)
         return float(lacey_index(first[known], readings.particles.position[known], asked.cell))
 
     return Column(f"mixing {asked.name}", "-", index)

@@ -13,6 +13,9 @@ variance of a random mixture of cells with n_c grains is p (1 - p) / n_c. Source
 
 import numpy as np
 
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.measure.observers import Particles
+
 
 def lacey_index(first: np.ndarray, position: np.ndarray, cell: float) -> float:
     """Mixing index [-]; nan if there is one kind only, or no cell holds two grains.
@@ -36,20 +39,21 @@ def lacey_index(first: np.ndarray, position: np.ndarray, cell: float) -> float:
     return (apart - variance) / (apart - by_chance) if by_chance < apart else float("nan")
 
 
-def kinds(by: str, sim) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each grain of ``sim`` is of the first kind, and whether it is of any, by id, shapes (n,).
+def kinds(by: str, p: Particles, start: InitialGrains) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each grain is of the first kind, and whether it is of any, by id, shapes (n,).
 
-    Grains that came in later belong to no half of the start.
+    Args:
+        by: "material", "group", "size", or an axis: the halves of the start along it.
+        p: the grains; those that were inserted later belong to no half of the start.
+        start: grains at the start, and those that represent the streams.
     """
-    p = sim.particles
     everyone = np.ones(len(p.id), dtype=bool)
     if by == "material":
         return p.type == p.type.min(initial=0), everyone
     if by == "group":
         return p.group == p.group.min(initial=0), everyone
     if by == "size":
-        return p.radius <= np.median(sim.expected.radius), everyone
-    start = sim.expected
+        return p.radius <= np.median(start.radius), everyone
     known = np.isin(p.id, start.id)
     order = np.argsort(start.id)
     place = start.position[order, "xyz".index(by)]

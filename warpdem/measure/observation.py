@@ -9,30 +9,33 @@ from warpdem.errors import SceneError
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.observer import build_each
 from warpdem.measure.column import Column, Readings
+from warpdem.measure.observers import Particles
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model, numbers
+from warpdem.state.view import RunView
 
 REDUCTIONS = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}
 
 
-def observe(sim, name: str) -> np.ndarray:
-    """What the observer ``name`` of the scene reads off each grain at the present time, by id, shape (n,).
+def observe(view: RunView, name: str) -> np.ndarray:
+    """What the observer ``name`` of the scene reads off each grain at the time of the view, by id, shape (n,).
 
     Raises:
         SceneError: the scene has no observer of that name.
     """
-    known = {observer.name: observer for observer in sim.scene.observers}
+    run = view.model
+    known = {observer.name: observer for observer in run.scene.observers}
     if name not in known:
-        raise SceneError(f'{sim.scene.source}: no observer "{name}"; the scene has {", ".join(known) or "none"}')
-    asked, p = known[name], sim.particles
-    module = model("observer", sim.scene.located(asked.model))
+        raise SceneError(f'{run.scene.source}: no observer "{name}"; the scene has {", ".join(known) or "none"}')
+    asked, p = known[name], Particles(view)
+    module = model("observer", run.scene.located(asked.model))
     lab = asked.axes == "laboratory"
     vectors = (p.position_lab, p.velocity_lab, p.spin_lab) if lab else (p.position, p.velocity, p.spin)
-    inputs = [wp.array(values, dtype=wp.vec3d, device=sim.device) for values in vectors]
-    inputs += [wp.array(values, dtype=wp.float64, device=sim.device) for values in (p.mass, p.radius)]
-    value = wp.zeros(len(p.id), dtype=wp.float64, device=sim.device)
-    inputs += [wp.float64(sim.time), Numbers(*numbers(asked.parameters)), value]
-    wp.launch(build_each(module.build()), dim=len(value), inputs=inputs, device=sim.device)
+    inputs = [wp.array(values, dtype=wp.vec3d, device=run.device) for values in vectors]
+    inputs += [wp.array(values, dtype=wp.float64, device=run.device) for values in (p.mass, p.radius)]
+    value = wp.zeros(len(p.id), dtype=wp.float64, device=run.device)
+    inputs += [wp.float64(view.clock.time), Numbers(*numbers(asked.parameters)), value]
+    wp.launch(build_each(module.build()), dim=len(value), inputs=inputs, device=run.device)
     return value.numpy()
 
 
@@ -45,9 +48,9 @@ def columns(scene: Scene) -> list[Column]:
     ]
 
 
-def observed(sim) -> dict[str, np.ndarray]:
-    """What every observer of the scene reads off each grain at the present time, by the observer's name, shapes (n,)."""
-    return {one.name: observe(sim, one.name) for one in sim.scene.observers}
+def observed(view: RunView) -> dict[str, np.ndarray]:
+    """What every observer of the scene reads off each grain at the time of the view, by the observer's name, shapes (n,)."""
+    return {one.name: observe(view, one.name) for one in view.model.scene.observers}
 
 
 def _reduced(name: str, reduction: str) -> Callable[[Readings], float]:

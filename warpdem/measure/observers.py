@@ -8,29 +8,30 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.model.features import field_numbers
 from warpdem.model.impact import elastic_energy, own_constants, own_of, secant, stiffness
+from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
+from warpdem.state.view import RunView
 
 LEAST_OVERLAP = 1.0e-100  # [m]: a law that acts beyond contact has contacts of none; its square is not yet zero
 
 
 class Particles:
-    """The grains of a simulation at its present time t_k, ordered by id; NumPy arrays are fresh copies.
+    """The grains of a run at one time t_k, ordered by id; NumPy arrays are fresh copies.
 
     Velocities are those of t_k as the integrator completes its step: for exact_drift V_k = V + (dt/2) a_k.
     """
 
-    def __init__(self, sim) -> None:
-        sim._prepare()
-        self._sim = sim
-        self._state = sim.state
-        self._pose = sim.schedule.pose(sim.time)
+    def __init__(self, view: RunView) -> None:
+        self._view = view
+        self._state = view.state
+        self._pose = view.model.schedule.pose(view.clock.time)
         self._read_at = -1
 
     def _readings(self) -> tuple[np.ndarray, ...]:
         """Readings of the present step, made once for all properties."""
-        if self._read_at != self._sim.step_number:
-            self._read, self._read_at = self._sim.readings(), self._sim.step_number
+        if self._read_at != self._view.clock.step_number:
+            self._read, self._read_at = self._view.readings(), self._view.clock.step_number
         return self._read
 
     @property
@@ -57,8 +58,9 @@ class Particles:
         Raises:
             SceneError: the scene does not ask for it with output.orientation = true.
         """
-        if not self._sim.scene.output.orientation:
-            raise SceneError(f"{self._sim.scene.source}: output.orientation = false: how grains turn is not kept")
+        scene = self._view.model.scene
+        if not scene.output.orientation:
+            raise SceneError(f"{scene.source}: output.orientation = false: how grains turn is not kept")
         if self._state.orientation is None:
             return unturned(len(self._state))
         return self._state.orientation.numpy()[self._state.rank]
@@ -95,7 +97,7 @@ class Particles:
 
     def _absolute_velocity(self) -> np.ndarray:
         velocity = self._readings()[2]
-        if not self._sim.plan.backend.scheme.RELATIVE:
+        if not self._view.model.features.backend.scheme.RELATIVE:
             return velocity
         omega, origin = self._frame_before()
         return velocity + origin + np.cross(omega, self.position)
@@ -104,11 +106,11 @@ class Particles:
         if not self._state.spins:
             return np.zeros((len(self._state), 3))
         spin = self._readings()[3]
-        return spin + self._frame_before()[0] if self._sim.plan.backend.scheme.RELATIVE else spin
+        return spin + self._frame_before()[0] if self._view.model.features.backend.scheme.RELATIVE else spin
 
     def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
         """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
-        row = self._sim.schedule.frames(self._sim.step_number, 0)[0]
+        row = self._view.model.schedule.frames(self._view.clock.step_number, 0)[0]
         return row[12:15], row[15:18]
 
     @property
@@ -174,9 +176,10 @@ class Contacts:
         return f"Deepest now: grain {self.i[c]} with {partner} at ({place}) m, {self.share[c]:.3g} of the radius."
 
 
-def read_contacts(sim, since: int = 0) -> Contacts:
-    """Contacts of ``sim`` at its present time, from the results of its last force call, ``since`` steps ago."""
-    lists, state, plan = sim.lists, sim.state, sim.plan
+def read_contacts(view: RunView, since: int = 0) -> Contacts:
+    """Contacts of a run at the time of the view, from the results of its last force call, ``since`` steps ago."""
+    lists, state, run = view.contacts, view.state, view.model
+    plan = run.features
     record, ids = state.record.numpy(), state.id.numpy()
     position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
     parts = []
@@ -187,13 +190,13 @@ def read_contacts(sim, since: int = 0) -> Contacts:
             return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
 
         a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
-        way = sim.domain.nearest(position[a] - position[b])
+        way = run.domain.nearest(position[a] - position[b])
         distance = np.linalg.norm(way, axis=1)
         overlap = radius[a] + radius[b] - distance
         on = overlap > -plan.contact.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
-        memory, constants, at = flat(lists.memory)[on], flat(lists.contact_constants())[on], plan.contact.history
+        memory, constants, at = flat(lists.memory)[on], flat(lists.constants())[on], plan.contact.history
         history = {name: memory[:, at.of(name)] for name in at.names}
         parts.append(
             (
@@ -206,14 +209,14 @@ def read_contacts(sim, since: int = 0) -> Contacts:
                 *(history[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
-    if len(state) and plan.walls.present and lists.row_count:
-        parity = (sim.step_number - since) & 1
+    if len(state) and run.walls is not None and lists.row_count:
+        parity = (view.clock.step_number - since) & 1
         slot, g = lists.place_slots(parity, lists.wall_grains)
         place = lists.places(parity, slot)
         overlap, normal, wall = place["overlap"], place["normal"], place["wall"]
         spring = place.get("spring", np.zeros((len(g), 3)))
-        table, kind = sim.coefficients.numpy(), state.kind.numpy()[g]
-        material = sim.walls.surface.material.numpy()[wall]
+        table, kind = run.coefficient_table, state.kind.numpy()[g]
+        material = run.walls.material[wall]
         which = kind * plan.contact.materials + material if plan.contact.table else np.zeros(len(g), dtype=int)
         # the law is linear in its constant: a place that carries part of a force has that part of it
         law = plan.contact
@@ -241,38 +244,38 @@ def read_contacts(sim, since: int = 0) -> Contacts:
     return Contacts(*columns[:known], dict(zip(names, columns[known:], strict=True)))
 
 
-def energy(sim) -> dict[str, float]:
+def energy(view: RunView) -> dict[str, float]:
     """Energies in the laboratory [J].
 
     kinetic (1/2) m V^2, rotational (1/2) I W^2, elastic of the normal contacts, of the tangential springs (1/2) k_t s^2 and
     of the rolling springs, potential -m g . x; and, where the scene has external fields with a potential, theirs at the
     present positions.
     """
-    p = sim.particles
-    elastic = elastic_energies(sim, sim.contacts())
+    p = Particles(view)
+    elastic = elastic_energies(view, read_contacts(view))
     velocity, spin = p.velocity_lab, p.spin_lab
     out = {
         "kinetic": float(0.5 * np.sum(p.mass * np.einsum("ij,ij->i", velocity, velocity))),
         "rotational": float(0.5 * np.sum(p.inertia * np.einsum("ij,ij->i", spin, spin))),
         "elastic": float(sum(energies.sum() for energies in elastic.values())),
-        "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(sim.scene.gravity)))),
+        "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(view.model.scene.gravity)))),
     }
-    fields = field_energies(sim, p.position, p.position_lab, p.mass, p.radius)
+    fields = field_energies(view.model, p.position, p.position_lab, p.mass, p.radius)
     return {**out, "fields": sum(fields)} if fields else out
 
 
-def elastic_energies(sim, contacts: Contacts) -> dict[str, np.ndarray]:
+def elastic_energies(view: RunView, contacts: Contacts) -> dict[str, np.ndarray]:
     """Energy in the normal contact, the tangential and the rolling spring of each contact [J], each of shape (c,).
 
     A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
     """
-    plan, none = sim.plan, np.zeros(len(contacts.i))
+    plan, none = view.model.features, np.zeros(len(contacts.i))
     law, at = plan.contact, plan.contact.coefficients
     normal = normal_energy(law.normal, contacts.overlap, contacts)
     out = {"normal": normal, "tangential": none, "rolling": none}
     if "spring" in law.history:
         k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
-        table = coefficients_of(sim, contacts)
+        table = coefficients_of(view, contacts)
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
         bent = getattr(model("rolling", law.rolling), "energy", None) if "angle" in law.history else None
         if bent is not None:
@@ -294,29 +297,31 @@ def normal_secant(normal: str, overlap: np.ndarray, contacts: Contacts) -> np.nd
     return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
 
 
-def field_energies(sim, position: np.ndarray, position_lab: np.ndarray, mass: np.ndarray, radius: np.ndarray) -> list[float]:
+def field_energies(
+    run: Model, position: np.ndarray, position_lab: np.ndarray, mass: np.ndarray, radius: np.ndarray
+) -> list[float]:
     """Potential energy of grains, positions (n, 3) [m], in each external field that has one [J]."""
     place = {"laboratory": position_lab, "frame": position}
-    fields = [(model("field", name), place[axes]) for name, axes in sim.plan.fields]
+    fields = [(model("field", name), place[axes]) for name, axes in run.features.fields]
     return [
         float(np.sum(field.energy(there, mass, radius, numbers)))
-        for (field, there), numbers in zip(fields, field_numbers(sim.scene), strict=True)
+        for (field, there), numbers in zip(fields, field_numbers(run.scene), strict=True)
         if hasattr(field, "energy")
     ]
 
 
-def coefficients_of(sim, contacts: Contacts) -> np.ndarray:
-    """Coefficients of each contact, columns as of ``plan.contact.coefficients``, shape (c, their number)."""
-    table = sim.coefficients.numpy()
-    if not sim.plan.contact.table:
+def coefficients_of(view: RunView, contacts: Contacts) -> np.ndarray:
+    """Coefficients of each contact, columns as of ``ContactFeatures.coefficients``, shape (c, their number)."""
+    run, state = view.model, view.state
+    table = run.coefficient_table
+    if not run.features.contact.table:
         return np.repeat(table[:1], len(contacts.i), axis=0)
-    state = sim.state
     ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
     first = kind[np.searchsorted(ids, contacts.i)]
-    material = sim.walls.surface.material.numpy() if sim.walls else np.zeros(0, dtype=int)
+    material = run.walls.material if run.walls is not None else np.zeros(0, dtype=int)
     other = np.where(
         contacts.j >= 0,
         kind[np.clip(np.searchsorted(ids, contacts.j), 0, len(ids) - 1)],
         np.append(material, 0)[np.clip(-1 - contacts.j, 0, len(material))],
     )
-    return table[first * sim.plan.contact.materials + other]
+    return table[first * run.features.contact.materials + other]

@@ -14,6 +14,7 @@ from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
+from warpdem.state.view import RunView
 
 
 def torque_point(scene, number: int) -> np.ndarray:
@@ -31,21 +32,22 @@ def torque_point(scene, number: int) -> np.ndarray:
     return point
 
 
-def read_loads(sim) -> dict[str, WallLoad]:
-    """Load on each wall of ``sim`` at its present time, by name; vectors in frame axes."""
-    if not sim.scene.walls:
+def read_loads(view: RunView, lab: bool = False) -> dict[str, WallLoad]:
+    """Load on each wall at the time of the view, by name; vectors in frame axes, or in the laboratory."""
+    model, time = view.model, view.clock.time
+    if model.walls is None:
         return {}
-    place = _places(sim)
-    wall_of = sim.walls.surface.wall.numpy()
+    place = _places(view)
+    wall_of = model.walls.wall_of
     feature_force = _sums(-place["force"], place["feature"], len(wall_of))
     feature_push = _sums(np.einsum("ij,ij->i", place["force"], place["normal"]), place["feature"], len(wall_of))
     loads = {}
-    for number, (wall, body) in enumerate(zip(sim.scene.walls, sim.schedule.bodies(sim.time), strict=True)):
+    for number, (wall, body) in enumerate(zip(model.scene.walls, model.schedule.bodies(time), strict=True)):
         here = wall_of[place["feature"]] == number
         force, moment, point = (place[name][here] for name in ("force", "moment", "point"))
-        about = body[:9].reshape(3, 3) @ torque_point(sim.scene, number) + body[9:12]
+        about = body[:9].reshape(3, 3) @ torque_point(model.scene, number) + body[9:12]
         spin, velocity = body[12:15], body[15:18]
-        mesh = sim.meshes.get(wall.name)
+        mesh = model.meshes.get(wall.name)
         own = np.flatnonzero(wall_of == number) if mesh is not None else np.zeros(0, dtype=int)
         loads[wall.name] = WallLoad(
             force=0.0 - force.sum(axis=0),
@@ -55,15 +57,18 @@ def read_loads(sim) -> dict[str, WallLoad]:
             triangle_force=feature_force[own],
             pressure=feature_push[own] / _areas(mesh) if mesh is not None else np.zeros(0),
         )
-    return loads
+    if not lab:
+        return loads
+    pose = model.schedule.pose(time)
+    return {name: load.in_laboratory(pose) for name, load in loads.items()}
 
 
-def _places(sim) -> dict[str, np.ndarray]:
+def _places(view: RunView) -> dict[str, np.ndarray]:
     """Feature, force [N] and rolling torque [N m] on the grain, normal and contact point [m] of all places.
 
     In order of grain id, so that sums over them do not depend on the order of the lists.
     """
-    lists, state, parity = sim.lists, sim.state, sim.step_number & 1
+    lists, state, parity = view.contacts, view.state, view.clock.step_number & 1
     g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
     slot, holder = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
     place, record = lists.places(parity, slot), state.record.numpy()[holder]

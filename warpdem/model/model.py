@@ -47,6 +47,8 @@ class Model:
     """Density of each material [kg/m3], shape (materials,)."""
     coefficients: wp.array
     """Contact coefficients on the device: of each ordered pair of materials, or the one set that all contacts share."""
+    coefficient_table: np.ndarray
+    """The same on the host, shape (sets, columns)."""
     walls: Walls | None
     """Walls on the device; None without any."""
     notes: tuple[str, ...]

@@ -1,10 +1,12 @@
 """From a scene to its model: every check before the first step, and the only place that decides what is run."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import warp as wp
 
+from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
@@ -19,6 +21,23 @@ from warpdem.model.wall_images import wall_images
 from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
+
+
+def require_scene(scene: Scene) -> None:
+    """Refuse what is no scene, or several.
+
+    Raises:
+        SceneError: the scene has phases.
+        TypeError: with the call that makes one, where the name of a file or a table is given.
+    """
+    if isinstance(scene, Scene):
+        if scene.phases:
+            raise SceneError(f"{scene.source}: phases: a simulation is one of them: take scene.phase(0), or warpdem run")
+        return
+    remedy = "Scene.model_validate({...})" if isinstance(scene, dict) else "load_scene(...)"
+    if isinstance(scene, (str, Path)):
+        remedy = f"load_scene({str(scene)!r})"
+    raise TypeError(f"a Scene is needed, not {type(scene).__name__}: give {remedy}")
 
 
 def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
@@ -84,6 +103,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         kernels=kernels,
         density=np.array([material.density for material in scene.materials.values()]),
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
+        coefficient_table=table,
         walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )

@@ -80,6 +80,8 @@ class Walls:
     Attributes:
         surface: what the kernels read; ``images`` as `wall_images` gives them.
         mesh_arrays: mesh ids, their walls and first triangles, for the candidate search.
+        wall_of: number of the wall that each feature belongs to, shape (features,), on the host.
+        material: material index of each wall, shape (walls,), on the host.
     """
 
     def __init__(self, scene, meshes: dict, wall_motion: np.ndarray, images: np.ndarray | None, device) -> None:
@@ -138,12 +140,13 @@ class Walls:
         surface.revolved = upload([s.numbers[None] for _, s in shapes if isinstance(s, (Cylinder, Cone))], Revolved, (13,))
         surface.ball = upload([s.numbers[None] for _, s in shapes if isinstance(s, Sphere)], Ball, (5,))
         surface.rounding = wp.array(rounding, dtype=wp.float64, device=device)
-        surface.wall = upload([o.astype(np.int32) for o in owners], wp.int32, ())
+        self.wall_of = np.concatenate(owners).astype(np.int32)
+        surface.wall = upload([self.wall_of], wp.int32, ())
         surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
         images = np.zeros(0) if images is None else images
         surface.images = wp.array(images.astype(np.int32), dtype=wp.int32, device=device)
-        material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
-        surface.material = wp.array(material, dtype=wp.int32, device=device)
+        self.material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
+        surface.material = wp.array(self.material, dtype=wp.int32, device=device)
         self.surface = surface
         self.mesh_arrays = (
             wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device),

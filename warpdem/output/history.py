@@ -12,8 +12,8 @@ from warpdem.measure.column import Column, Readings
 from warpdem.scene.model import Scene
 
 GENERAL = (
-    Column("time", "s", lambda r: r.sim.time),
-    Column("frame_angle", "rad", lambda r: r.sim.schedule.pose(r.sim.time).angle),
+    Column("time", "s", lambda r: r.view.clock.time),
+    Column("frame_angle", "rad", lambda r: r.view.model.schedule.pose(r.view.clock.time).angle),
     Column("grains", "-", lambda r: len(r.particles.mass)),
     Column("kinetic", "J", lambda r: r.energy["kinetic"]),
     Column("rotational", "J", lambda r: r.energy["rotational"]),

@@ -1,4 +1,4 @@
-"""The present instant of a run, copied aside: what it shows is told and written in another thread while the run goes on.
+"""A run at one time, copied aside: it is read and written in another thread while the run goes on.
 
 A GPU copies the arrays into its own memory first and goes on at once; from there they go to page-locked memory of the host
 beside the next steps. A CPU copies them to the same place by itself.
@@ -6,15 +6,14 @@ beside the next steps. A CPU copies them to the same place by itself.
 
 import copy
 import time
-from collections.abc import Sequence
-from types import SimpleNamespace
+from dataclasses import dataclass
 
+import numpy as np
 import warp as wp
 
-CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "row", "memory")
-"""Arrays of the lists that tell about contacts between grains."""
-WALL_ARRAYS = ("first", "grain", "place_count", "place", "result")
-"""Arrays of the wall rows that tell about contacts with walls."""
+from warpdem.measure.budget import Budget
+from warpdem.state.view import RunView
+
 POLL = 1.0e-3  # [s] between two looks whether a copy is done
 
 
@@ -60,57 +59,52 @@ class Room:
         self._copies.clear()
 
 
+@dataclass(frozen=True)
+class CopiedReadings:
+    """What kernels read off a state that has gone on since."""
+
+    extreme: np.ndarray
+    """As ``StepReader.extreme``, shape (4,)."""
+    by_slot: tuple[wp.array, wp.array, wp.array]
+    """What ``StepReader.read`` gave."""
+    sums: dict[str, np.ndarray]
+    """What ``StepReader.read_sums`` gave."""
+
+    def read(self) -> tuple[wp.array, wp.array, wp.array]:
+        """As ``StepReader.read``."""
+        return self.by_slot
+
+    def read_sums(self) -> dict[str, np.ndarray]:
+        """As ``StepReader.read_sums``."""
+        return self.sums
+
+
 class Instant:
-    """A simulation as it was when this was made.
+    """A copy of a run at one time, to be read while it goes on.
 
     Args:
-        sim: the simulation at the instant; it may go on afterwards.
-        room: memory of an instant that is not read any more.
-        contacts: whether the contacts between grains are asked for.
+        live: the run, its forces evaluated.
+        room: memory of a copy that is not read any more.
+        contacts: whether the contacts between grains are copied too.
     """
 
-    def __init__(self, sim, room: Room, contacts: bool = True) -> None:
-        sim._prepare()
+    def __init__(self, live: RunView, room: Room, contacts: bool = True) -> None:
         room.wait()
         self._room = room
-        still = self._still = copy.copy(sim)
-        for part in ("state", "lists", "engine", "_clock"):
-            setattr(still, part, copy.copy(getattr(sim, part)))
-        still.lists.state, still.lists.clock, still.engine.lists = still.state, still._clock, still.lists
-        still.engine.batch = SimpleNamespace(control=SimpleNamespace())
-        self._hold("state", still.state, sim.state, sim.state.names)
-        self._hold("scene", still, sim, ("coefficients",))
-        self._hold("step", still.engine.batch.control, sim.engine.batch.control, ("extreme",))
-        if sim.walls is not None:
-            still.lists.rows, still.walls = SimpleNamespace(), SimpleNamespace(surface=SimpleNamespace())
-            self._hold("wall rows", still.lists.rows, sim.lists.rows, WALL_ARRAYS)
-            self._hold("walls", still.walls.surface, sim.walls.surface, ("wall", "material"))
-        if not contacts:
-            vars(still.lists).update(dict.fromkeys(CONTACT_ARRAYS))  # nobody reads the arrays of the run by mistake
-        elif sim.lists.contact_count:
-            self._hold("contacts", still.lists, sim.lists, CONTACT_ARRAYS)
-            constants = room.take("contacts constants", sim.lists.contact_constants())
-            still.lists.contact_constants = lambda: constants
-        read = [room.take(f"read {number}", array) for number, array in enumerate(sim._read())]
-        still._read = lambda: read
+        state = live.state.copied(room.take)
+        listed = live.contacts.copied(state, room.take, contacts)
+        loads, velocity, spin = (room.take(f"read {k}", array) for k, array in enumerate(live.reader.read()))
+        extreme = live.reader.extreme.copy()
         room.send()
-        if sim.budget is not None:
-            sim.budget.begin()
-            sums = {name: values.copy() for name, values in sim.engine.read_sums().items()}
-            still.engine.read_sums = lambda: sums
-            still.budget = copy.copy(sim.budget)
-            still.budget.sim, still.budget.gone = still, copy.deepcopy(sim.budget.gone)
+        sums: dict[str, np.ndarray] = {}
+        if live.totals is not None:
+            Budget(live).begin()
+            sums = {name: values.copy() for name, values in live.reader.read_sums().items()}
+        reader = CopiedReadings(extreme, (loads, velocity, spin), sums)
+        totals = copy.deepcopy(live.totals)
+        self._view = RunView(live.model, state, copy.copy(live.clock), reader, totals, lambda: listed)
 
-    def _hold(self, group: str, owner, source, names: Sequence[str]) -> None:
-        """Give ``owner`` host copies of arrays of ``source``; ``group`` tells them from those of others in the room.
-
-        Before the first grain comes in there are arrays that nobody has made.
-        """
-        for name in names:
-            array = getattr(source, name)
-            setattr(owner, name, None if array is None else self._room.take(f"{group} {name}", array))
-
-    def simulation(self):
-        """The simulation at the instant, to be read and no more; waits until all of it has arrived."""
+    def view(self) -> RunView:
+        """The run at that time; waits until all of it has arrived."""
         self._room.wait()
-        return self._still
+        return self._view

@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, Protocol
 
 import h5py
 import numpy as np
@@ -19,6 +20,7 @@ from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.state import contact_history
+from warpdem.state.view import RunView
 
 FORMAT = "warpdem checkpoint 4"
 MAY_CHANGE = {
@@ -29,14 +31,85 @@ MAY_CHANGE = {
 place."""
 
 
-def save(sim, path: Path) -> None:
-    """Write the present state of ``sim`` to ``path``.
+class Part(Protocol):
+    """A part of a run that a checkpoint holds."""
+
+    def state(self) -> Any:
+        """What a checkpoint holds of it, as JSON."""
+
+    def restore(self, state: Any) -> None:
+        """Take over what ``state`` gave."""
+
+
+class GuardsPart(Protocol):
+    """What guards keep between looks."""
+
+    def state(self) -> dict:
+        """What a checkpoint holds of them, as JSON."""
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What they keep of each grain."""
+
+    def restore(self, data: dict) -> None:
+        """Take over both from a checkpoint."""
+
+
+class EnginePart(Protocol):
+    """What runs the steps."""
+
+    def restore(self, extreme: np.ndarray) -> None:
+        """Take over the largest overlaps and approach speeds so far, shape (4,); schedule and structs are made again."""
+
+
+class Run(Protocol):
+    """A run as checkpoints are saved of it and restored to it."""
+
+    @property
+    def view(self) -> RunView:
+        """The run as readers see it, the forces of the present time evaluated."""
+
+    @property
+    def live(self) -> RunView:
+        """The same, whether its forces are evaluated or not."""
+
+    @property
+    def streams(self) -> Part:
+        """Streams, which insert grains."""
+
+    @property
+    def guards(self) -> GuardsPart:
+        """Guards."""
+
+    @property
+    def engine(self) -> EnginePart:
+        """What runs the steps."""
+
+    @property
+    def lists(self) -> Any:
+        """Neighbor lists."""
+
+    @property
+    def left(self) -> dict[str, list]:
+        """Number and mass [kg] of the grains that each border or outlet took, by its name."""
+
+
+def save(run: Run, path: str | Path) -> None:
+    """Write the present state of ``run`` to ``path``.
 
     Raises:
         OutputError: if the file cannot be written; an older one is as it was.
     """
-    arrays = _arrays(sim)  # first: it evaluates the forces, where grains may leave
-    image = _image(sim.model.given.json, json.dumps(_about(sim)), arrays)
+    view = run.view  # first: grains may leave while forces are evaluated
+    arrays = {**_arrays(view), **run.guards.arrays()}
+    about = {
+        **_about(view),
+        "left": run.left,
+        "feeders": run.streams.state(),
+        "next_id": view.state.next_id,
+        "budget": view.totals.state() if view.totals is not None else None,
+        "guards": run.guards.state(),
+    }
+    image = _image(view.model.given.json, json.dumps(about), arrays)
     # the file is made in memory: HDF5 cannot close a file on a full disk
     with replaced(Path(path)) as part, open(part, "wb") as file:
         file.write(image)
@@ -44,53 +117,49 @@ def save(sim, path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _about(sim) -> dict:
-    """What a checkpoint holds beside arrays."""
-    scene = sim.scene
+def _about(view: RunView) -> dict:
+    """What a checkpoint holds of model and clock."""
+    scene, given = view.model.scene, view.model.given
     return {
         "base": str(scene.base.resolve()),
         "source": scene.source,
-        "scene_hash": sim.model.given.hash,
-        "files": sim.model.given.files,
+        "scene_hash": given.hash,
+        "files": given.files,
         "groups": scene.groups,
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
         },
-        "places": _places(sim),
-        "step": sim.step_number,
-        "dt": sim.dt,
-        "left": sim.left,
-        "feeders": [inlet.state() for inlet in sim.inlets],
-        "next_id": sim._next_id,
-        "budget": sim.budget.state() if sim.budget is not None else None,
-        "guards": sim.guards.state(),
+        "places": _places(view),
+        "step": view.clock.step_number,
+        "dt": view.clock.dt,
     }
 
 
-def _arrays(sim) -> dict[str, np.ndarray]:
+def _arrays(view: RunView) -> dict[str, np.ndarray]:
     """The arrays of a checkpoint, those of grains in order of id.
 
     Beside the state, velocity [m/s] and spin [rad/s] of this instant, absolute, in frame axes: another scene starts from them.
     """
-    _, _, velocity, spin = sim.readings()
-    pose = sim.schedule.pose(sim.time)
-    if sim.plan.backend.scheme.RELATIVE:
-        velocity = velocity + pose.velocity_at(sim.state.by_id(grain.POSITION))
-    if sim.plan.backend.scheme.RELATIVE or not sim.plan.contact.spins:  # what nothing turns rests in the frame
+    _, _, velocity, spin = view.readings()
+    features, state = view.model.features, view.state
+    pose = view.model.schedule.pose(view.clock.time)
+    if features.backend.scheme.RELATIVE:
+        velocity = velocity + pose.velocity_at(state.by_id(grain.POSITION))
+    if features.backend.scheme.RELATIVE or not features.contact.spins:  # what nothing rotates rests in the frame
         spin = spin + pose.spin
-    readings = {"velocity": velocity, "spin": spin, "extreme": sim.engine.extreme}
-    return {**sim.state.by_rank(), **readings, **contact_history.read(sim.lists), **sim.guards.arrays()}
+    readings = {"velocity": velocity, "spin": spin, "extreme": view.reader.extreme}
+    return {**state.by_rank(), **readings, **contact_history.read(view)}
 
 
-def _places(sim) -> dict:
+def _places(view: RunView) -> dict:
     """Where frame and walls stand, matrices of shape (3, 4): the frame in the laboratory, walls in the frame."""
-    pose = sim.schedule.frame.pose(np.array([sim.time]))
-    bodies = sim.schedule.bodies(sim.time)
-    walls = [np.hstack([body[:9].reshape(3, 3), body[9:12, None]]).tolist() for body in bodies]
+    schedule, time = view.model.schedule, view.clock.time
+    pose = schedule.frame.pose(np.array([time]))
+    walls = [np.hstack([body[:9].reshape(3, 3), body[9:12, None]]).tolist() for body in schedule.bodies(time)]
     return {
         "frame": np.hstack([pose.axes[0], pose.origin[0][:, None]]).astype(float).tolist(),
-        "walls": dict(zip((wall.name for wall in sim.scene.walls), walls, strict=True)),
+        "walls": dict(zip((wall.name for wall in view.model.scene.walls), walls, strict=True)),
     }
 
 
@@ -186,12 +255,13 @@ def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> N
         raise SceneError(f"{data['path']}: belongs to another scene than {scene.source}: {_told(keys, named)}")
 
 
-def _check(sim, data: dict) -> None:
+def _check(view: RunView, data: dict) -> None:
     """Refuse what another scene was run to, or at another time step."""
-    refuse_other(data, sim.model.given.scene, sim.model.given.files, sim.model.given.hash)
-    if data["dt"] != sim.dt:
+    given, dt = view.model.given, view.clock.dt
+    refuse_other(data, given.scene, given.files, given.hash)
+    if data["dt"] != dt:
         raise SceneError(
-            f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {sim.dt!r} s; nothing was changed"
+            f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {dt!r} s; nothing was changed"
         )
 
 
@@ -218,22 +288,21 @@ def _told(keys: list[str], files: list[str]) -> str:
     return said
 
 
-def restore(sim, data: dict) -> None:
-    """Bring ``sim`` to the state that ``data``, as ``read`` gives it, holds.
+def restore(run: Run, data: dict) -> None:
+    """Bring ``run`` to the state that ``data``, as ``read`` gives it, holds.
 
     Raises:
-        SceneError: if it belongs to another scene or time step; ``sim`` is unchanged then.
+        SceneError: if it belongs to another scene or time step; ``run`` is unchanged then.
     """
-    _check(sim, data)
-    sim.state.restore(data)
-    sim._clock.step_number = data["step"]
-    sim.engine.restore(data["extreme"])
-    sim.engine.leavers.left = data["left"]
-    sim._next_id, sim._grown = data["next_id"], False
-    for inlet, state in zip(sim.inlets, data["feeders"], strict=True):
-        inlet.restore(state)
-    if sim.budget is not None:
-        sim.budget.restore(data["budget"])
-    contact_history.restore(sim.lists, data)
-    sim.guards.restore(data)
-    sim._clock.forces_evaluated = True
+    view = run.live
+    _check(view, data)
+    view.state.restore(data)
+    view.clock.step_number = data["step"]
+    run.engine.restore(data["extreme"])
+    run.left.update(data["left"])
+    run.streams.restore(data["feeders"])
+    if view.totals is not None:
+        view.totals.restore(data["budget"])
+    contact_history.restore(run.lists, data)
+    run.guards.restore(data)
+    view.clock.forces_evaluated = True

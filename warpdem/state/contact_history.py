@@ -1,4 +1,4 @@
-"""What contacts remember and what the last force call made of them: taken out for a checkpoint, and put back."""
+"""Contact history and forces of the last force call: taken out for a checkpoint, and put back."""
 
 import numpy as np
 import warp as wp
@@ -8,11 +8,13 @@ from warpdem.kernels.contact.columns import VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
+from warpdem.state.listed_contacts import ListedContacts
+from warpdem.state.view import RunView
 
 
-def read(lists) -> dict[str, np.ndarray]:
-    """Memory, shares and forces of all contacts: arrays of a checkpoint."""
-    return _pair_contacts(lists) | wall_contacts(lists)
+def read(view: RunView) -> dict[str, np.ndarray]:
+    """History and forces of all contacts: arrays of a checkpoint."""
+    return _pair_contacts(view) | wall_contacts(view)
 
 
 def springs_width(at: Columns) -> int:
@@ -20,47 +22,48 @@ def springs_width(at: Columns) -> int:
     return sum(size for name, size in at.sizes if name in VECTORS)
 
 
-def _listed(lists) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ids (lower, higher) of the listed contacts, and the rows of their two shares."""
-    if not lists.contact_count:
+def _listed(contacts: ListedContacts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ids (lower, higher) of the listed contacts, and their two force slots."""
+    if not contacts.contact_count:
         return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    ids, real = lists.state.id.numpy(), lists.real_lanes()
-    pair = np.stack([ids[a.numpy().ravel()[real]] for a in (lists.owner, lists.partner)], axis=1)
-    return pair, lists.slot_i.numpy().ravel()[real], lists.slot_j.numpy().ravel()[real]
+    ids, real = contacts.state.id.numpy(), contacts.real_lanes()
+    pair = np.stack([ids[a.numpy().ravel()[real]] for a in (contacts.owner, contacts.partner)], axis=1)
+    return pair, contacts.slot_i.numpy().ravel()[real], contacts.slot_j.numpy().ravel()[real]
 
 
-def _pair_contacts(lists) -> dict[str, np.ndarray]:
+def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
     """History and pair forces of the listed grain-grain contacts."""
-    pair, i, j = _listed(lists)
-    law = lists.model.features.contact
-    at, shares = law.history, share_width(law.spins)
+    contacts, features = view.contacts, view.model.features
+    pair, i, j = _listed(contacts)
+    at, shares = features.contact.history, share_width(features.contact.spins)
     width = max(at.width, 1)
     memory, row = np.zeros((0, width)), np.zeros((0, shares))
     if len(pair):
-        memory = lists.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[lists.real_lanes()]
-        row = lists.row.numpy()
+        memory = contacts.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
+        row = contacts.row.numpy()
     vectors = springs_width(at)
     springs = memory[:, :vectors] if vectors else np.zeros((len(pair), 1))
     out = {"pair": pair, "pair_memory": springs, "pair_share_i": row[i], "pair_share_j": row[j]}
     out |= {f"pair_own_{name}": memory[:, at.of(name)] for name in at.names if name not in VECTORS}
-    if lists.model.features.measures.energy:
-        entry = lists.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
+    if features.measures.energy:
+        entry = contacts.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
         out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
     return out
 
 
-def wall_contacts(lists) -> dict[str, np.ndarray]:
-    """Memory and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
-    state, rows = lists.state, lists.rows
+def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
+    """History and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
+    contacts, state = view.contacts, view.state
+    rows = contacts.walls
     if rows is None:
         return {}
-    parity, g = lists.clock.step_number & 1, lists.wall_grains
-    slot, holder = lists.place_slots(parity, g)
-    out = {f"place_{name}": values for name, values in lists.places(parity, slot).items()}
+    parity, g = view.clock.step_number & 1, contacts.wall_grains
+    slot, holder = contacts.place_slots(parity, g)
+    out = {f"place_{name}": values for name, values in contacts.places(parity, slot).items()}
     out["place_grain"] = state.id.numpy()[holder]
     load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
     out["wall_load"] = load[state.rank]
-    if lists.model.features.measures.energy:
+    if view.model.features.measures.energy:
         out |= {f"wall_{name}": getattr(rows, name).numpy()[state.rank] for name in ("entry", "power")}
     return out
 
@@ -119,7 +122,8 @@ def _put_places(lists, data: dict, n: int) -> None:
 def _put_forces(lists, data: dict) -> None:
     """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
     state = lists.state
-    pair, i, j = _listed(lists)
+    contacts = lists.view()
+    pair, i, j = _listed(contacts)
     row, entry = np.zeros(lists.row.shape), np.zeros(lists.entry.shape)
     saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
     known = [(c, saved[tuple(p)]) for c, p in enumerate(pair.tolist()) if tuple(p) in saved]
@@ -139,7 +143,7 @@ def _put_forces(lists, data: dict) -> None:
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
         getattr(lists.rows, name).assign(values)
-    slot, holder = lists.place_slots(lists.force_parity, lists.wall_grains)
+    slot, holder = contacts.place_slots(lists.force_parity, contacts.wall_grains)
     order = np.argsort(data["place_grain"], kind="stable")
     mine = np.argsort(state.id.numpy()[holder], kind="stable")
     result = lists.rows.result.numpy()

@@ -4,7 +4,9 @@ A grain that has left the domain keeps its slot until the lists are made anew (`
 the others are now. ``rank`` passes it over, and so does all that is read by it.
 """
 
-from collections.abc import Iterator, Mapping
+import copy
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
 
@@ -39,6 +41,7 @@ class State:
         id: grain ids, shape (n,), int64.
         kind: material index, shape (n,), int32.
         group: number of the group, shape (n,), int32, on the host: only results show it.
+        next_id: least id that no grain has had so far.
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
@@ -70,6 +73,7 @@ class State:
         self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device) if orientation else None
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
+        self.next_id = int(start.id.max(initial=-1)) + 1
         self._all_here(n)
         self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
@@ -140,6 +144,7 @@ class State:
             both = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
             both._ref = room  # as in Warp's own views: it holds the memory
             setattr(self, name, both)
+        self.next_id = max(self.next_id, more.next_id)
         self.group = np.concatenate([self.group, more.group])
         here = np.concatenate([self.here, more.here])
         self._all_here(len(here))
@@ -159,6 +164,13 @@ class State:
         self.group = self.group[order]
         self._all_here(len(order))
 
+    def digest(self, step_number: int) -> str:
+        """SHA-256 of step number, ids and moving state in order of id: equal runs have equal ones."""
+        digest = hashlib.sha256(str(step_number).encode())
+        digest.update(self.ids.tobytes())
+        digest.update(np.ascontiguousarray(self.record.numpy()[self.rank]).tobytes())
+        return digest.hexdigest()
+
     def by_id(self, columns: slice | int) -> np.ndarray:
         """Columns of the record in ascending order of id, a fresh copy."""
         return self.record.numpy()[self.rank, columns]
@@ -172,4 +184,12 @@ class State:
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
             setattr(self, name, wp.array(values, dtype=array.dtype, device=self.device))
         self.group = np.asarray(data["group"], dtype=np.int32)
+        self.next_id = data["next_id"]
         self._all_here(len(self.group))
+
+    def copied(self, take: Callable[[str, wp.array], wp.array]) -> "State":
+        """A copy to be read while the run goes on; ``take`` copies an array, given a name of its own."""
+        out = copy.copy(self)
+        for name in self.names:
+            setattr(out, name, take(f"state {name}", getattr(self, name)))
+        return out

@@ -9,6 +9,7 @@ a contact stay if its law does; those at a wall, if both scenes name it and it h
 import dataclasses
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, contact_history
+from warpdem.state.particles import State
+from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
 
 
@@ -315,3 +318,20 @@ def _wall_numbers(scene: Scene, data: dict) -> tuple[np.ndarray, list[str]]:
 def _kind(wall: dict) -> str:
     """Kind of geometry of a wall's table."""
     return next(key for key in ("mesh", *SHAPES) if wall.get(key) is not None)
+
+
+def take_over(past: Past, state: State, lists: Any, streams: Streams) -> None:
+    """Give a run at its start the ids, contact history, orientation and random numbers of the run that it starts from.
+
+    Args:
+        past: what it starts from.
+        state: its grains.
+        lists: its neighbor lists.
+        streams: its streams.
+    """
+    state.next_id = max(state.next_id, past.next_id)
+    if len(state):
+        contact_history.remember(lists, past.data)
+    if state.orientation is not None and "orientation" in past.data:
+        state.orientation.assign(past.data["orientation"])
+    streams.take_over(past.inlets)

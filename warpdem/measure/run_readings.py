@@ -1,0 +1,85 @@
+"""What a run can be asked for at its present time."""
+
+import numpy as np
+
+from warpdem.core.snapshot import Snapshot, WallLoad
+from warpdem.measure import measures, observation, observers, wall_loads
+from warpdem.measure.budget import Budget
+from warpdem.measure.snapshot import take_snapshot
+from warpdem.state.view import RunView
+
+
+class RunReadings:
+    """The readings of a run; whoever inherits them provides ``live``, and ``prepare`` if forces may not be evaluated.
+
+    Attributes:
+        live: the run as readers see it, whether its forces are evaluated or not.
+    """
+
+    live: RunView
+
+    def prepare(self) -> None:
+        """Evaluate the forces of the present time if they are not: what every reader asks for first."""
+
+    @property
+    def view(self) -> RunView:
+        """The run as readers see it, the forces of the present time evaluated."""
+        self.prepare()
+        return self.live
+
+    @property
+    def particles(self) -> observers.Particles:
+        """The grains at the present time, ordered by id."""
+        return observers.Particles(self.view)
+
+    def contacts(self) -> observers.Contacts:
+        """All grain-grain and grain-wall contacts at the present time."""
+        return observers.read_contacts(self.view)
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic, rotational, elastic and potential energy in the laboratory [J]."""
+        return observers.energy(self.view)
+
+    @property
+    def budget(self) -> Budget | None:
+        """Budgets of energy, momentum and flow; None where the scene's ``measures`` name none of them."""
+        return Budget(self.view) if self.live.totals is not None else None
+
+    def measure(self) -> dict[str, float]:
+        """What the scene's ``measures`` give at the present time, by the names of their columns in history.csv."""
+        return measures.measured(self.view)
+
+    def observe(self, name: str) -> np.ndarray:
+        """What an observer of the scene reads off each grain at the present time, in its unit, by id, shape (n,).
+
+        Args:
+            name: its name in the scene's ``observers``.
+
+        Raises:
+            SceneError: the scene has no observer of that name.
+        """
+        return observation.observe(self.view, name)
+
+    def loads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""
+        return self.readings()[:2]
+
+    def wall_loads(self, lab: bool = False) -> dict[str, WallLoad]:
+        """What the grains do to each wall at the present time, by wall name; vectors in frame axes or in the laboratory."""
+        return wall_loads.read_loads(self.view, lab)
+
+    def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
+
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        """
+        return self.view.readings()
+
+    def snapshot(self) -> Snapshot:
+        """Everything a writer needs, at the present time."""
+        return take_snapshot(self.view)
+
+    @property
+    def extremes(self) -> dict[str, float]:
+        """Largest values met so far: overlap over radius [-] and approach speed [m/s], of pairs and of walls."""
+        return self.live.extremes

@@ -1,0 +1,34 @@
+"""Everything that a writer needs of a run at one time."""
+
+import numpy as np
+
+from warpdem.core.snapshot import Snapshot
+from warpdem.measure.contact_network import read_network
+from warpdem.measure.observers import Particles
+from warpdem.measure.wall_loads import read_loads
+from warpdem.state.view import RunView
+
+
+def take_snapshot(view: RunView) -> Snapshot:
+    """The snapshot of a run at the time of the view: what its scene writes, and nothing else."""
+    model, clock, p = view.model, view.clock, Particles(view)
+    scene = model.scene
+    return Snapshot(
+        step=clock.step_number,
+        time=clock.time,
+        frame=model.schedule.pose(clock.time),
+        id=p.id,
+        type=p.type,
+        group=p.group,
+        radius=p.radius,
+        mass=p.mass,
+        position=p.position,
+        velocity=p.velocity,
+        spin=p.spin,
+        force=p.force,
+        walls=model.schedule.wall_placements(scene, clock.time),
+        loads=read_loads(view) if scene.output.wall_loads else {},
+        orientation=p.orientation if scene.output.orientation else None,
+        contacts=read_network(view) if scene.output.contacts or scene.measures.grid else None,
+        gravity=np.array(scene.gravity, dtype=float),
+    )

@@ -1,0 +1,64 @@
+"""What readers see of a run at one time: a live run provides it, and so does a copy that is read while the run goes on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import warp as wp
+
+from warpdem.model.model import Model
+from warpdem.state.budget_totals import BudgetTotals
+from warpdem.state.clock import Clock
+from warpdem.state.listed_contacts import ListedContacts
+from warpdem.state.particles import State
+
+
+class StepReader(Protocol):
+    """What kernels read off the state at the present time, whose forces are evaluated."""
+
+    @property
+    def extreme(self) -> np.ndarray:
+        """Largest overlap over radius [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
+
+    def read(self) -> tuple[wp.array, wp.array, wp.array]:
+        """Contact force [N] and torque [N m] together, velocity [m/s], spin [rad/s], by memory slot.
+
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        """
+
+    def read_sums(self) -> dict[str, np.ndarray]:
+        """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
+
+
+@dataclass(frozen=True)
+class RunView:
+    """Model, grains, contacts and time of a run; what is read belongs to its clock's time once its forces are evaluated."""
+
+    model: Model
+    state: State
+    clock: Clock
+    reader: StepReader
+    totals: BudgetTotals | None
+    """Of the budgets; None where nothing is added up."""
+    listed: Callable[[], ListedContacts]
+    """Gives the contacts of the present lists."""
+
+    @property
+    def contacts(self) -> ListedContacts:
+        """The contacts of the present lists."""
+        return self.listed()
+
+    def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).
+
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        """
+        load, velocity, spin = (array.numpy()[self.state.rank] for array in self.reader.read())
+        return load[:, :3].copy(), load[:, 3:].copy(), velocity, spin
+
+    @property
+    def extremes(self) -> dict[str, float]:
+        """Largest values met so far: overlap over radius [-] and approach speed [m/s], of pairs and of walls."""
+        names = ("pair_overlap_share", "pair_approach_speed", "wall_overlap_share", "wall_approach_speed")
+        return dict(zip(names, (float(value) for value in self.reader.extreme), strict=True))
