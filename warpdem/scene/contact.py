@@ -107,7 +107,9 @@ def unknown_keys(given: object, known: Mapping[str, Any], root: type[BaseModel])
         root: Model of the whole scene, for messages.
     """
     own = own_pair_keys(known)
-    for i, entry in enumerate(given if own is not None and isinstance(given, list) else []):
+    if own is None or not isinstance(given, list):
+        return
+    for i, entry in enumerate(given):
         for key in entry if isinstance(entry, Mapping) else ():
             if key not in own and key not in Pair.model_fields:
                 yield (i, key), entry[key], unknown_key(("pairs", i, key), root, list(own))
