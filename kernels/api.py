@@ -37,7 +37,7 @@ Load = wp.types.vector(6, wp.float64)
 Pair = wp.types.vector(2, wp.float64)
 Record = grain.build(True).Record
 """What ``Grains`` holds per grain, 16 float64: see ``warpdem.kernels.grain``."""
-EVERYWHERE = 1.0e30  # margin within which all partners of the neighbor list are evaluated [m]
+EVERYWHERE = 1.0e30  # inner skin within which all partners of the neighbor list are evaluated [m]
 ROOM = 16  # partners that the neighbor list has room for per grain to begin with
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
 
@@ -176,9 +176,9 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
     around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
     pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
-    packs = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
+    pair_kernels = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
     evaluate = thread_contact.build(
-        real, pair_law, pair_law.constants, packs, around, False, turning_frame=False, **met, **shared
+        real, pair_law, pair_law.constants, pair_kernels, around, False, turning_frame=False, **met, **shared
     )
     lists = neighbors.build(
         real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],
@@ -186,7 +186,7 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
     )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
-    Rows, touch = contact.build(
+    Rows, evaluate_wall_contacts = contact.build(
         wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **met, **shared
     )  # fmt: skip
     beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
@@ -199,26 +199,27 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
         owner: wp.array2d(dtype=wp.int32),  # (contacts, 1)
         partner: wp.array2d(dtype=wp.int32),
         pair: wp.array2d(dtype=wp.int32),
-        coefficients: wp.array(dtype=packs.Coefficients),
+        coefficients: wp.array(dtype=pair_kernels.Coefficients),
         row: wp.array(dtype=Row),  # (1,)
         dt: wp.float64,
         history_of: wp.array3d(dtype=wp.float64),  # (contacts, numbers, 1), read and written
         slot_i: wp.array2d(dtype=wp.int32),
         slot_j: wp.array2d(dtype=wp.int32),
-        share_out: wp.array(dtype=packs.Share),  # (2 contacts + 1,)
-        entry_out: wp.array(dtype=packs.Entry),  # (0,)
+        share_out: wp.array(dtype=pair_kernels.PairForce),  # (2 contacts + 1,)
+        entry_out: wp.array(dtype=pair_kernels.Entry),  # (0,)
     ):
         """Evaluate one contact per thread."""
         t = wp.tid()
         evaluate(
-            t, 0, record, owner, partner, inverse, pair, coefficients, packs.Turn(), slip_time(row[0]), dt, history_of,
+            t, 0, record, owner, partner, inverse, pair, coefficients, pair_kernels.Turn(), slip_time(row[0]), dt,
+            history_of,
             slot_i, slot_j, history_of, share_out, entry_out,
         )  # fmt: skip
 
     @kernel
     def pair_load(
         start: wp.array(dtype=wp.int32),  # (n + 1,)
-        share: wp.array(dtype=packs.Share),
+        share: wp.array(dtype=pair_kernels.PairForce),
         nobody: wp.array(dtype=wp.int32),
         none: wp.array(dtype=Load),
         load_out: wp.array(dtype=Load),  # (n,)
@@ -233,7 +234,7 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
         inverse: wp.array(dtype=Pair),
         material: wp.array(dtype=wp.int32),
         materials: int,
-        coefficients: wp.array(dtype=packs.Coefficients),
+        coefficients: wp.array(dtype=pair_kernels.Coefficients),
         surface: Surface,
         rows: Rows,
         placement: wp.array2d(dtype=Placement),  # (1, 1)
@@ -244,7 +245,7 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
     ):
         """Evaluate one grain beside the wall per thread."""
         r = wp.tid()
-        touch(
+        evaluate_wall_contacts(
             r, record, inverse, material, materials, coefficients, surface, rows, placement, 0, 0, row[0], 1 - parity, parity,
             dt,
         )  # fmt: skip
@@ -252,7 +253,7 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
         load_out[i] = load_out[i] + rows.load[i]
 
     return Built(
-        lists=lists, beside=beside, Rows=Rows, packs=packs, pair_forces=pair_forces, pair_load=pair_load,
+        lists=lists, beside=beside, Rows=Rows, pair_kernels=pair_kernels, pair_forces=pair_forces, pair_load=pair_load,
         wall_forces=wall_forces, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip
 
@@ -372,12 +373,12 @@ class Pairs(_Listed):
         self._room = ROOM
         self._old: list | None = None
         self._nobody, self._no_load = self.ints(0), wp.zeros(0, dtype=Load, device=grains.device)
-        self._no_entry = wp.zeros(0, dtype=self.kernels.packs.Entry, device=grains.device)
+        self._no_entry = wp.zeros(0, dtype=self.kernels.pair_kernels.Entry, device=grains.device)
         self.history = wp.zeros((0, max(law.history, 1), 1), dtype=wp.float64, device=grains.device)
         if len(grains) < 2:
             self.owner = self.partner = self.ints((0, 1))
             self.start = self._row_start = self.ints(len(grains) + 1)
-            self._share = wp.zeros(1, dtype=self.kernels.packs.Share, device=grains.device)
+            self._share = wp.zeros(1, dtype=self.kernels.pair_kernels.PairForce, device=grains.device)
 
     def apply(self, dt: float) -> None:
         """Write the sum of the contact forces and torques on each grain to ``grains.load``, for a step of ``dt`` [s]."""
@@ -444,7 +445,7 @@ class Pairs(_Listed):
         self.start, self.count, self.neighbor = start, count, slot
         self.owner, self.partner, self.history = owner, partner, history
         self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, [start, count, slot, contact]
-        self._share = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.packs.Share, device=g.device)
+        self._share = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)
 
 
 class MeshWall(_Listed):
@@ -522,7 +523,7 @@ class MeshWall(_Listed):
         self.launch(beside.near_features, n, [0, 1, *shared, first, count, near])
         before, rows = self._rows, self._new_rows(first, int(host[-1]))
         same = wp.array(np.arange(n, dtype=np.int32), device=g.device)
-        self.launch(beside.carry_places, n, [0, 1 - (g.steps & 1), same, before, rows])
+        self.launch(beside.carry_wall_contacts, n, [0, 1 - (g.steps & 1), same, before, rows])
         flight = wp.zeros(0, dtype=Flight, device=g.device)
         self.launch(beside.close_features, n, [
             0, g.record, 0.5 * self.skin, self.surface, placements, near, flight, rows

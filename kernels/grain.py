@@ -38,7 +38,7 @@ def build(spins: bool):
         return g[0] == wp.float64(wp.static(GONE))
 
     @wp.func
-    def parked(g: Record, slot: int) -> Record:
+    def removed(g: Record, slot: int) -> Record:
         """The same grain out of the domain, at rest at a place of its own."""
         out = Record()
         out[0] = wp.float64(wp.static(GONE))
@@ -101,7 +101,7 @@ def build(spins: bool):
         Record=Record,
         position=position,
         gone=gone,
-        parked=parked,
+        removed=removed,
         placed=placed,
         velocity=velocity,
         acceleration=acceleration,

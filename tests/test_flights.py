@@ -28,7 +28,7 @@ def scene(positions, velocities, **keys) -> Scene:
 def grounded(sim: Simulation) -> Simulation:
     """The same, but nobody flies: what the lists alone make of it."""
     sim.lists.flights.take = lambda stray, hasty: (stray, np.zeros(0, dtype=int))
-    sim.lists.flights.lay_again = lambda wanted: None
+    sim.lists.flights.reassign_paths = lambda wanted: None
     return sim
 
 

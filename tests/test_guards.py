@@ -27,7 +27,7 @@ def put(sim: Simulation, number: int, column, value) -> None:
     record = sim.state.record.numpy()
     record[sim.state.rank[number], column] = value
     sim.state.record.assign(record)
-    sim.live.clock.forces_evaluated, sim.lists.due = False, BEYOND
+    sim.live.clock.forces_evaluated, sim.lists.pending = False, BEYOND
 
 
 # -- energy ----------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ def bounce(make_simulation, precision):
 
 def test_a_collision_is_that_of_double_to_single_precision(make_simulation):
     (double, first), (mixed, same) = (bounce(make_simulation, p) for p in ("double", "mixed"))
-    assert mixed.lists.memory.numpy().dtype == np.float32
+    assert mixed.lists.history.numpy().dtype == np.float32
     assert same == pytest.approx(first, rel=1e-6)
     a, b = double.particles, mixed.particles
     difference = np.abs(a.velocity - b.velocity).max()

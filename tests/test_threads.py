@@ -57,7 +57,8 @@ def test_a_thread_that_asks_for_short_slices_keeps_its_policy():
 
 @wp.kernel(enable_backward=False, module="unique")
 def meetings(
-    thread: int, threads: int, rounds: int, work: int, ways: wp.array(dtype=wp.uint64), counter: wp.array(dtype=wp.int32),
+    thread: int, threads: int, rounds: int, work: int, modes: wp.array(dtype=wp.uint64),
+    counter: wp.array(dtype=wp.int32),
     turn: wp.array2d(dtype=wp.int32), wrong: wp.array(dtype=wp.int32),
 ):  # fmt: skip
     """Each thread writes the round to its place, and after the meeting looks at the others'; ``work`` makes some late."""
@@ -69,22 +70,22 @@ def meetings(
                 x = wp.sin(x + wp.float32(k))
         turn[thread, 0] = r + 1 + wp.int32(x * wp.float32(0.0))
         target += threads
-        barrier.meet(counter, target, ways)
+        barrier.meet(counter, target, modes)
         for t in range(threads):
             if turn[t, 0] != r + 1:
                 wrong[thread] = wrong[thread] + 1
         target += threads
-        barrier.meet(counter, target, ways)
+        barrier.meet(counter, target, modes)
 
 
-@pytest.mark.parametrize("ways", ["all", "yields only", "spins only"])
+@pytest.mark.parametrize("modes", ["all", "yields only", "spins only"])
 @pytest.mark.parametrize(("threads", "work"), [(2, 0), (2, 300_000), (5, 3000)])
-def test_threads_meet_however_they_wait(threads, work, ways):
+def test_threads_meet_however_they_wait(threads, work, modes):
     """Also more of them than cores, and so late that the others sleep."""
-    known = barrier.ways_to_wait()
-    if ways != "all":
-        known[0 if ways == "spins only" else 1 :] = 0
-    if ways == "spins only" and threads > (os.cpu_count() or 1):
+    known = barrier.wait_modes()
+    if modes != "all":
+        known[0 if modes == "spins only" else 1 :] = 0
+    if modes == "spins only" and threads > (os.cpu_count() or 1):
         pytest.skip("threads that spin on too few cores take for ever")
     rounds = 40 if work else 3000
     pool = Threads(threads)
@@ -105,12 +106,12 @@ def test_threads_meet_however_they_wait(threads, work, ways):
     assert counter.numpy()[barrier.SLEEPERS] == 0
 
 
-@pytest.mark.skipif(not barrier.ways_to_wait()[2], reason="threads cannot sleep on this system")
+@pytest.mark.skipif(not barrier.wait_modes()[2], reason="threads cannot sleep on this system")
 def test_a_thread_that_waits_long_sleeps():
     """It takes no processor time while the other one works."""
     counter = wp.zeros(barrier.ROOM, dtype=wp.int32, device="cpu")
     turn, wrong = wp.zeros((2, 16), dtype=wp.int32, device="cpu"), wp.zeros(2, dtype=wp.int32, device="cpu")
-    way = wp.array(barrier.ways_to_wait(), dtype=wp.uint64, device="cpu")
+    way = wp.array(barrier.wait_modes(), dtype=wp.uint64, device="cpu")
     wp.load_module(meetings.module, device="cpu")
     used, pool = [], Threads(2)
 

@@ -32,7 +32,7 @@ from warpdem.state.view import RunView
 
 
 class Simulation(RunReadings):
-    """A scene on a device, at rest between steps with the forces of its instant evaluated.
+    """A scene on a device, paused between steps with the forces of its present time evaluated.
 
     Args:
         scene: validated scene.
@@ -88,7 +88,7 @@ class Simulation(RunReadings):
         totals = BudgetTotals.of(sums) if sums else None
         self.live = RunView(model, self.state, self._clock, self.engine, totals, self.lists.view)
         self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
-        self.lists.watch_travel = self.guards.lists_built
+        self.lists.watch_travel = self.guards.check_travel
         if totals is not None:
             books = Budget(self.live)
             self.engine.leavers.before_leaving, self.loop.after_insertion = books.left, books.inserted

@@ -110,7 +110,7 @@ def build(real, normal, tangential, rolling, torsion: bool):
         f_n, load, k_n, gamma_n, depth, depth_before, _own = of_normal.force(
             overlap, overlap_before, speed, k, past.own(before)
         )
-        capped = past.spring(now)
+        limited_spring = past.spring(now)
         rest = vec3()
         slides = real(0.0)
         nonelastic = vec3()
@@ -123,11 +123,11 @@ def build(real, normal, tangential, rolling, torsion: bool):
             step = across(slip - both * mid, n)
             brought = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before)
             k_t = c[wp.static(at.shear)] * k_n
-            cut_spring = real(0.5) * k_t * wp.dot(brought + capped, brought + step - capped)
-            trial = capped * (-k_t) - (velocity - n * speed) * (c[wp.static(at.shear_damping)] * gamma_n)
+            cut_spring = real(0.5) * k_t * wp.dot(brought + limited_spring, brought + step - limited_spring)
+            trial = limited_spring * (-k_t) - (velocity - n * speed) * (c[wp.static(at.shear_damping)] * gamma_n)
             limit = c[wp.static(at.friction)] * load
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
-            rest = force - n * f_n + capped * k_t
+            rest = force - n * f_n + limited_spring * k_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
         if wp.static(rolling is not None):
             nonelastic = moment

@@ -23,8 +23,8 @@ from warpdem.kernels.contact import columns, history, normal_law
 def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
     """Return ``force``, ``constants`` and the types of the chosen model modules.
 
-    ``tangential`` and ``rolling`` may be None; ``wall``: j is one. What ``force`` takes and returns is the same whatever is
-    left out, so that loops need not know.
+    ``tangential`` and ``rolling`` may be None; ``wall``: j is one. ``force`` has the same arguments and results
+    whichever models are left out, so the loops over contacts need no special cases.
     """
     vec3 = wp.types.vector(3, real)
     of_normal = normal_law.build(real, normal)
@@ -44,10 +44,10 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
         """Tangential force [N] within the Coulomb limit, and the spring [m] cut to it."""
         least = real(wp.static(small))
         ratio = limit / (stiffness * wp.sqrt(wp.dot(spring, spring) + least) + least)
-        capped = spring * (ratio if ratio < real(1.0) else real(1.0))
-        trial = capped * (-stiffness) - velocity * damping
+        limited_spring = spring * (ratio if ratio < real(1.0) else real(1.0))
+        trial = limited_spring * (-stiffness) - velocity * damping
         cap = limit / wp.sqrt(wp.dot(trial, trial) + least)
-        return trial * (cap if cap < real(1.0) else real(1.0)), capped
+        return trial * (cap if cap < real(1.0) else real(1.0)), limited_spring
 
     @wp.func
     def across(vector: vec3, normal: vec3) -> vec3:
@@ -88,12 +88,13 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
             both = n + n_before
             mid = wp.dot(slip, both) / (real(2.0) + real(2.0) * wp.dot(n, n_before))
             step = across(slip - both * mid, n)
-            stretched = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before) + step
-            f_t, capped = friction(
-                stretched, velocity - n * speed, c[wp.static(at.shear)] * k_n, c[wp.static(at.shear_damping)] * gamma_n,
+            trial_spring = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before) + step
+            f_t, limited_spring = friction(
+                trial_spring, velocity - n * speed, c[wp.static(at.shear)] * k_n,
+                c[wp.static(at.shear_damping)] * gamma_n,
                 c[wp.static(at.friction)] * load,
             )  # fmt: skip
-            spring = capped
+            spring = limited_spring
             total = n * f_n + f_t
         if wp.static(rolling is not None):
             roll = spin
@@ -102,17 +103,18 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
                 roll = across(spin, n)
                 roll_predicted = across(spin_predicted, n)
             if wp.static(wall and not rolls_with_history):
-                # the spin that friction at this contact is about to give: stopped after it, the grain would creep
+                # rolling resistance stops the spin that the grain has after the friction of this step; if it stopped the spin
+                # before, the grain would creep
                 roll = roll - wp.cross(n, total) * ((radius - overlap) * dt / inertia)
             rolled = past.angle(before)
             if wp.static(rolls_with_history):
                 rolled = transported(past.angle(before), n, n_before, turning) + roll * dt
             arm = c[wp.static(at.rolling_friction)] * radius
-            moment, capped_angle = rolling_torque(
+            moment, limited_angle = rolling_torque(
                 roll, roll_predicted, rolled, arm * load, k_n * arm * arm, c[wp.static(at.rolling_damping)], inertia, dt
             )
             torque = moment
-            angle = capped_angle
+            angle = limited_angle
         return total, torque, past.joined(spring, angle, own)
 
     return Built(

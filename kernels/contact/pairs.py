@@ -1,4 +1,4 @@
-"""Grain-grain contacts: a pack of ``lanes`` contacts side by side.
+"""Grain-grain contacts: a contact batch of ``lanes`` contacts side by side.
 
 A contact is too long a chain of dependent operations for one core to overlap two of them, so a plain loop waits for
 latencies. Here the same scalar law is written out for ``lanes`` contacts and the results are stored next to each other:
@@ -6,10 +6,11 @@ the compiler's SLP vectoriser then makes one SIMD operation of each four (measur
 AVX2 core for the full law; no intrinsics). A GPU thread takes one lane (``thread_contact``). IEEE operations give the
 same bits in any lane, so a contact's result does not depend on its place.
 
-A block of packs is computed into a scratch that stays in the first cache, then each contact's share is copied to the rows
-of its two grains, where the summation finds them one after the other (stored per contact, the summation waited for memory:
-60 against 30 ns per grain and step). A share is force (3) [N] and, with spins, torque (3) [N m]. i is the grain of the
-lower id. Torque arms R - overlap/2 add up to the distance of the centres, so angular momentum is conserved to round-off.
+A block of batches is computed into a scratch array that stays in the first-level cache. Then the pair force of each contact
+is copied to the force slots of its two grains, where the summation reads them one after the other (with one slot per
+contact the summation waited for memory: 60 against 30 ns per grain and step). A pair force is the force (3) [N] and, with
+spins, the torque (3) [N m] on one grain. i is the grain of the lower id. Torque arms R - overlap/2 add up to the distance of
+the centres, so angular momentum is conserved to round-off.
 """
 
 import functools
@@ -19,7 +20,7 @@ from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT
 
-BLOCK = 16  # packs computed before their shares are copied
+BLOCK = 16  # contact batches computed before their forces are copied to the force slots
 
 PREFETCH = """
 #if !defined(__CUDA_ARCH__)
@@ -34,8 +35,8 @@ PREFETCH = """
 """
 
 
-def share_width(spins: bool) -> int:
-    """Numbers that a grain gets from a contact: force only, or force and torque."""
+def pair_force_width(spins: bool) -> int:
+    """Numbers of a pair force on one grain: the force, or force and torque."""
     return 6 if spins else 3
 
 
@@ -52,7 +53,7 @@ def result_width(spins: bool) -> int:
 def build(
     real, law, parts, border, lanes: int, *, spins: bool, stored: Columns, turning_frame: bool, table: bool, gap: float
 ):
-    """Return ``pack`` (evaluate) and ``share`` (copy to the grains' rows); ``contact`` is one lane of it.
+    """Return ``evaluate_batch`` and ``scatter_forces`` (copy to the force slots); ``contact`` evaluates one lane.
 
     Args:
         real: precision of the law, its results and the contact history; geometry and motion are always float64.
@@ -78,11 +79,11 @@ def build(
     Result = RESULT_AT.vector(real)
     HistoryBatch = wp.types.matrix((max(remembers, 1), lanes), real)
     ResultBatch = wp.types.matrix((width, lanes), real)
-    Share = wp.types.vector(share_width(spins), real)
+    PairForce = wp.types.vector(pair_force_width(spins), real)
     Parts = PARTS_AT.vector(real)
     Entry = ENTRY_AT.vector(real)
     ConstantsBatch = wp.types.matrix((stored.width, lanes), real)
-    of_the_law, with_radius = Constants._length_, "radius" in stored
+    law_constants_width, with_radius = Constants._length_, "radius" in stored
     radius_at, inertia_at = (stored.radius, stored.inertia) if with_radius else (0, 0)
 
     @wp.func
@@ -107,11 +108,11 @@ def build(
         )  # fmt: skip
 
     @wp.func
-    def cast_coefficients(wide: Coefficients) -> Numbers:
+    def cast_coefficients(coefficients_64: Coefficients) -> Numbers:
         """The same coefficients in the precision of the law."""
         c = Numbers()
         for f in range(wp.static(law.at.width)):
-            c[f] = real(wide[f])
+            c[f] = real(coefficients_64[f])
         return c
 
     @wp.func
@@ -126,9 +127,9 @@ def build(
         slip_time: wp.float64,
         dt: wp.float64,
     ):
-        """Result, contact history, overlap over the smaller radius and approach speed of one contact.
+        """Result, contact history, overlap over the smaller radius, approach speed and energy entries of one contact.
 
-        When energies are added up, what each grain gets of the contact for them.
+        The entries of the two grains are zero unless energies are added up.
         """
         across = border.nearest(g.position(gi) - g.position(gj))
         moved = (g.velocity(gi) - g.velocity(gj)) * slip_time
@@ -137,8 +138,8 @@ def build(
         distance_before = wp.sqrt(wp.dot(before, before))
         n = across * (wp.float64(1.0) / distance)
         n_before = before * (wp.float64(1.0) / distance_before)
-        reach = gi[3] + gj[3]
-        overlap = reach - distance
+        radii = gi[3] + gj[3]
+        overlap = radii - distance
         velocity = g.velocity(gi) - g.velocity(gj) + (g.acceleration(gi) - g.acceleration(gj)) * (wp.float64(0.5) * dt)
         slip = moved
         turning = vec3d()
@@ -155,14 +156,14 @@ def build(
             surface = wp.cross(wi_predicted * arm_i + wj_predicted * arm_j, n)
             velocity = velocity - surface
             # arms of mid-step, as the spins are: with those of the end a pair that revolves while it deforms would slip
-            quarter = wp.float64(0.25) * (reach - distance_before - overlap)
+            quarter = wp.float64(0.25) * (radii - distance_before - overlap)
             mid_surface = wp.cross(wi * (arm_i - quarter) + wj * (arm_j - quarter), n + n_before)
             slip = moved - mid_surface * (wp.float64(0.5) * slip_time)
             turning = (wi + wj) * (wp.float64(0.5) * slip_time)
             spin = wi - wj
             spin_predicted = wi_predicted - wj_predicted
         force, moment, now = law.force(
-            cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+            cast_vector(n), cast_vector(n_before), real(overlap), real(radii - distance_before), cast_vector(velocity),
             cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted),
             real(dt), k, radius, inertia, c, history,
         )  # fmt: skip
@@ -177,7 +178,8 @@ def build(
         for_j = Entry()
         if wp.static(parts is not None):
             p = parts(
-                cast_vector(n), cast_vector(n_before), real(overlap), real(reach - distance_before), cast_vector(velocity),
+                cast_vector(n), cast_vector(n_before), real(overlap), real(radii - distance_before),
+                cast_vector(velocity),
                 cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
                 k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
@@ -186,7 +188,7 @@ def build(
         return result, now, ratio, approach, for_i, for_j
 
     @wp.func
-    def pack(
+    def evaluate_batch(
         p: int,
         # state, read
         grains: wp.array(dtype=g.Record),
@@ -199,50 +201,52 @@ def build(
         turn_rate: Turn,
         slip_time: wp.float64,
         dt: wp.float64,
-        memory: wp.array2d(dtype=Lane),  # of the step before
+        history_in: wp.array2d(dtype=Lane),  # of the step before
         # written
-        memory_out: wp.array2d(dtype=Lane),  # may be the same array
+        history_out: wp.array2d(dtype=Lane),  # may be the same array
         scratch_out: wp.array2d(dtype=Lane),
         at: int,
         slot_i: wp.array(dtype=LaneInt),
         slot_j: wp.array(dtype=LaneInt),
         entry_out: wp.array(dtype=Entry),
     ):
-        """Evaluate pack ``p`` into row ``at`` of the scratch; returns its largest overlap share [-] and approach speed."""
+        """Evaluate contact batch ``p`` into row ``at`` of the scratch; return largest overlap ratio [-] and approach speed."""
         i = owner[p]
         j = partner[p]
-        deepest = wp.float64(wp.static(0.0 if parts else -1.0))  # the energy of a contact that just opened is still to be told
+        # largest cutoff^2 - distance^2 of the lanes; 0 where energies are added up, since the energy that a contact loses
+        # when it opens is found in the step after its last one
+        squared_margin = wp.float64(wp.static(0.0 if parts else -1.0))
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
             across = border.nearest(g.position(gi) - g.position(gj))
-            reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
-            deepest = wp.max(deepest, reach * reach * wp.float64(1.000001) - wp.dot(across, across))
-        if deepest < wp.float64(0.0):  # nobody is in reach, by more than round-off: what the full law would make zero
+            cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
+            squared_margin = wp.max(squared_margin, cutoff * cutoff * wp.float64(1.000001) - wp.dot(across, across))
+        if squared_margin < wp.float64(0.0):  # all pairs are beyond the cutoff by more than round-off: the law gives zero
             for f in range(wp.static(width)):
                 scratch_out[at, f] = Lane()
             for f in range(wp.static(remembers)):
-                memory_out[p, f] = Lane()
+                history_out[p, f] = Lane()
             return wp.float64(0.0), wp.float64(0.0)
         histories = HistoryBatch()
         for f in range(wp.static(remembers)):
-            histories[f] = memory[p, f]
+            histories[f] = history_in[p, f]
         kept = ConstantsBatch()
         for f in range(wp.static(stored.width)):
             kept[f] = constants[p, f]
-        wide = coefficients[0]
+        coefficients_64 = coefficients[0]
         results = ResultBatch()
-        share = Lane()
+        ratios = Lane()
         approach = Lane()
         for k in range(wp.static(lanes)):
             gi = grains[i[k]]
             gj = grains[j[k]]
             if wp.static(table):
-                wide = coefficients[kind[p][k]]
+                coefficients_64 = coefficients[kind[p][k]]
             numbers = Constants()
-            for f in range(wp.static(of_the_law)):
+            for f in range(wp.static(law_constants_width)):
                 numbers[f] = kept[f, k]
-            # R* is known to every law; where none asks, no code is left of it
+            # every law is given R*; the compiler removes it where no law uses it
             radius = real(gi[3] * gj[3] / (gi[3] + gj[3]))
             inertia = real(0.0)
             if wp.static(with_radius):
@@ -253,34 +257,34 @@ def build(
                 history[f] = histories[f, k]
             if wp.static(turning_frame):
                 history = past.rotated(history, turn_rate)
-            o, now, ratio, speed, for_i, for_j = contact(
-                gi, gj, numbers, radius, inertia, cast_coefficients(wide), history, slip_time, dt
+            result, now, ratio, speed, for_i, for_j = contact(
+                gi, gj, numbers, radius, inertia, cast_coefficients(coefficients_64), history, slip_time, dt
             )
             if wp.static(parts is not None):
                 entry_out[slot_i[p][k]] = for_i
                 entry_out[slot_j[p][k]] = for_j
             for f in range(wp.static(width)):
-                results[f, k] = o[f]
+                results[f, k] = result[f]
             for f in range(wp.static(remembers)):
                 histories[f, k] = now[f]
-            share[k] = ratio
+            ratios[k] = ratio
             approach[k] = speed
         for f in range(wp.static(width)):
             scratch_out[at, f] = results[f]
         for f in range(wp.static(remembers)):
-            memory_out[p, f] = histories[f]
-        return wp.float64(wp.max(share)), wp.float64(wp.max(approach))
+            history_out[p, f] = histories[f]
+        return wp.float64(wp.max(ratios)), wp.float64(wp.max(approach))
 
     @wp.func
-    def share(
+    def scatter_forces(
         p: int,
         scratch: wp.array2d(dtype=Lane),
         at: int,
         slot_i: wp.array(dtype=LaneInt),
         slot_j: wp.array(dtype=LaneInt),
-        row_out: wp.array(dtype=Share),
+        row_out: wp.array(dtype=PairForce),
     ):
-        """Copy the results of pack ``p`` from row ``at`` of the scratch to the rows of its grains."""
+        """Copy the results of contact batch ``p`` from row ``at`` of the scratch to the force slots of its grains."""
         i = slot_i[p]
         j = slot_j[p]
         fx = scratch[at, 0]
@@ -294,12 +298,12 @@ def build(
             jy = scratch[at, 7]
             jz = scratch[at, 8]
             for k in range(wp.static(lanes)):
-                row_out[i[k]] = Share(fx[k], fy[k], fz[k], ix[k], iy[k], iz[k])
-                row_out[j[k]] = Share(-fx[k], -fy[k], -fz[k], jx[k], jy[k], jz[k])
+                row_out[i[k]] = PairForce(fx[k], fy[k], fz[k], ix[k], iy[k], iz[k])
+                row_out[j[k]] = PairForce(-fx[k], -fy[k], -fz[k], jx[k], jy[k], jz[k])
         else:
             for k in range(wp.static(lanes)):
-                row_out[i[k]] = Share(fx[k], fy[k], fz[k])
-                row_out[j[k]] = Share(-fx[k], -fy[k], -fz[k])
+                row_out[i[k]] = PairForce(fx[k], fy[k], fz[k])
+                row_out[j[k]] = PairForce(-fx[k], -fy[k], -fz[k])
 
     @wp.func_native(PREFETCH)
     def prefetch(
@@ -308,13 +312,13 @@ def build(
         partner: wp.array(dtype=LaneInt),
         slot_i: wp.array(dtype=LaneInt),
         slot_j: wp.array(dtype=LaneInt),
-        row: wp.array(dtype=Share),
+        row: wp.array(dtype=PairForce),
     ):
-        """Ask for the memory that pack ``p`` will need: partners lie too scattered for a core to foresee."""
+        """Prefetch the data of contact batch ``p``: its partners are too scattered for the hardware prefetcher."""
         ...
 
     return Built(
-        pack=pack, share=share, prefetch=prefetch, contact=contact, cast_rotation=cast_rotation,
-        cast_coefficients=cast_coefficients, Share=Share, Entry=Entry, Lane=Lane, LaneInt=LaneInt,
-        Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
+        evaluate_batch=evaluate_batch, scatter_forces=scatter_forces, prefetch=prefetch, contact=contact,
+        cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, PairForce=PairForce, Entry=Entry,
+        Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
     )  # fmt: skip

@@ -1,9 +1,10 @@
-"""One grain-grain contact per GPU thread: the same law as a pack's lane, its shares written straight to the rows of its grains.
+"""One grain-grain contact per GPU thread: the law of one lane, its forces written directly to the force slots of its grains.
 
 A GPU hides latencies by its many threads and needs no scratch: the results stay in registers until they are written. With
-packs as wide as a warp the threads of a warp read and write neighbouring memory, and since a pack holds one class (touching or
-near), a warp either computes or passes over. What is constant of a contact is made again from the radii and masses of its
-grains: a GPU computes faster than it reads. Bits are those of ``pairs.pack``: what is out of reach would come out as zero.
+contact batches as wide as a warp the threads of a warp read and write neighbouring memory, and since a batch holds one class
+(touching or near), a warp either computes or skips. The constants of a contact are computed again from the radii and masses
+of its grains: a GPU computes faster than it reads. Bits are those of ``pairs.evaluate_batch``: the law gives zero beyond the
+cutoff.
 """
 
 import functools
@@ -25,7 +26,7 @@ def build(
     g = grain.build(spins)
     past, remembers = law.history, law.history.at.width
     Constants, History = law.Constants, law.History
-    Share, Entry = pairs.Share, pairs.Entry
+    PairForce, Entry = pairs.PairForce, pairs.Entry
     Inverse = wp.types.vector(2, wp.float64)
 
     @wp.func
@@ -43,64 +44,64 @@ def build(
         turn_rate: pairs.Turn,
         slip_time: wp.float64,
         dt: wp.float64,
-        memory: wp.array3d(dtype=real),  # of the step before
+        history_in: wp.array3d(dtype=real),  # of the step before
         slot_i: wp.array2d(dtype=wp.int32),
         slot_j: wp.array2d(dtype=wp.int32),
         # written
-        memory_out: wp.array3d(dtype=real),  # may be the same array
-        row_out: wp.array(dtype=Share),
+        history_out: wp.array3d(dtype=real),  # may be the same array
+        row_out: wp.array(dtype=PairForce),
         entry_out: wp.array(dtype=Entry),
     ):
-        """Evaluate lane ``k`` of pack ``p``; returns its overlap share [-] and approach speed [m/s]."""
+        """Evaluate lane ``k`` of contact batch ``p``; return its overlap ratio [-] and approach speed [m/s]."""
         at_i = slot_i[p, k]
         at_j = slot_j[p, k]
-        if at_i + 1 == row_out.shape[0]:  # it only fills its pack
+        if at_i + 1 == row_out.shape[0]:  # a filler of its contact batch
             return wp.float64(0.0), wp.float64(0.0)
         i = owner[p, k]
         j = partner[p, k]
         gi = grains[i]
         gj = grains[j]
-        if wp.static(not parts):  # the energy of a contact that just opened is still to be told
+        if wp.static(not parts):  # the energy that a contact loses when it opens is found in the step after its last one
             across = border.nearest(g.position(gi) - g.position(gj))
-            reach = gi[3] + gj[3] + wp.float64(wp.static(gap))
-            if reach * reach * wp.float64(1.000001) < wp.dot(across, across):
-                row_out[at_i] = Share()
-                row_out[at_j] = Share()
+            cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
+            if cutoff * cutoff * wp.float64(1.000001) < wp.dot(across, across):
+                row_out[at_i] = PairForce()
+                row_out[at_j] = PairForce()
                 for f in range(wp.static(remembers)):
-                    memory_out[p, f, k] = real(0.0)
+                    history_out[p, f, k] = real(0.0)
                 return wp.float64(0.0), wp.float64(0.0)
-        wide = coefficients[0]
+        coefficients_64 = coefficients[0]
         if wp.static(table):
-            wide = coefficients[kind[p, k]]
+            coefficients_64 = coefficients[kind[p, k]]
         inv_i = inverse[i]
         inv_j = inverse[j]
         radius = gi[3] * gj[3] / (gi[3] + gj[3])
-        wide_numbers = constants(wide, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
+        constants_64 = constants(coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
         numbers = Constants()
         for f in range(wp.static(Constants._length_)):
-            numbers[f] = real(wide_numbers[f])
+            numbers[f] = real(constants_64[f])
         inertia = wp.float64(0.0)
         if wp.static(rolling):
             inertia = wp.float64(wp.static(inertia_factor)) / (inv_i[1] + inv_j[1])
         history = History()
         for f in range(wp.static(remembers)):
-            history[f] = memory[p, f, k]
+            history[f] = history_in[p, f, k]
         if wp.static(turning_frame):
             history = past.rotated(history, turn_rate)
-        o, now, ratio, speed, for_i, for_j = pairs.contact(
-            gi, gj, numbers, real(radius), real(inertia), pairs.cast_coefficients(wide), history, slip_time, dt
+        result, now, ratio, speed, for_i, for_j = pairs.contact(
+            gi, gj, numbers, real(radius), real(inertia), pairs.cast_coefficients(coefficients_64), history, slip_time, dt
         )
         if wp.static(spins):
-            row_out[at_i] = Share(o[0], o[1], o[2], o[3], o[4], o[5])
-            row_out[at_j] = Share(-o[0], -o[1], -o[2], o[6], o[7], o[8])
+            row_out[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
+            row_out[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
         else:
-            row_out[at_i] = Share(o[0], o[1], o[2])
-            row_out[at_j] = Share(-o[0], -o[1], -o[2])
+            row_out[at_i] = PairForce(result[0], result[1], result[2])
+            row_out[at_j] = PairForce(-result[0], -result[1], -result[2])
         if wp.static(parts):
             entry_out[at_i] = for_i
             entry_out[at_j] = for_j
         for f in range(wp.static(remembers)):
-            memory_out[p, f, k] = now[f]
+            history_out[p, f, k] = now[f]
         return wp.float64(ratio), wp.float64(speed)
 
     return evaluate

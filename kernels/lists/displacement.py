@@ -28,7 +28,7 @@ class Watched:
     """Mesh walls beside which the travel per step is bounded; boxes in body axes."""
 
     motion: wp.array(dtype=wp.int32)  # (meshes,) number of the wall's motion
-    share: wp.array(dtype=wp.float64)  # (meshes,) largest travel per step over the radius [-]
+    max_travel: wp.array(dtype=wp.float64)  # (meshes,) largest travel per step over the radius [-]
     low: wp.array(dtype=wp.vec3d)  # (meshes,) corners of the bounding box [m]
     high: wp.array(dtype=wp.vec3d)
 
@@ -56,9 +56,9 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
         fast = bool(False)
         for w in range(watched.motion.shape[0]):
             p = control.placement[row, watched.motion[w]]
-            way = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
-            if not (way <= watched.share[w] * state[3]):
-                room = state[3] + way
+            distance = wp.length(g.velocity(state) - wall_velocity(p, q)) * dt
+            if not (distance <= watched.max_travel[w] * state[3]):
+                room = state[3] + distance
                 corner = wp.vec3d(room, room, room)
                 for image in range(wp.static(border.images)):
                     body = local(p, border.image(q, image))
@@ -76,8 +76,8 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
         control: Control,
         watched: Watched,
         dt: wp.float64,
-        inner_limit: wp.float64,  # displacement that the inner list allows [m]
-        outer_limit: wp.float64,  # the same of the outer list [m]
+        max_displacement: wp.float64,  # displacement that the inner list allows [m]
+        outer_max_displacement: wp.float64,  # the same of the outer list [m]
         # written
         found_out: wp.array(dtype=wp.int32),  # (n,) what was found of each grain; of size 0: only the conditions are asked for
         clock_out: wp.array(dtype=wp.int32),
@@ -95,16 +95,16 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                     if not travel.holds(flight[i], state, now, dt):
                         found = wp.static(OFF_PATH)
                 else:
-                    left = travel.left_of(state, inner_limit, dt)
-                    way = travel.way_from(i, state, inner_reference, control.placement, row)
-                    if not (way <= wp.float64(0.25) * left * left):
+                    left = travel.allowed_displacement(state, max_displacement, dt)
+                    square = travel.squared_displacement(i, state, inner_reference, control.placement, row)
+                    if not (square <= wp.float64(0.25) * left * left):
                         found = found | wp.static(INNER_HALF)
-                    if not (way <= left * left):
+                    if not (square <= left * left):
                         found = found | wp.static(INNER)
-                    way = travel.way_from(i, state, outer_reference, control.placement, row)
-                    if not (way <= wp.float64(0.25) * outer_limit * outer_limit):
+                    square = travel.squared_displacement(i, state, outer_reference, control.placement, row)
+                    if not (square <= wp.float64(0.25) * outer_max_displacement * outer_max_displacement):
                         found = found | wp.static(OUTER_HALF)
-                    if not (way <= outer_limit * outer_limit):
+                    if not (square <= outer_max_displacement * outer_max_displacement):
                         found = found | wp.static(OUTER)
             if travel.outlet_of(q, control.outlet) >= 0:
                 found = found | wp.static(IN_OUTLET)

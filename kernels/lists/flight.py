@@ -61,7 +61,7 @@ def build(
         travel: namespace of ``motion.build_travel``.
         border: periodic images, of ``border.build``.
         closest_on_feature: of ``wall.feature.build``.
-        Rows: struct of the wall rows.
+        Rows: struct of the wall contacts.
         spins: grains spin.
         moving: number of wall motions relative to the frame.
         meshes: there are mesh walls.
@@ -192,7 +192,7 @@ def build(
                 away = gap_to_box_alone(body, watched.low[m], watched.high[m])
                 # what is fast beside a mesh is for the guard of the travel to see (``travel``)
                 way = away - need - closing * dt * wp.float64(2.0)
-                if closing * dt * wp.float64(1.1) < watched.share[m] * radius and way < longest_way(time, closing, turning):
+                if closing * dt * wp.float64(1.1) < watched.max_travel[m] * radius and way < longest_way(time, closing, turning):
                     p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
                     found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(1.0e30))
                     if found.result:

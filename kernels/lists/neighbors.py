@@ -32,7 +32,7 @@ def build(
     g = grain.build(spins)
     Coefficients = law.Coefficients
     Inverse = wp.types.vector(2, wp.float64)
-    of_the_law, rolling = law.Constants._length_, "inertia" in stored
+    law_constants_width, rolling = law.Constants._length_, "inertia" in stored
     radius_at, inertia_at = (stored.radius, stored.inertia) if rolling else (0, 0)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
@@ -96,9 +96,9 @@ def build(
         for image in range(wp.static(border.images)):
             place = border.image(g.position(me), image)
             for size in range(grids.largest.shape[0]):
-                reach = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
-                if border.within(place, reach):
-                    low, box = box_around(grids, size, place, reach)
+                cutoff = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
+                if border.within(place, cutoff):
+                    low, box = box_around(grids, size, place, cutoff)
                     for z in range(box[2]):
                         for y in range(box[1]):
                             line = line_of(grids, size, low, y, z)
@@ -164,14 +164,14 @@ def build(
         start: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
-        margin: wp.float64,
+        inner_skin: wp.float64,
         flight: wp.array(dtype=Flight),
         listed_out: wp.array(dtype=wp.int32),
         touching_count_out: wp.array(dtype=wp.int32),
         near_count_out: wp.array(dtype=wp.int32),
         listed_count_out: wp.array(dtype=wp.int32),
     ):
-        """Which pairs are closer than the margin, or in flight; both grains decide alike, bit for bit.
+        """Which pairs are closer than the inner skin, or in flight; both grains decide alike, bit for bit.
 
         ``listed_out`` holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if they touch.
         """
@@ -186,13 +186,13 @@ def build(
             other = grains[j]
             way = border.nearest(g.position(me) - g.position(other))
             square = wp.dot(way, way)
-            reach = me[3] + other[3] + wp.float64(wp.static(gap))
-            far = reach + margin
+            cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
+            far = cutoff + inner_skin
             entry = int(-1)
             if square < far * far or flying or in_flight(flight, j):
                 entry = 2 * listed
                 listed += 1
-                if square < reach * reach:
+                if square < cutoff * cutoff:
                     entry += 1
                 if id[j] > id[i]:
                     if entry & 1:
@@ -209,13 +209,13 @@ def build(
         p: int, k: int, i: int, j: int, grains: wp.array(dtype=g.Record), inverse: wp.array(dtype=Inverse),
         kind: wp.array2d(dtype=wp.int32), coefficients: wp.array(dtype=Coefficients), constants_out: wp.array3d(dtype=real),
     ):  # fmt: skip
-        """What does not change of the contact of grains ``i`` and ``j`` in lane ``k`` of pack ``p``."""
+        """What does not change of the contact of grains ``i`` and ``j`` in lane ``k`` of contact batch ``p``."""
         c = coefficients[0]
         if wp.static(table):
             c = coefficients[kind[p, k]]
         radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
         numbers = law.constants(c, radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
-        for f in range(wp.static(of_the_law)):
+        for f in range(wp.static(law_constants_width)):
             constants_out[p, f, k] = real(numbers[f])
         if wp.static(rolling):
             constants_out[p, wp.static(radius_at), k] = real(radius)
@@ -275,7 +275,7 @@ def build(
         slot_j_out: wp.array2d(dtype=wp.int32),
         memory_out: wp.array3d(dtype=real),
     ):
-        """Write the contacts that grain ``i`` owns into their packs, with the places of their shares in the rows of both."""
+        """Write the contacts that grain ``i`` owns into their contact batches, with the force slots of both grains."""
         i = first + wp.tid()
         touching = touching_start[i]
         near = near_start[i]

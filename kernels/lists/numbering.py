@@ -16,7 +16,8 @@ wp.set_module_options(MODULE_OPTIONS)
 
 BLOCK = 256  # grains whose contacts are sorted by class together
 AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for memory once for all
-Sums = wp.types.vector(4, wp.int32)  # of a block: touching and near contacts, rounded up to packs; shares; grains beside a wall
+# of a block: touching and near contacts, rounded up to full batches; force slots; grains beside a wall
+Sums = wp.types.vector(4, wp.int32)
 Chunk = wp.types.matrix((AT_ONCE, 4), wp.int32)
 
 
@@ -58,7 +59,7 @@ def sum_blocks(
 def start_blocks(
     # read and written: sums of each block, replaced by those before it
     sums_out: wp.array[Sums],
-    # written: packs' lanes, shares and wall rows in all
+    # written: lanes of the contact batches, force slots and grains beside a wall in all
     total_out: wp.array[wp.int32],
 ):
     """Where each block begins."""

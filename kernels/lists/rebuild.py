@@ -18,7 +18,7 @@ HASTY = 16  # steps between two outer lists below which the host is to look for 
 
 @functools.cache
 def build(Rows):
-    """Return the kernels; ``Rows`` is the struct of the wall rows."""
+    """Return the kernels; ``Rows`` is the struct of the wall contacts."""
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @kernel

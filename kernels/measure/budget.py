@@ -72,7 +72,7 @@ def build(
         fields: external fields as in ``motion.build_acceleration``.
         conservative: whether each of them has a potential.
         spins: grains spin.
-        walls: there are wall rows.
+        walls: there are walls.
         energy: energies are added up.
         momentum: momenta are added up.
         turning_frame: the axes turn, and momenta with them.

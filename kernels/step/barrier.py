@@ -24,21 +24,21 @@ FUTEX = {"x86_64": 202, "aarch64": 98}  # number of the system call
 _WAIT, _WAKE, _ALL = 128, 129, 0x7FFFFFFF  # of threads of one process
 
 
-def ways_to_wait() -> np.ndarray:
-    """Addresses of ``sched_yield``, ``clock_gettime`` and ``syscall`` in the C library, and the number of futex, shape (4,).
+def wait_modes() -> np.ndarray:
+    """How a thread may wait, shape (4,): addresses of ``sched_yield``, ``clock_gettime`` and ``syscall``, number of futex.
 
     0 for what is not there: a thread that cannot sleep yields on, and spins if it cannot yield either.
     """
-    ways = np.zeros(4, dtype=np.uint64)
+    modes = np.zeros(4, dtype=np.uint64)
     if os.name != "posix":
-        return ways
+        return modes
     library = ctypes.CDLL(None)
-    ways[0] = ctypes.cast(library.sched_yield, ctypes.c_void_p).value or 0
+    modes[0] = ctypes.cast(library.sched_yield, ctypes.c_void_p).value or 0
     system = os.uname()
     if system.sysname == "Linux" and system.machine in FUTEX and ctypes.sizeof(ctypes.c_void_p) == 8:
-        ways[1:3] = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in (library.clock_gettime, library.syscall)]
-        ways[3] = FUTEX[system.machine]
-    return ways
+        modes[1:3] = [ctypes.cast(call, ctypes.c_void_p).value or 0 for call in (library.clock_gettime, library.syscall)]
+        modes[3] = FUTEX[system.machine]
+    return modes
 
 
 @wp.func_native(
@@ -47,14 +47,14 @@ def ways_to_wait() -> np.ndarray:
     typedef wp::int32 (*Yield)();
     typedef wp::int32 (*Clock)(wp::int32, long long*);
     typedef long long (*System)(long long, wp::int32*, long long, long long, void*, void*, long long);
-    Yield yield = reinterpret_cast<Yield>(ways.data[0]);
-    Clock clock = reinterpret_cast<Clock>(ways.data[1]);
-    System system = reinterpret_cast<System>(ways.data[2]);
+    Yield yield = reinterpret_cast<Yield>(modes.data[0]);
+    Clock clock = reinterpret_cast<Clock>(modes.data[1]);
+    System system = reinterpret_cast<System>(modes.data[2]);
     wp::int32* arrived = &counter.data[0];
     wp::int32* sleepers = &counter.data[{SLEEPERS}];
     if (__atomic_add_fetch(arrived, 1, __ATOMIC_SEQ_CST) - target >= 0) {{
         if (__atomic_load_n(sleepers, __ATOMIC_SEQ_CST) > 0)
-            system(ways.data[3], arrived, {_WAKE}, {_ALL}, nullptr, nullptr, 0);
+            system(modes.data[3], arrived, {_WAKE}, {_ALL}, nullptr, nullptr, 0);
     }} else {{
         for (wp::int32 n = 0; n < {SPINS} && __atomic_load_n(arrived, __ATOMIC_ACQUIRE) - target < 0; ++n) {{}}
         if (yield != nullptr) {{
@@ -77,7 +77,7 @@ def ways_to_wait() -> np.ndarray:
             __atomic_add_fetch(sleepers, 1, __ATOMIC_SEQ_CST);
             wp::int32 seen = __atomic_load_n(arrived, __ATOMIC_SEQ_CST);
             while (seen - target < 0) {{
-                system(ways.data[3], arrived, {_WAIT}, seen, nullptr, nullptr, 0);
+                system(modes.data[3], arrived, {_WAIT}, seen, nullptr, nullptr, 0);
                 seen = __atomic_load_n(arrived, __ATOMIC_SEQ_CST);
             }}
             __atomic_sub_fetch(sleepers, 1, __ATOMIC_SEQ_CST);
@@ -87,12 +87,12 @@ def ways_to_wait() -> np.ndarray:
 #endif
 """
 )
-def meet(counter: wp.array(dtype=wp.int32), target: wp.int32, ways: wp.array(dtype=wp.uint64)):
+def meet(counter: wp.array(dtype=wp.int32), target: wp.int32, modes: wp.array(dtype=wp.uint64)):
     """Arrive, then wait until ``counter`` has reached ``target`` arrivals.
 
     Args:
         counter: arrivals, and at `SLEEPERS` the threads that sleep, shape (`ROOM`,); zero before the first meeting.
         target: arrivals that open the barrier.
-        ways: as ``ways_to_wait``.
+        modes: as ``wait_modes``.
     """
     ...

@@ -56,26 +56,26 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
         step: namespace of ``loop.build``.
         pairs: namespace of ``pairs.build``.
         evaluate: of ``thread_contact.build``.
-        Rows: struct of the wall rows.
+        Rows: struct of the wall contacts.
         real: precision of the contact law.
         history: numbers remembered per contact.
         stages: force calls per step.
-        lanes: contacts per pack.
+        lanes: contacts per contact batch.
     """
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.struct
     class Contacts:
-        """Grain-grain contacts in packs, as ``loop.Packs``, number by number."""
+        """Grain-grain contacts, as ``loop.ContactBatches``, with one array element per lane."""
 
         owner: wp.array2d(dtype=wp.int32)
         partner: wp.array2d(dtype=wp.int32)
         kind: wp.array2d(dtype=wp.int32)
         slot_i: wp.array2d(dtype=wp.int32)
         slot_j: wp.array2d(dtype=wp.int32)
-        memory: wp.array3d(dtype=real)
+        history: wp.array3d(dtype=real)
         trial: wp.array3d(dtype=real)
-        next: wp.array3d(dtype=real)  # memory in the list that is being made
+        next: wp.array3d(dtype=real)  # contact history in the list that is being built
 
     @kernel
     def pair_forces(
@@ -86,15 +86,15 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
         if t >= clock[CONTACT_LANES] or not forces_due(clock, ahead, stage):
             return
         row = control.row[(clock[SCHEDULE_ROW] + ahead) * wp.static(stages) + stage]
-        memory = contacts.memory
+        history_out = contacts.history
         if stage > 0:
-            memory = contacts.trial
-        share, approach = evaluate(
+            history_out = contacts.trial
+        overlap_ratio, approach = evaluate(
             t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, grains.inverse,
-            contacts.kind, coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), dt, contacts.memory,
-            contacts.slot_i, contacts.slot_j, memory, grains.row, grains.entry,
+            contacts.kind, coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), dt, contacts.history,
+            contacts.slot_i, contacts.slot_j, history_out, grains.row, grains.entry,
         )  # fmt: skip
-        raise_to(control.extreme, 0, share)
+        raise_to(control.extreme, 0, overlap_ratio)
         raise_to(control.extreme, 1, approach)
 
     @kernel
@@ -105,28 +105,29 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
         r = first + wp.tid()
         if r >= clock[WALL_GRAINS] or not forces_due(clock, ahead, stage):
             return
-        share, approach = step.touch_row(
+        overlap_ratio, approach = step.wall_forces_of_grain(
             r, clock[SCHEDULE_ROW] + ahead, stage, grains, rows, surface, control, coefficients, materials,
             (clock[PARITY] + ahead) & 1, dt,
         )  # fmt: skip
-        raise_to(control.extreme, 2, share)
+        raise_to(control.extreme, 2, overlap_ratio)
         raise_to(control.extreme, 3, approach)
 
     @kernel
     def move(
         first: int, ahead: int, stage: int, grains: step.Grains, rows: Rows, control: step.Control,
-        clock_out: wp.array(dtype=wp.int32), dt: wp.float64, reach: wp.float64,
+        clock_out: wp.array(dtype=wp.int32), dt: wp.float64, max_displacement: wp.float64,
     ):  # fmt: skip
         i = first + wp.tid()
-        # a thread of this very launch may have seen its grain beyond reach already
+        # a thread of this very launch may have found its grain beyond max_displacement already
         if ahead >= clock_out[STEPS_LEFT] or (clock_out[MOVED_AT] != 0 and clock_out[MOVED_AT] <= ahead):
             return
         if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
             return
-        if stage == 0 and too_deep(control.extreme, 0, control.deepest):
+        if stage == 0 and too_deep(control.extreme, 0, control.max_overlap):
             clock_out[DEEP_AT] = ahead + 1
             return
-        moved = step.move_phase(i, i + 1, 1, clock_out[SCHEDULE_ROW] + ahead, stage, grains, rows, control, dt, reach)
+        s = clock_out[SCHEDULE_ROW] + ahead
+        moved = step.move_phase(i, i + 1, 1, s, stage, grains, rows, control, dt, max_displacement)
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1
         if (moved & wp.static(BEYOND)) > 0:
@@ -184,7 +185,7 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
         t = first + wp.tid()
         if t < clock[CONTACT_LANES]:
             for f in range(wp.static(history)):
-                contacts.memory[t // wp.static(lanes), f, t % wp.static(lanes)] = contacts.next[
+                contacts.history[t // wp.static(lanes), f, t % wp.static(lanes)] = contacts.next[
                     t // wp.static(lanes), f, t % wp.static(lanes)
                 ]
 

@@ -1,11 +1,12 @@
 """The step: forces at t_k, then the integrator takes the grains to t_k+1, over and over.
 
 On a CPU one launch per thread runs many steps and meets the others at a barrier after each phase; on a GPU each phase is a
-launch of a captured graph (``resident``). A scheme of several stages calls the forces between as well, from the memory of the
-step's beginning, and drops what they make of it. A run rests with the forces of its instant evaluated, so reading results
-never computes anything again. It stops before a force call when a grain has moved by more than the lists allow (or is no
-longer finite); then new lists are made and the forces come first. A batch also ends at the force call in which an overlap
-exceeds the allowed one, so that the step of that does not depend on how a run is divided into batches.
+launch of a captured graph (``step/graph.py``). A scheme of several stages also evaluates the forces between, from the contact
+history at the beginning of the step, and discards the history that these give. A run is left with the forces of its present
+time evaluated, so reading results never computes anything again. It stops before a force call when a grain has moved further
+than the lists allow (or is no longer finite); then new lists are built and the forces come first. A batch of steps also ends
+at the force call in which an overlap exceeds the allowed one, so that this step does not depend on how a run is divided into
+batches.
 """
 
 import functools
@@ -22,29 +23,29 @@ from warpdem.kernels.step.motion import LEFT, Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
-AHEAD = 6  # packs between the prefetch of a contact batch and its use
+AHEAD = 6  # contact batches between the prefetch of a contact batch and its use
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
 
 
 @wp.func
-def too_deep(extreme: wp.array(dtype=wp.float64), at: int, deepest: wp.array(dtype=wp.float64)) -> bool:
-    """Whether the largest overlap so far, of pairs or at walls, is over the one allowed [-]."""
-    return wp.max(extreme[at], extreme[at + 2]) > deepest[0]
+def too_deep(extreme: wp.array(dtype=wp.float64), at: int, max_overlap: wp.array(dtype=wp.float64)) -> bool:
+    """Whether the largest overlap ratio so far, of pairs or at walls, is above the allowed one [-]."""
+    return wp.max(extreme[at], extreme[at + 2]) > max_overlap[0]
 
 
 @functools.cache
 def build(
-    pairs, touch, Rows, load, acceleration, travel, integrator, border, orientation, budget, flow, *, stages: int,
-    spins: bool, walls: bool, leave: bool,
+    pairs, evaluate_wall_contacts, Rows, load, acceleration, travel, integrator, border, orientation, budget, flow, *,
+    stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
 
-    That is ``touch_row`` and ``move_phase`` for the GPU's step, and each phase alone (``pair_forces``, ``wall_forces``,
-    ``move``), so that it can be timed.
+    That is ``wall_forces_of_grain`` and ``move_phase`` for the GPU's step, and each phase alone (``pair_forces``,
+    ``wall_forces``, ``move``), so that it can be timed.
 
     Args:
         pairs: namespace of ``pairs.build``.
-        touch: wall function of ``wall.contact.build``, and ``Rows``, its struct.
+        evaluate_wall_contacts: wall function of ``wall.contact.build``, and ``Rows``, its struct.
         load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
@@ -53,7 +54,7 @@ def build(
         flow: of ``flow.build``; None when the flow through no plane is asked for.
         stages: force calls per step.
         spins: grains spin.
-        walls: there are wall rows.
+        walls: there are walls.
         leave: grains may leave the domain.
     """
     advance, reading = integrator
@@ -73,7 +74,7 @@ def build(
         reference: wp.array2d(dtype=wp.vec3d)
         flight: wp.array(dtype=Flight)  # of size 0 when no grain is in flight
         row_start: wp.array(dtype=wp.int32)
-        row: wp.array(dtype=pairs.Share)
+        row: wp.array(dtype=pairs.PairForce)
         store: wp.array2d(dtype=wp.vec3d)  # what the integrator keeps between the stages of a step
         entry: wp.array(dtype=pairs.Entry)  # beside row, when energies are added up
         energies: wp.array(dtype=Energies)
@@ -83,15 +84,15 @@ def build(
         exit: wp.array2d(dtype=wp.int32)  # per grain: 1 + number of the outlet that it left by in this batch, and the step
 
     @wp.struct
-    class Packs:
-        """Grain-grain contacts in packs."""
+    class ContactBatches:
+        """Grain-grain contacts in batches of SIMD lanes."""
 
         owner: wp.array(dtype=pairs.LaneInt)
         partner: wp.array(dtype=pairs.LaneInt)
         kind: wp.array(dtype=pairs.LaneInt)
         constants: wp.array2d(dtype=pairs.Lane)
-        memory: wp.array2d(dtype=pairs.Lane)
-        trial: wp.array2d(dtype=pairs.Lane)  # what a stage within the step makes of the memory, and is dropped
+        history: wp.array2d(dtype=pairs.Lane)
+        trial: wp.array2d(dtype=pairs.Lane)  # history after a stage within the step; it is discarded
         slot_i: wp.array(dtype=pairs.LaneInt)
         slot_j: wp.array(dtype=pairs.LaneInt)
 
@@ -105,30 +106,31 @@ def build(
         placement: wp.array2d(dtype=Placement)
         origin: wp.array(dtype=wp.int32)  # step that the first row belongs to
         outlet: wp.array(dtype=Box)  # where grains leave
-        parks: wp.array(dtype=wp.int32)  # per outlet: 1 when the step goes on without a grain that left by it, 0: the host asks
-        parked: wp.array(dtype=wp.int32)  # [1]: 1 when a grain has left so in this batch
+        removes_in_step: wp.array(dtype=wp.int32)  # per outlet: 1 if the step itself removes a grain in it, 0 if the host does
+        removed: wp.array(dtype=wp.int32)  # [1]: 1 when a step of this batch of steps removed a grain
         plane: wp.array(dtype=Plane)  # where their flow is measured
-        share: wp.array2d(dtype=wp.int32)  # per thread: first and last pack, grain, wall row
+        thread_ranges: wp.array2d(dtype=wp.int32)  # per thread: first and last contact batch, grain, grain at a wall
         moved: wp.array(dtype=wp.int32)
-        extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap share [-], approach speed [m/s], by pairs and walls
-        deepest: wp.array(dtype=wp.float64)  # [1]: largest overlap over the radius that is allowed [-]
-        scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of packs
+        extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap ratio [-], approach speed [m/s], by pairs and walls
+        max_overlap: wp.array(dtype=wp.float64)  # [1]: largest allowed overlap over the radius [-]
+        scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of contact batches
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
-        ways: wp.array(dtype=wp.uint64)  # to wait for the others
+        wait_modes: wp.array(dtype=wp.uint64)  # how a thread waits at the barrier, of ``barrier.wait_modes``
 
     @wp.func
     def pair_phase(
-        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, packs: Packs, control: Control,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, contacts: ContactBatches,
+        control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64, at: int,
     ):  # fmt: skip
         state = control.row[s * wp.static(stages) + stage]
-        memory = packs.memory
+        history_out = contacts.history
         if stage > 0:
-            memory = packs.trial
+            history_out = contacts.trial
         turn = pairs.cast_rotation(past_turn(state))
         slip_dt = slip_time(state)
-        share = control.extreme[at]
+        overlap_ratio = control.extreme[at]
         approach = control.extreme[at + 1]
         scratch = (at // wp.static(SPAN)) * wp.static(BLOCK)
         for block in range(first, last, stride * wp.static(BLOCK)):
@@ -136,29 +138,32 @@ def build(
             row = int(scratch)
             for p in range(block, end, stride):
                 pairs.prefetch(
-                    wp.min(p + wp.static(AHEAD), last - 1), grains.record, packs.partner, packs.slot_i, packs.slot_j,
+                    wp.min(p + wp.static(AHEAD), last - 1), grains.record, contacts.partner, contacts.slot_i,
+                    contacts.slot_j,
                     grains.row,
                 )  # fmt: skip
-                a, b = pairs.pack(
-                    p, grains.record, packs.owner, packs.partner, packs.constants, packs.kind, coefficients, turn,
-                    slip_dt, dt, packs.memory, memory, control.scratch, row, packs.slot_i, packs.slot_j, grains.entry,
+                a, b = pairs.evaluate_batch(
+                    p, grains.record, contacts.owner, contacts.partner, contacts.constants, contacts.kind,
+                    coefficients, turn,
+                    slip_dt, dt, contacts.history, history_out, control.scratch, row, contacts.slot_i,
+                    contacts.slot_j, grains.entry,
                 )  # fmt: skip
                 row += 1
-                share = wp.max(share, a)
+                overlap_ratio = wp.max(overlap_ratio, a)
                 approach = wp.max(approach, b)
             row = scratch
             for p in range(block, end, stride):
-                pairs.share(p, control.scratch, row, packs.slot_i, packs.slot_j, grains.row)
+                pairs.scatter_forces(p, control.scratch, row, contacts.slot_i, contacts.slot_j, grains.row)
                 row += 1
-        control.extreme[at] = share
+        control.extreme[at] = overlap_ratio
         control.extreme[at + 1] = approach
 
     @wp.func
-    def touch_row(
+    def wall_forces_of_grain(
         r: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
-        """Wall contacts of row ``r`` at the force call ``stage`` of step ``s``."""
+        """Wall contacts of grain number ``r`` of those at walls, at the force call ``stage`` of step ``s``."""
         now_row = (s + 1) * wp.static(stages) + stage
         before_row = now_row - wp.static(stages)
         old = 1 - parity
@@ -167,7 +172,7 @@ def build(
             before_row = now_row - stage
             old = parity
             new = 2
-        a, b = touch(
+        a, b = evaluate_wall_contacts(
             r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows, control.placement,
             before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
         )  # fmt: skip
@@ -178,21 +183,21 @@ def build(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
-        share = control.extreme[at + 2]
+        overlap_ratio = control.extreme[at + 2]
         approach = control.extreme[at + 3]
         for r in range(first, last, stride):
-            a, b = touch_row(r, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt)
-            share = wp.max(share, a)
+            a, b = wall_forces_of_grain(r, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt)
+            overlap_ratio = wp.max(overlap_ratio, a)
             approach = wp.max(approach, b)
-        control.extreme[at + 2] = share
+        control.extreme[at + 2] = overlap_ratio
         control.extreme[at + 3] = approach
 
     @wp.func
-    def book(
+    def add_to_budget(
         i: int, state: g.Record, total: vec6, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, row: Row, call: int,
         grains: Grains, rows: Rows, control: Control, dt: wp.float64,
     ):  # fmt: skip
-        """Add what acts on grain ``i`` at this instant for ``weight`` [s]; momenta are turned to the axes of the next one."""
+        """Add work and impulse of grain ``i`` over ``weight`` [s] to its budgets; momenta turn to the axes of the next call."""
         mass = wp.float64(1.0) / grains.inverse[i][0]
         if wp.static(budget.energy):
             grains.energies[i] = grains.energies[i] + budget.energies(
@@ -208,28 +213,28 @@ def build(
             grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
 
     @wp.func
-    def carry(i: int, state: g.Record, way: wp.vec3d, row: Row, grains: Grains):
-        """Add what a shift by ``way`` [m] to another periodic image changes."""
+    def add_image_shift(i: int, state: g.Record, shift: wp.vec3d, row: Row, grains: Grains):
+        """Add what a shift by ``shift`` [m] to another periodic image changes in the budgets."""
         mass = wp.float64(1.0) / grains.inverse[i][0]
         if wp.static(budget.energy):
-            grains.energies[i] = grains.energies[i] + budget.lifted(way, gravity(row) * mass)
+            grains.energies[i] = grains.energies[i] + budget.lifted(shift, gravity(row) * mass)
         if wp.static(budget.momentum):
-            grains.momenta[i] = grains.momenta[i] + budget.shifted(way, g.velocity(state) * mass)
+            grains.momenta[i] = grains.momenta[i] + budget.shifted(shift, g.velocity(state) * mass)
 
     @wp.func
     def leave_domain(i: int, s: int, grains: Grains, rows: Rows, control: Control) -> bool:
-        """Whether grain ``i``, which is in an outlet after step ``s``, is put out of the domain here and now.
+        """Whether grain ``i``, which is in an outlet after step ``s``, is removed from the domain in this step.
 
-        It keeps its slot in the lists, where it meets nobody. The host counts it when the batch is done.
+        It keeps its slot in the lists and touches nothing there. The host counts it at the end of the batch of steps.
         """
         state = grains.record[i]
         number = travel.outlet_of(g.position(state), control.outlet)
-        if control.parks[number] == 0:
+        if control.removes_in_step[number] == 0:
             return False
-        grains.record[i] = g.parked(state, i)
+        grains.record[i] = g.removed(state, i)
         grains.exit[i, 0] = number + 1
         grains.exit[i, 1] = control.origin[0] + s + 1
-        control.parked[0] = 1
+        control.removed[0] = 1
         if grains.flight.shape[0] > 0:
             path = grains.flight[i]
             path[11] = wp.float64(-1.0)
@@ -243,7 +248,7 @@ def build(
     @wp.func
     def move_phase(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control,
-        dt: wp.float64, reach: wp.float64,
+        dt: wp.float64, max_displacement: wp.float64,
     ) -> int:  # fmt: skip
         call = s * wp.static(stages) + stage
         row = control.row[call]
@@ -257,7 +262,7 @@ def build(
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
             if wp.static(budget is not None):
                 v, w = reading(state, a, b, row, control.frame, call, dt)
-                book(i, state, total, v, w, kick_time(row), row, call, grains, rows, control, dt)
+                add_to_budget(i, state, total, v, w, kick_time(row), row, call, grains, rows, control, dt)
             before = g.position(state)
             state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
             if wp.static(flow is not None):
@@ -269,7 +274,7 @@ def build(
                 if stage == wp.static(stages - 1):
                     inside = border.wrapped(g.position(state))
                     if wp.static(budget is not None):
-                        carry(i, state, inside - g.position(state), row, grains)
+                        add_image_shift(i, state, inside - g.position(state), row, grains)
                     state = g.placed(state, inside)
             grains.record[i] = state
             if wp.static(orientation is not None):
@@ -278,7 +283,7 @@ def build(
             if stage == wp.static(stages - 1):
                 far = travel.travelled(
                     i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
-                    (s + 2) * wp.static(stages), dt, reach,
+                    (s + 2) * wp.static(stages), dt, max_displacement,
                 )  # fmt: skip
                 if wp.static(leave):
                     if (far & wp.static(LEFT)) > 0:
@@ -289,16 +294,19 @@ def build(
 
     @wp.func
     def force_phase(
-        thread: int, s: int, stage: int, grains: Grains, packs: Packs, rows: Rows, surface: Surface, control: Control,
+        thread: int, s: int, stage: int, grains: Grains, contacts: ContactBatches, rows: Rows, surface: Surface,
+        control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
         """A thread's part of the force call ``stage`` of step ``s``."""
         pair_phase(
-            control.share[thread, 0], control.share[thread, 1], 1, s, stage, grains, packs, control, coefficients, dt, at
-        )
+            control.thread_ranges[thread, 0], control.thread_ranges[thread, 1], 1, s, stage, grains, contacts, control,
+            coefficients, dt, at,
+        )  # fmt: skip
         if wp.static(walls):
             wall_phase(
-                control.share[thread, 4], control.share[thread, 5], 1, s, stage, grains, rows, surface, control,
+                control.thread_ranges[thread, 4], control.thread_ranges[thread, 5], 1, s, stage, grains, rows,
+                surface, control,
                 coefficients, materials, parity, dt, at,
             )  # fmt: skip
 
@@ -309,17 +317,17 @@ def build(
         base: int,  # row of the present step
         count: int,
         forces_first: int,
-        hold: int,  # 1: leave the forces of the last step to the next call
+        hold: int,  # 1: leave the forces after the last step to the next call
         parity: int,  # of the present step
         grains: Grains,
-        packs: Packs,
+        contacts: ContactBatches,
         rows: Rows,
         surface: Surface,
         control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients),
         materials: int,
         dt: wp.float64,
-        reach: wp.float64,
+        max_displacement: wp.float64,
     ):
         at = thread * wp.static(SPAN)
         target = int(0)
@@ -330,48 +338,50 @@ def build(
                     moved = int(0)
                     for stage in range(wp.static(stages)):
                         moved = move_phase(
-                            control.share[thread, 2], control.share[thread, 3], 1, base + s - 1, stage, grains, rows,
-                            control, dt, reach,
+                            control.thread_ranges[thread, 2], control.thread_ranges[thread, 3], 1, base + s - 1,
+                            stage, grains, rows,
+                            control, dt, max_displacement,
                         )  # fmt: skip
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
                                 if threads > 1:
                                     target += threads
-                                    meet(control.meeting, target, control.ways)
+                                    meet(control.meeting, target, control.wait_modes)
                                 force_phase(
-                                    thread, base + s - 1, stage + 1, grains, packs, rows, surface, control, coefficients,
+                                    thread, base + s - 1, stage + 1, grains, contacts, rows, surface, control,
+                                    coefficients,
                                     materials, (parity + s - 1) & 1, dt, at,
                                 )  # fmt: skip
                                 if threads > 1:
                                     target += threads
-                                    meet(control.meeting, target, control.ways)
+                                    meet(control.meeting, target, control.wait_modes)
                     control.moved[at] = moved
                     if threads > 1:
                         target += threads
-                        meet(control.meeting, target, control.ways)
+                        meet(control.meeting, target, control.wait_modes)
                     for t in range(threads):
                         stop = stop | control.moved[t * wp.static(SPAN)]
                 if thread == 0:
                     control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):
                     force_phase(
-                        thread, base + s, 0, grains, packs, rows, surface, control, coefficients, materials,
+                        thread, base + s, 0, grains, contacts, rows, surface, control, coefficients, materials,
                         (parity + s) & 1, dt, at,
                     )  # fmt: skip
                     if threads > 1:
                         target += threads
-                        meet(control.meeting, target, control.ways)
+                        meet(control.meeting, target, control.wait_modes)
                     for t in range(threads):
-                        if too_deep(control.extreme, t * wp.static(SPAN), control.deepest):
+                        if too_deep(control.extreme, t * wp.static(SPAN), control.max_overlap):
                             stop = 1
 
     @kernel
     def pair_forces(
-        stride: int, last: int, s: int, stage: int, grains: Grains, packs: Packs, control: Control,
+        stride: int, last: int, s: int, stage: int, grains: Grains, contacts: ContactBatches, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
-        pair_phase(t, last, stride, s, stage, grains, packs, control, coefficients, dt, t * wp.static(SPAN))
+        pair_phase(t, last, stride, s, stage, grains, contacts, control, coefficients, dt, t * wp.static(SPAN))
 
     @kernel
     def wall_forces(
@@ -387,11 +397,11 @@ def build(
     @kernel
     def move(
         stride: int, last: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
-        reach: wp.float64,
+        max_displacement: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         control.moved[t * wp.static(SPAN)] = move_phase(
-            t, last, stride, s, stage, grains, rows, control, dt, reach
+            t, last, stride, s, stage, grains, rows, control, dt, max_displacement
         )
 
     @kernel
@@ -419,7 +429,7 @@ def build(
             s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64, energies_out: wp.array(dtype=Energies),
             momenta_out: wp.array(dtype=Momenta), wall_work_out: wp.array2d(dtype=wp.float64),
         ):  # fmt: skip
-            """What has been added up of each grain up to the present instant, step ``s``: its forces have half a step of it."""
+            """Budgets of each grain up to the present time, step ``s``; the present forces count for half a step."""
             i = wp.tid()
             row = control.row[s]
             total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
@@ -444,5 +454,6 @@ def build(
 
     return Built(
         run=run, read_budget=read_budget, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
-        touch_row=touch_row, move_phase=move_phase, Grains=Grains, Packs=Packs, Control=Control,
+        wall_forces_of_grain=wall_forces_of_grain, move_phase=move_phase, Grains=Grains,
+        ContactBatches=ContactBatches, Control=Control,
     )  # fmt: skip

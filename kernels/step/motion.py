@@ -1,8 +1,8 @@
-"""What acts on one grain besides its frame, and how far it has gone.
+"""What acts on one grain besides its frame, and how far it has moved.
 
     a = F/m + g + sum of fields/m,     b = M/I
 
-F and M are summed over the grain's contacts in order of partner id, then its wall places, so that their bits do not depend
+F and M are summed over the grain's contacts in order of partner id, then its wall contacts, so that their bits do not depend
 on the order of the lists.
 """
 
@@ -10,7 +10,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.step.schedule import (
@@ -33,14 +33,14 @@ Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
 def build_load(real, *, spins: bool, walls: bool):
     """Return ``load``: the float64 sum over the contacts of a grain, whose shares are of type ``real``."""
     vec6 = wp.types.vector(6, wp.float64)
-    Share = wp.types.vector(share_width(spins), real)
-    Total = wp.types.vector(share_width(spins), wp.float64)
+    PairForce = wp.types.vector(pair_force_width(spins), real)
+    Total = wp.types.vector(pair_force_width(spins), wp.float64)
 
     @wp.func
     def load(
         i: int,
         row_start: wp.array(dtype=wp.int32),
-        rows: wp.array(dtype=Share),
+        rows: wp.array(dtype=PairForce),
         candidates: wp.array(dtype=wp.int32),
         wall_load: wp.array(dtype=vec6),
     ) -> vec6:
@@ -49,7 +49,7 @@ def build_load(real, *, spins: bool, walls: bool):
         for e in range(row_start[i], row_start[i + 1]):
             total += Total(rows[e])
         full = vec6()
-        for k in range(wp.static(share_width(spins))):
+        for k in range(wp.static(pair_force_width(spins))):
             full[k] = total[k]
         if wp.static(walls):
             if candidates[i] > 0:
@@ -119,16 +119,16 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int):
     """Return ``travelled``, what it is made of, and ``outlet_of``.
 
-    Lists of pairs hold as long as no grain has gone far in some axes common to all: those of the frame, or of any wall. So
-    where every wall moves, the way in frame axes is not looked at, and grains that go with a turning drum have not moved.
-    A grain in flight (``flight``) has no reference but a path.
+    Neighbor lists hold as long as no grain has moved far in axes common to all grains: those of the frame, or of any wall. So
+    where every wall moves, the displacement in frame axes does not count, and grains that turn with a drum have not moved.
+    A grain in flight (``flight``) has a path instead of a reference.
 
     Args:
         border: periodic images, of ``border.build``.
         outlets: number of boxes in which a grain has left the domain.
         spins: grains spin.
         moving: number of wall motions relative to the frame (they come first among the placements).
-        in_frame: ways in frame axes count: a wall rests there, or none moves.
+        in_frame: displacements in frame axes count: a wall rests there, or none moves.
         ahead: steps at the present velocity that the lists must hold beyond the present place.
         stages: force calls per step.
     """
@@ -146,27 +146,27 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         return number
 
     @wp.func
-    def left_of(state: g.Record, reach: wp.float64, dt: wp.float64) -> wp.float64:
-        """How much of ``reach`` [m] a grain may have gone: a stage looks ahead of its place."""
-        left = reach
+    def allowed_displacement(state: g.Record, max_displacement: wp.float64, dt: wp.float64) -> wp.float64:
+        """Displacement [m] that a grain may have made of ``max_displacement``: a stage looks ahead of its position."""
+        left = max_displacement
         if wp.static(ahead > 0.0):
-            left = wp.max(reach - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
+            left = wp.max(max_displacement - wp.length(g.velocity(state)) * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
         return left
 
     @wp.func
-    def way_from(
+    def squared_displacement(
         i: int, state: g.Record, reference: wp.array2d(dtype=wp.vec3d), placements: wp.array2d(dtype=Placement), row: int
     ) -> wp.float64:  # fmt: skip
-        """Square of the way from its reference [m2], the longest of those in the axes that count; NaN of a broken state."""
+        """Square of the displacement from its reference [m2], the largest in the axes that count; NaN of a NaN state."""
         q = g.position(state)
         square = wp.float64(0.0)
         if wp.static(in_frame):
-            way = border.nearest(q - reference[i, 0])
-            square = wp.dot(way, way)
+            displacement = border.nearest(q - reference[i, 0])
+            square = wp.dot(displacement, displacement)
         if wp.static(moving > 0):
             for m in range(wp.static(moving)):
-                gone = local(placements[row, m], q) - reference[i, m + 1]
-                longer = wp.dot(gone, gone)
+                displacement = local(placements[row, m], q) - reference[i, m + 1]
+                longer = wp.dot(displacement, displacement)
                 if not (longer <= square):
                     square = longer
         return square
@@ -175,12 +175,12 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
     def holds(path: Flight, state: g.Record, now: wp.float64, dt: wp.float64) -> bool:
         """Whether a grain is on its path at step ``now``."""
         t = (now - path[10]) * dt
-        way = border.nearest(g.position(state) - place_at(path, t))
+        displacement = border.nearest(g.position(state) - place_at(path, t))
         left = path[9]
         if wp.static(ahead > 0.0):
             off = wp.length(g.velocity(state) - velocity_at(path, t)) + wp.length(bend(path)) * dt
             left = wp.max(left - off * dt * wp.float64(wp.static(ahead)), wp.float64(0.0))
-        return now <= path[11] and wp.dot(way, way) <= left * left
+        return now <= path[11] and wp.dot(displacement, displacement) <= left * left
 
     @wp.func
     def travelled(
@@ -193,15 +193,15 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
-        reach: wp.float64,
+        max_displacement: wp.float64,
     ) -> int:
-        """BEYOND when the grain is further than ``reach`` [m] from its reference, or off its path, or not finite.
+        """BEYOND when the grain is further than ``max_displacement`` [m] from its reference, or off its path, or not finite.
 
         And LEFT when it is in an outlet.
         """
-        left = left_of(state, reach, dt)
+        left = allowed_displacement(state, max_displacement, dt)
         moved = int(0)
-        if not (way_from(i, state, reference, placements, next_row) <= left * left):  # so that NaN is noticed here
+        if not (squared_displacement(i, state, reference, placements, next_row) <= left * left):  # so that NaN is noticed here
             moved = wp.static(BEYOND)
             if in_flight(flight, i):
                 now = wp.float64(origin[0] + next_row // wp.static(stages) - 1)
@@ -212,4 +212,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
                 moved = moved | wp.static(LEFT)
         return moved
 
-    return Built(travelled=travelled, outlet_of=outlet_of, left_of=left_of, way_from=way_from, holds=holds)
+    return Built(
+        travelled=travelled, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
+        squared_displacement=squared_displacement, holds=holds,
+    )  # fmt: skip

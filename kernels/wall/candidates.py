@@ -109,7 +109,7 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         flight: wp.array(dtype=Flight),
         rows: Rows,
     ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; none left: no places either.
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
 
         All that are near one in flight.
         """
@@ -137,14 +137,14 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
             rows.place_count[1, i] = 0
 
     @kernel
-    def carry_places(
+    def carry_wall_contacts(
         first: int,
         parity: int,
         old_slot: wp.array(dtype=wp.int32),  # its slot in the lists that are being replaced, -1 if it is new
         before: Rows,
         now: Rows,
     ):
-        """Hand the places of the last force call over to the grain's new slots."""
+        """Copy the contact points of the last force call to the new slots of the grain."""
         i = first + wp.tid()
         o = old_slot[i]
         n = int(0)
@@ -156,4 +156,4 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(near_features=near_features, close_features=close_features, carry_places=carry_places)
+    return Built(near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts)

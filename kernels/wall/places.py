@@ -1,24 +1,25 @@
-"""Touching places of a grain: what is left of its closest points on many triangles once each place is counted once.
+"""Contact points of a grain with walls: its closest points on many triangles, each contact counted once.
 
-1. Closest point of every candidate, in float64 and body axes; a hit is one within reach.
+1. Closest point of every candidate, in float64 and body axes; a hit is one closer than the cutoff (radius + gap).
 2. A hit on an edge or vertex is dropped when another triangle that holds the same point comes closer, or holds it too and
    comes first: it is no local minimum of the distance to the surface, or one seen twice. Triangles hold a point when they share
    the corners, or when it lies on them (unwelded seams, T-junctions).
 3. A hit seen through another triangle is dropped (the far side of a plate thinner than the overlap), and so is one that equals
    another (two triangles of a flat piece that meet below the centre). Hits of one wall that are seen from several images of the
-   grain (``images``) count as those of one surface: what overlaps with its own image is one place, and so is its seam.
-4. What is left of one smooth piece is one place when all directions differ by less than 30 degrees from the deepest hit's.
-   The place has the depth of the deepest; its direction is the mean of the hits with weights (depth)^4, which turns from one
-   facet to the next as the depths do, so a grain may rest between two facets of a tessellated cylinder, where the direction
+   grain (``images``) count as those of one surface: what overlaps with its own image is one contact point, and so is its seam.
+4. What is left of one smooth piece is one contact point when all directions differ by less than 30 degrees from that of the
+   deepest hit. It has the depth of the deepest; its direction is the mean of the hits with weights (depth)^4, which turns from
+   one facet to the next as the depths do, so a grain may rest between two facets of a tessellated cylinder, where the direction
    of the deepest would jump to and fro. The mean is a little shorter than one and scales the force, as the slope of the depth
    along the bisector does.
 5. Directions further apart mean a grain that is wedged or cradled: a tube narrower than it, a fillet of its own radius, a cone.
-   Then every hit is a place, whose force is shared with its neighbours by the weight
+   Then every hit is a contact point, whose force is shared with its neighbours by the weight
 
        w_c = depth_c^4 / sum_o K(c, o) depth_o^4,   K = 1 up to 15 degrees apart, 0 from 30, linear in the cosine between,
 
-   so that the sum of weights counts how many separate places there would be room for, and the net force is continuous and, on a
-   regular tessellation, symmetric. Picking places 30 degrees apart from the deepest on leaves 0.3 of a force in a ring of 64.
+   so that the sum of weights counts how many separate contact points there would be room for, and the net force is continuous
+   and, on a regular tessellation, symmetric. Picking contact points 30 degrees apart from the deepest on leaves 0.3 of a force
+   in a ring of 64.
 """
 
 import functools
@@ -32,9 +33,9 @@ MERGE_COSINE = 0.8660254037844386  # 30 degrees
 SAME_COSINE = 0.9659258262890683  # 15 degrees
 EQUAL = 1.0e-12  # cosine from one, and distance in radii, within which two hits are the same
 ON = 1.0e-5  # distance in radii within which a point lies on a triangle
-# what becomes of a candidate; those from TAKEN on are places, SHARED those of a grain that is wedged or cradled
+# what becomes of a candidate; those from TAKEN on are contact points, SHARED those of a grain that is wedged or cradled
 IDLE, HIT, MERGED, TAKEN, SHARED = 0, 1, 2, 3, 4
-Hit = wp.types.vector(8, wp.float64)  # distance [m], share of a full contact [-], closest point [m], direction to the centre
+Hit = wp.types.vector(8, wp.float64)  # distance [m], fraction of a full contact [-], closest point [m], direction to the centre
 
 
 @wp.func
@@ -57,7 +58,10 @@ def direction_of(hit: Hit) -> wp.vec3d:
 
 @functools.cache
 def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: float):
-    """Return the function that finds the places of a grain; ``Rows`` is the struct of ``contact``, ``around`` of ``images``."""
+    """Return the function that finds the contact points of a grain.
+
+    ``Rows`` is the struct of ``contact``, ``around`` of ``images``.
+    """
     repeated = around.images > 1
 
     @wp.func
@@ -87,7 +91,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
 
     @wp.func
     def is_repeated(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
-        """Steps 2 and 3: whether hit ``c`` on a triangle is no place of its own."""
+        """Steps 2 and 3: whether hit ``c`` on a triangle is no contact point of its own."""
         f = around.feature_of(surface, rows.feature[c])
         mask = rows.hit_mask[c]
         wall = surface.wall[f]
@@ -152,7 +156,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return depth * depth * depth * depth
 
     @wp.func
-    def join(best: int, first: int, last: int, reach: wp.float64, surface: Surface, rows: Rows):
+    def join(best: int, first: int, last: int, cutoff: wp.float64, surface: Surface, rows: Rows):
         """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
         piece = piece_of(best, surface, rows)
         rows.hit_state[best] = wp.static(TAKEN)
@@ -161,12 +165,12 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         deepest = direction_of(hit)
         members = int(1)
         least = wp.float64(1.0)
-        total = nearness(reach - distance)
+        total = nearness(cutoff - distance)
         mean = deepest * total
         for c in range(first, last):
             if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
                 member = rows.hit[c]
-                weight = nearness(reach - member[0])
+                weight = nearness(cutoff - member[0])
                 mean += direction_of(member) * weight
                 total += weight
                 least = wp.min(least, wp.dot(direction_of(member), deepest))
@@ -196,18 +200,18 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
                                     wp.static(SAME_COSINE - MERGE_COSINE)
                                 )
                                 share = wp.clamp(kernel, wp.float64(0.0), wp.float64(1.0))
-                                crowd += share * nearness(reach - other[0])
-                        rows.hit[c] = packed(mine[0], nearness(reach - mine[0]) / crowd, point_of(mine), direction_of(mine))
+                                crowd += share * nearness(cutoff - other[0])
+                        rows.hit[c] = packed(mine[0], nearness(cutoff - mine[0]) / crowd, point_of(mine), direction_of(mine))
 
     @wp.func
-    def find_places(
+    def find_contact_points(
         i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
         placements: wp.array2d(dtype=Placement), now_row: int,
     ) -> int:  # fmt: skip
-        """Mark the candidates of grain ``i`` that are places as TAKEN or SHARED; 0 when there are none."""
+        """Mark the candidates of grain ``i`` that are contact points as TAKEN or SHARED; 0 when there are none."""
         first = rows.first[i]
         last = first + rows.candidates[i]
-        reach = radius + wp.float64(wp.static(gap))
+        cutoff = radius + wp.float64(wp.static(gap))
         hits = int(0)
         hit = int(0)
         for c in range(first, last):
@@ -215,9 +219,9 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
             body = around.seen(q, around.image_of(surface, rows.feature[c]))
             if wp.static(moving > 0):
                 body = local(placements[now_row, surface.motion[surface.wall[f]]], body)
-            point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, reach)
+            point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, cutoff)
             rows.hit_state[c] = wp.static(IDLE)
-            if distance < reach:
+            if distance < cutoff:
                 rows.hit_state[c] = wp.static(HIT)
                 hits += 1
                 hit = c
@@ -252,7 +256,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
             if best < 0:
                 left = 0
             else:
-                join(best, first, last, reach, surface, rows)
+                join(best, first, last, cutoff, surface, rows)
         return hits
 
-    return find_places
+    return find_contact_points

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import warp as wp
-from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.clock import RUN, STEPS_LEFT, TOTALS
 
 import warpdem
@@ -43,7 +43,7 @@ def least_bytes(sim: warpdem.Simulation) -> dict[str, float]:
     plan, n, contacts = sim.plan, len(sim.state), sim.lists.contact_count
     number = 4 if plan.backend.precision == "mixed" else 8
     record = 8 * (16 if plan.contact.spins else 10)
-    shares = 2 * share_width(plan.contact.spins) * number * contacts
+    shares = 2 * pair_force_width(plan.contact.spins) * number * contacts
     per_contact = 16 + number * 2 * plan.contact.memory + 4 * plan.contact.table
     return {
         "pair_forces": n * (record + 16) + contacts * per_contact + shares,

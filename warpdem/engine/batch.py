@@ -19,7 +19,7 @@ from warpdem.kernels.step.motion import Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.model.features import field_numbers
 from warpdem.model.model import Model
-from warpdem.model.travel import share
+from warpdem.model.travel import max_travel
 from warpdem.state.clock import Clock
 
 
@@ -69,23 +69,23 @@ class Batch:
         device, scene, kernels = model.device, model.scene, model.kernels
         self.stages = len(model.features.backend.scheme.STAGES)
         control = self.control = kernels.loop.Control()
-        control.share = wp.zeros((threads, 6), dtype=wp.int32, device=device)
+        control.thread_ranges = wp.zeros((threads, 6), dtype=wp.int32, device=device)
         control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
-        control.deepest = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
+        control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.scratch = wp.zeros((threads * PAIR_BLOCK, 9), dtype=kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
         control.outlet = wp.array(model.domain.boxes, dtype=Box, device=device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
-        parks = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
-        control.parks = wp.array(np.array(parks, dtype=np.int32), dtype=wp.int32, device=device)
-        control.parked = wp.zeros(1, dtype=wp.int32, device=device)
+        removes_in_step = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
+        control.removes_in_step = wp.array(np.array(removes_in_step, dtype=np.int32), dtype=wp.int32, device=device)
+        control.removed = wp.zeros(1, dtype=wp.int32, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
-        control.ways = wp.array(barrier.ways_to_wait(), dtype=wp.uint64, device=device)
+        control.wait_modes = wp.array(barrier.wait_modes(), dtype=wp.uint64, device=device)
         self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)
         self.placements = wp.zeros(max(len(model.schedule.motions), 1), dtype=Placement, device=device)
         self.watched = watched_meshes(model)
@@ -150,7 +150,7 @@ def watched_meshes(model: Model) -> Watched:
     walls = [(number, wall) for number, wall in enumerate(model.scene.walls) if wall.mesh is not None]
     vertices = [model.meshes[wall.name].vertices for _, wall in walls]
     watched.motion = wp.array([motion[number] for number, _ in walls], dtype=wp.int32, device=device)
-    watched.share = wp.array([share(wall) for _, wall in walls], dtype=wp.float64, device=device)
+    watched.max_travel = wp.array([max_travel(wall) for _, wall in walls], dtype=wp.float64, device=device)
     for name, corners in (("low", [v.min(axis=0) for v in vertices]), ("high", [v.max(axis=0) for v in vertices])):
         setattr(watched, name, wp.array(np.array(corners).reshape(-1, 3), dtype=wp.vec3d, device=device))
     return watched

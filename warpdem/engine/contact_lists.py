@@ -62,7 +62,7 @@ class ContactLists:
         outer: the outer list; empty before the first.
         known: grains that the lists were built for, in the first memory slots.
         skin: gap below which a pair is in the outer list [m].
-        margin: gap below which it is in the inner list [m].
+        inner_skin: gap below which it is in the inner list [m].
         rebuilds, refreshes: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
@@ -72,12 +72,12 @@ class ContactLists:
         flight: path of each grain in flight (``kernels.lists.path``), of size 0 when none flies.
         owner, partner, kind, slot_i, slot_j: of each lane of the contact batches, shape (batches, lanes): memory slots of the
             grains, number of their coefficients, force slots.
-        constants, memory: numbers of each contact that stay and that change, shape (batches, numbers, lanes).
-        trial: what a stage within a step makes of ``memory``; ``next_memory``: where it is carried over to.
+        constants, history: numbers of each contact that stay and that change, shape (batches, numbers, lanes).
+        trial: what a stage within a step makes of ``history``; ``next_history``: where it is carried over to.
         row_start: (n + 1,) first force slot of each grain.
         listed: of each entry of the outer list: -1, or its number in the row and whether it touches (``select_contacts``).
-        touching, close, width: (n,) contacts of either class that a grain owns, and its force slots.
-        touching_start, close_start: (n,) where those contacts begin.
+        touching, near, width: (n,) contacts of either class that a grain owns, and its force slots.
+        touching_start, near_start: (n,) where those contacts begin.
         near_feature: wall features closer than the skin, in the wall slots of their grain.
         grids: cell grids of the grains.
         row: pair force on one grain in each force slot; the last is read by nobody.
@@ -92,10 +92,10 @@ class ContactLists:
     near_feature: wp.array
     listed: wp.array
     touching: wp.array
-    close: wp.array
+    near: wp.array
     width: wp.array
     touching_start: wp.array
-    close_start: wp.array
+    near_start: wp.array
     row_start: wp.array
     owner: wp.array
     partner: wp.array
@@ -106,13 +106,13 @@ class ContactLists:
     trial: wp.array
     row: wp.array
     entry: wp.array
-    next_memory: wp.array
+    next_history: wp.array
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
         self.model, self.state, self.clock, self.pool = model, state, clock, pool
         self.real = model.features.backend.real
         n, axes = len(state), 1 + model.features.walls.moving
-        self.skin, self.margin = skin, 0.2 * skin
+        self.skin, self.inner_skin = skin, 0.2 * skin
         self.rebuilds = self.refreshes = self.version = 0
         self.known = n
         self.force_parity = 1
@@ -122,7 +122,7 @@ class ContactLists:
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
         self.rows: Any = self.new_rows(n, 0) if model.features.walls.present else None
-        self.memory = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
+        self.history = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
 
     @property
     def built(self) -> bool:
@@ -137,7 +137,7 @@ class ContactLists:
     def max_displacement(self) -> float:
         """Displacement of a grain up to which the inner list holds [m]."""
         alone = len(self.state) < 2 and not self.model.features.walls.present
-        return 1.0e300 if alone else 0.5 * self.margin
+        return 1.0e300 if alone else 0.5 * self.inner_skin
 
     def set_totals(self, totals: list[int]) -> None:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""

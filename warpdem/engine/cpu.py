@@ -51,7 +51,7 @@ class CpuStorage:
 
     def adopt_history(self, lists: ContactLists) -> None:
         """As ``host_build.Storage``."""
-        lists.memory = lists.next_memory
+        lists.history = lists.next_history
 
 
 class CpuExecutor:
@@ -63,7 +63,7 @@ class CpuExecutor:
 
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads) -> None:
         self._model, self._state, self._clock, self._threads = model, state, clock, threads
-        self.slots = threads.count
+        self.threads = threads.count
         self.storage = CpuStorage(model.device)
         self.launch = HostLaunch(model.device, threads)
         self.pace = Pace()
@@ -90,14 +90,14 @@ class CpuExecutor:
         """One launch per thread for the whole batch; as ``Engine.advance``."""
         model, control, threads = self._model, batch.control, self._threads
         base, _ = batch.row()
-        grains, packs, rows = structs.arguments()
-        most = threads.at_work(len(self._state))
-        n = self.pace.threads(most) if threads.as_pays else most
+        grains, contacts, rows = structs.arguments()
+        max_threads = threads.at_work(len(self._state))
+        n = self.pace.threads(max_threads) if threads.as_pays else max_threads
         kernel = model.kernels.loop.run
         wp.load_module(kernel.module, device=model.device)  # loading is not safe from several threads
-        share = np.zeros(control.share.shape, dtype=np.int32)
-        share[:n] = np.hstack([ranges(m, n) for m in (packs.owner.shape[0], self._state.slots, lists.row_count)])
-        control.share.assign(share)
+        thread_ranges = np.zeros(control.thread_ranges.shape, dtype=np.int32)
+        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (contacts.owner.shape[0], self._state.slots, lists.row_count)])
+        control.thread_ranges.assign(thread_ranges)
         control.meeting.zero_()
         control.moved.zero_()
         surface = model.walls.surface if model.walls is not None else Surface()
@@ -105,7 +105,7 @@ class CpuExecutor:
         after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
 
         def job(thread: int) -> Callable[[], None]:
-            inputs = [thread, n, *before, grains, packs, rows, surface, *after]
+            inputs = [thread, n, *before, grains, contacts, rows, surface, *after]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=model.device)
 
         wall, used = time.perf_counter(), time.process_time()
@@ -113,6 +113,6 @@ class CpuExecutor:
         if count == 0:
             return 0, 0
         done = int(control.done.numpy()[0])
-        if most > 1:
-            self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
+        if max_threads > 1:
+            self.pace.done(max_threads, done, time.perf_counter() - wall, time.process_time() - used)
         return done, int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))

@@ -38,7 +38,7 @@ class Engine:
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self.executor: CpuExecutor | GraphExecutor
         self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
-        self.batch = Batch(model, clock, timers, self.executor.slots, self.executor.steps_ahead)
+        self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
         executor = self.executor
         self.lists = NeighborLists(
@@ -64,22 +64,22 @@ class Engine:
         return self.batch.row()[1]
 
     def advance(self, count: int, forces_first: bool, hold: bool = False) -> tuple[int, int]:
-        """Run up to ``count`` steps; returns how many were done, and what is to be seen to before the last forces.
+        """Run up to ``count`` steps; return how many were done, and the work pending before the last forces.
 
         That is a sum of ``kernels.step.motion``'s BEYOND, the lists are out of date, and LEFT, grains have left the domain.
 
         Args:
             count: steps.
             forces_first: evaluate the forces of the present positions first.
-            hold: leave the forces of the last step to the next call: grains are inserted there.
+            hold: leave the forces after the last step to the next call: grains are inserted there.
         """
         done = self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
-        if self._model.features.domain.outlets and self.batch.control.parked.numpy()[0]:
-            self._count_parked()
+        if self._model.features.domain.outlets and self.batch.control.removed.numpy()[0]:
+            self._count_removed()
         return done
 
-    def _count_parked(self) -> None:
-        """Count the grains that the steps have put out of the domain, in the order in which they left."""
+    def _count_removed(self) -> None:
+        """Count the grains that the steps have removed from the domain, in the order in which they left."""
         exit = self.structs.arguments()[0].exit
         outlet, step = exit.numpy().T
         gone = np.flatnonzero(outlet)
@@ -88,7 +88,7 @@ class Engine:
         self._state.mark_left(gone)
         self.lists.flights.leave(gone)
         exit.zero_()
-        self.batch.control.parked.zero_()
+        self.batch.control.removed.zero_()
 
     # -- extremes -------------------------------------------------------------------------------
 
@@ -99,7 +99,7 @@ class Engine:
 
     def ignore_overlaps(self) -> None:
         """Let batches go on whatever the overlaps."""
-        self.batch.control.deepest.fill_(np.inf)
+        self.batch.control.max_overlap.fill_(np.inf)
 
     def restore(self, extreme: np.ndarray) -> None:
         """Take over the extremes of a checkpoint; schedule and structs are made again."""

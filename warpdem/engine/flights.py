@@ -1,9 +1,9 @@
 """Which grains are in flight: fast ones for which the lists would be rebuilt though nothing is near them.
 
-What a flight is and why the lists hold, ``kernels.lists.flight`` says. The host lays paths when the lists are about to be
-rebuilt sooner than usual, for the grains with the largest displacement; where that does not help, it tries less and less
-often. Where every wall moves, lists follow the walls and know no position in frame axes: then no grain flies. Nor does one
-where walls act at their periodic images, which paths do not know.
+``kernels.lists.flight`` defines a flight and says why the lists stay valid. The host assigns paths when the lists would be
+rebuilt sooner than usual, to the grains with the largest displacement; where that does not help, it tries less and less
+often. Where every wall moves, the lists follow the walls and use no position in frame axes: then no grain flies. None flies
+either where walls act at their periodic images, which paths do not take into account.
 """
 
 import numpy as np
@@ -22,10 +22,10 @@ from warpdem.state.particles import changed
 
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
 LEAST_STEPS = 8  # that a path must be good for
-MOST_ENDS = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
-PAIRS, PAIRS_ANEW = 500_000, 8_000_000  # of grains in flight looked at, at most, for new paths and for those of before
-ROUNDS = 4  # of laying paths, each without those that the one before found too short
-LONGEST_WAIT = 64  # lists made without another try, after tries that helped nothing
+MAX_PATH_ENDS_PER_STEP = 1.0 / 16.0  # paths that end per step, of all grains in flight: with more, new lists are cheaper
+MAX_PAIRS, MAX_PAIRS_AFTER_REBUILD = 500_000, 8_000_000  # pairs of grains in flight checked for new paths, and for all again
+ROUNDS = 4  # of assigning paths, each without those that the one before found too short
+LONGEST_WAIT = 64  # list builds without another try, after tries that did not help
 LONGEST = 2**17  # steps of a path
 
 
@@ -33,13 +33,13 @@ class Flights:
     """The grains in flight; the path of each is in ``ContactLists.flight``.
 
     Args:
-        lists: the lists that paths are laid against.
+        lists: the lists that paths are checked against.
         batch: schedule of the steps ahead.
         launch: how kernels are launched.
 
     Attributes:
         slots: of those in flight.
-        laid: how often paths were laid.
+        laid: how often paths were assigned.
     """
 
     def __init__(self, lists: ContactLists, batch: Batch, launch: Launch) -> None:
@@ -48,10 +48,10 @@ class Flights:
         self._none = wp.zeros(0, dtype=Flight, device=self.model.device)
         self._failed = self._wait = 0
         self.laid = 0
-        self.land()
+        self.clear_paths()
 
-    def land(self) -> None:
-        """No grain flies any more: the lists are rebuilt."""
+    def clear_paths(self) -> None:
+        """No grain is in flight any more: the lists are rebuilt."""
         self.lists.flight, self.slots = self._none, np.zeros(0, dtype=np.int64)
 
     def wanted_before(self) -> int:
@@ -68,7 +68,7 @@ class Flights:
         return (base + 1) * self.batch.stages, float(self.clock.step_number)
 
     def take(self, stray: np.ndarray, hasty: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Let those fly that have gone far, if it helps.
+        """Assign paths to grains with large displacements, if that helps.
 
         Args:
             stray: what ``check_lists`` found of each grain that the lists know, shape (n,).
@@ -88,9 +88,9 @@ class Flights:
             self._wait = min(2**self._failed, LONGEST_WAIT)
             return stray, nobody
         wanted = np.flatnonzero(stray)
-        if not hasty or len(wanted) * (len(wanted) + len(self.slots)) > PAIRS:
+        if not hasty or len(wanted) * (len(wanted) + len(self.slots)) > MAX_PAIRS:
             wanted = np.flatnonzero(must)
-        flying = self.lay(wanted, must)
+        flying = self.assign_paths(wanted, must)
         stray = stray.copy()
         stray[flying] = 0
         helped = not (stray & (INNER | OUTER | OFF_PATH)).any()
@@ -98,13 +98,13 @@ class Flights:
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, np.flatnonzero(must)
 
-    def lay_again(self, wanted: np.ndarray) -> None:
-        """Lay paths against new lists, unless it has helped nothing lately."""
-        if self._failed <= 1 and len(self.lay(wanted, pairs=PAIRS_ANEW)) == len(wanted):
+    def reassign_paths(self, wanted: np.ndarray) -> None:
+        """Assign paths again after a rebuild, unless that has not helped lately."""
+        if self._failed <= 1 and len(self.assign_paths(wanted, pairs=MAX_PAIRS_AFTER_REBUILD)) == len(wanted):
             self._failed = self._wait = 0
 
-    def lay(self, wanted: np.ndarray, must: np.ndarray | None = None, pairs: int = PAIRS) -> np.ndarray:
-        """Lay paths from the present places.
+    def assign_paths(self, wanted: np.ndarray, must: np.ndarray | None = None, pairs: int = MAX_PAIRS) -> np.ndarray:
+        """Assign paths from the present positions.
 
         Args:
             wanted: slots of the grains that are to fly.
@@ -146,7 +146,7 @@ class Flights:
             found = steps.numpy()
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
-            if ends > MOST_ENDS or (must is not None and must[wanted[~good]].any()):
+            if ends > MAX_PATH_ENDS_PER_STEP or (must is not None and must[wanted[~good]].any()):
                 good[:] = False
             if good.all():
                 break
@@ -162,7 +162,7 @@ class Flights:
             path[wanted, 11] = now + found - (2 if self.batch.stages > 1 else 0)  # its stages look ahead
         self.slots = np.flatnonzero(path[:, 11] >= 0.0)
         lists.flight = wp.array(path, dtype=Flight, device=model.device) if len(self.slots) else self._none
-        self.unplace()
+        self.drop_reference()
         return wanted
 
     def _from_here(self, slots: np.ndarray) -> np.ndarray:
@@ -179,7 +179,7 @@ class Flights:
         return np.concatenate([place, velocity, fall, numbers], axis=1)
 
     def _walls_ahead(self) -> tuple[int, wp.array]:
-        """Steps for which the walls' places are known, and how fast each motion is until then."""
+        """Steps for which the positions of the walls are known, and how fast each motion is until then."""
         dt, moving = self.model.dt, self.model.features.walls.moving
         speeds, longest = np.zeros((max(len(self.model.schedule.motions), 1), 2)), LONGEST
         if moving:
@@ -188,19 +188,19 @@ class Flights:
             turn, shift = there[..., :9].reshape(*there.shape[:2], 3, 3), there[..., 9:12]
             step = turn[1:] @ np.swapaxes(turn[:-1], -1, -2)
             spin = np.sqrt(((step - np.eye(3)) ** 2).sum(axis=(-1, -2)))
-            way = shift[1:] - (step @ shift[:-1, ..., None])[..., 0]
-            speeds[:moving, 0] = np.sqrt((way**2).sum(axis=-1)).max(axis=0, initial=0.0) / dt
+            displacement = shift[1:] - (step @ shift[:-1, ..., None])[..., 0]
+            speeds[:moving, 0] = np.sqrt((displacement**2).sum(axis=-1)).max(axis=0, initial=0.0) / dt
             speeds[:moving, 1] = spin.max(axis=0, initial=0.0) / dt
         return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=self.model.device)
 
-    def unplace(self) -> None:
-        """Those that fly have no reference but their path."""
+    def drop_reference(self) -> None:
+        """Grains in flight have a path instead of a reference position."""
         lists, slots = self.lists, self.slots
         if len(slots):
             for reference in (lists.outer_reference, lists.reference):
                 if reference.shape[0] == lists.known:
                     with changed(reference) as values:
-                        values[slots] = np.inf  # beyond reach of any place, so that it is always the path that is looked at
+                        values[slots] = np.inf  # far from every position, so that the path is always checked
 
     def leave(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` have left the domain."""

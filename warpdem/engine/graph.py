@@ -47,11 +47,11 @@ GRAPHS = 2  # kept: a list may get longer
 
 
 @dataclass
-class Spare:
-    """What a device that builds lists carries over from the old ones; it lies where the force slots are."""
+class BuildScratch:
+    """Scratch of a list build on the device; it lies in the array of the force slots, which hold nothing during a build."""
 
-    memory: wp.array
-    """Contact history, as ``ContactLists.memory``."""
+    history: wp.array
+    """Contact history carried over, as ``ContactLists.history``."""
     contact: wp.array
     """Contact of each pair of the outer list; in the same memory, for it is read before the history is copied."""
     listed: wp.array
@@ -59,10 +59,10 @@ class Spare:
 
 
 class GraphStorage:
-    """Arrays of the lists with capacity to spare; no force is known while lists are built, so their scratch lies there."""
+    """Arrays of the lists with spare capacity; the force array is reused as scratch during a build."""
 
     rows_are_counted = True
-    spare: Spare
+    scratch: BuildScratch
 
     def __init__(self, device: wp.Device) -> None:
         self._device = device
@@ -73,12 +73,12 @@ class GraphStorage:
         return self.pool.zeros(entries, wp.int32)
 
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
-        """As ``host_build.Storage``; ``spare`` lies in the same memory."""
+        """As ``host_build.Storage``; ``scratch`` lies in the same memory."""
         width, device = wp.types.type_size_in_bytes(real), self._device
         carried = -(-max(width * int(np.prod(history)), 4 * entries) // 8) * 8
         memory = self.pool.buffer("row", (max(int(np.prod(shape)), -(-(carried + 4 * entries) // width)),), real)
-        self.spare = Spare(
-            memory=wp.array(ptr=memory.ptr, shape=history, dtype=real, device=device),
+        self.scratch = BuildScratch(
+            history=wp.array(ptr=memory.ptr, shape=history, dtype=real, device=device),
             contact=wp.array(ptr=memory.ptr, shape=entries, dtype=wp.int32, device=device),
             listed=wp.array(ptr=memory.ptr + carried, shape=entries, dtype=wp.int32, device=device),
         )
@@ -86,13 +86,13 @@ class GraphStorage:
 
     def next_history(self, shape: tuple[int, int, int], version: int, real: type) -> wp.array:
         """As ``host_build.Storage``."""
-        return self.spare.memory
+        return self.scratch.history
 
     def adopt_history(self, lists: ContactLists) -> None:
         """As ``host_build.Storage``."""
-        lists.memory = self.pool.buffer("memory", lists.next_memory.shape, lists.real)
-        wp.copy(lists.memory, lists.next_memory)
-        lists.listed = self.spare.listed
+        lists.history = self.pool.buffer("memory", lists.next_history.shape, lists.real)
+        wp.copy(lists.history, lists.next_history)
+        lists.listed = self.scratch.listed
 
 
 class GraphLaunch:
@@ -120,7 +120,7 @@ class GraphExecutor:
         captures: how often a graph was captured.
     """
 
-    slots = 1
+    threads = 1
 
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads) -> None:
         self._model, self._state, self._clock = model, state, clock
@@ -187,7 +187,7 @@ class GraphExecutor:
 
 
 class Captured:
-    """The launches of a graph over the present arrays, and the decisions of ``program.ListBuild`` that the device takes."""
+    """The launches of a graph over the present arrays, and the decisions of ``program.ListBuild`` made on the device."""
 
     def __init__(
         self, model: Model, state: State, lists: NeighborLists, structs: Structs, batch: Batch, storage: GraphStorage
@@ -197,22 +197,22 @@ class Captured:
         self.scratch = batch.scratch(state.slots)
         grains, _, rows = structs.arguments()
         self.contacts = self._contacts()
-        n, reach = state.slots, lists.max_displacement
-        self.step = Step(model, n, (grains, self.contacts, rows), batch, reach, self.launch)
+        n, max_displacement = state.slots, lists.max_displacement
+        self.step = Step(model, n, (grains, self.contacts, rows), batch, max_displacement, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
         # while the outer list is built it is in arrays that the inner list, built next, writes again
         nothing = self.scratch.nothing
         lists.new = NewOuterList(
-            start=self.scratch.start, count=lists.width, slot=storage.spare.listed, contact=storage.spare.contact,
-            capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.close, first=lists.row_start,
+            start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
+            capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.near, first=lists.row_start,
         )  # fmt: skip
 
     def _contacts(self) -> Any:
         lists, contacts = self.lists, self.model.kernels.graph.Contacts()
-        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "memory"):
+        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "history"):
             setattr(contacts, name, getattr(lists, name))
-        contacts.trial = lists.trial if self.batch.stages > 1 else lists.memory
-        contacts.next = self.storage.spare.memory
+        contacts.trial = lists.trial if self.batch.stages > 1 else lists.history
+        contacts.next = self.storage.scratch.history
         return contacts
 
     # -- the loop -------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ class Captured:
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.step.max_displacement, lists.skin, lists.margin
+        numbers = self.state.slots, self.step.max_displacement, lists.skin, lists.inner_skin
         return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:

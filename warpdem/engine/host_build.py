@@ -18,7 +18,7 @@ from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import grain
 from warpdem.kernels.contact.dissipation import ENTRY
-from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
 from warpdem.state.particles import State
@@ -61,7 +61,7 @@ class Storage(Protocol):
         """Array that the contact history is carried over to."""
 
     def adopt_history(self, lists: ContactLists) -> None:
-        """Let ``lists.memory`` be what was carried over."""
+        """Let ``lists.history`` be what was carried over."""
 
 
 def morton_order(position: np.ndarray, cell: float, device: wp.Device | str = "cpu") -> np.ndarray:
@@ -190,7 +190,7 @@ class HostBuild:
         rows = a.new_rows(self.state.slots, a.near_feature.shape[0])
         rows.first = a.new.first
         inputs = a.force_parity, a.new.old_slot, a.rows, rows
-        self.launch(self.model.kernels.walls.carry_places, self.state.slots, *inputs)
+        self.launch(self.model.kernels.walls.carry_wall_contacts, self.state.slots, *inputs)
         a.rows = rows
 
     # -- inner list -----------------------------------------------------------------------------
@@ -199,7 +199,7 @@ class HostBuild:
         """Build the inner list."""
         a, n, buffer = self.lists, self.state.slots, self.storage.pool.buffer
         a.listed = self.storage.selection(a.outer.slot.shape[0])
-        for name in ("touching", "close", "width", "touching_start", "close_start"):
+        for name in ("touching", "near", "width", "touching_start", "near_start"):
             setattr(a, name, buffer(name, (n,), wp.int32))
         a.row_start = buffer("row start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
@@ -214,9 +214,9 @@ class HostBuild:
         a, features, pool = self.lists, self.model.features, self.storage.pool
         law, width = features.contact, features.backend.lanes
         a.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
-        batches, slots = pool.capacity("packs", a.totals[0] // width), pool.capacity("shares", a.totals[1])
+        batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(law.memory, 1), width)
-        a.row = self.storage.force_slots((slots + 1, share_width(law.spins)), history, a.outer.slot.shape[0], a.real)
+        a.row = self.storage.force_slots((slots + 1, pair_force_width(law.spins)), history, a.outer.slot.shape[0], a.real)
         a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, ENTRY), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
@@ -226,7 +226,7 @@ class HostBuild:
         a.constants = pool.buffer(
             "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )
-        a.next_memory = self.storage.next_history(history, a.version, a.real)
+        a.next_history = self.storage.next_history(history, a.version, a.real)
         write()
 
     def adopt_history(self) -> None:

@@ -1,10 +1,11 @@
-"""When lists are built: who may touch whom holds until a grain has moved too far, was inserted, or has left.
+"""When lists are built: a neighbor list is valid until a grain has moved too far, was inserted, or has left.
 
 Two lists: the outer one holds pairs closer than the skin, the inner one, which the forces go through, those of them that are
-closer than the inner skin. What building them takes, step by step, ``program`` says.
+closer than the inner skin. The launches of a build are in ``program``.
 """
 
 from collections.abc import Callable
+from enum import Enum, auto
 
 import numpy as np
 
@@ -31,6 +32,15 @@ BUILDS = 64  # outer lists that a device builds at most before the grains are so
 DISPLACED = INNER_HALF | INNER | OUTER_HALF | OUTER | OFF_PATH
 
 
+class Validity(Enum):
+    """Which lists are valid for the present positions."""
+
+    VALID = auto()
+    INNER_OUT_OF_DATE = auto()
+    """The outer list is valid."""
+    OUTER_OUT_OF_DATE = auto()
+
+
 def skin_bounds(model: Model) -> tuple[float, float]:
     """Least and largest skin [m]: as the scene says, or by the mean radius; no pair may be near across two images."""
     radius, skin = model.expected.radius, model.scene.engine.skin
@@ -52,10 +62,10 @@ class NeighborLists(ContactLists):
 
     Attributes:
         device_builds_left: outer lists that a device may still build before the host's next.
-        due: what the steps have left to be seen to, a sum of ``kernels.step.motion``'s BEYOND and LEFT.
+        pending: work left by the steps for the next update, a sum of ``kernels.step.motion``'s BEYOND and LEFT.
         before_build: called before the arrays of the lists change.
         watch_travel: called with the record of the grains and the placements of the wall motions when a grain is fast beside
-            a mesh.
+            a mesh, before any list is built.
         fastest: largest approach speed of contacts so far [m/s].
     """
 
@@ -75,7 +85,7 @@ class NeighborLists(ContactLists):
         self._newcomers = Newcomers(self, batch)
         self._last_refresh = self._last_rebuild = 0
         self.device_builds_left = self._device_builds = self._rebuilds_then = 0
-        self.due = 0
+        self.pending = 0
 
     def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain.
@@ -87,12 +97,12 @@ class NeighborLists(ContactLists):
         Raises:
             StabilityError: a state is not finite, a grain is beyond a border that stops the run or crossed a periodic domain.
         """
-        due, self.due = self.due, 0
+        pending, self.pending = self.pending, 0
         force_rebuild |= grown and (self.build.storage.rows_are_counted or not self.rebuilds)
         changed = grown or force_rebuild or not self.built
-        if not changed and not due:
+        if not changed and not pending:
             return
-        found = self.build.check(max(0.5 * (self.skin - max(self.margin, self.next_margin)), 0.0))
+        found = self.build.check(max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0))
         if (found & NOT_FINITE).any():
             raise not_finite(self.state, self.clock, self.fastest())
         gone = self._leavers.take(found)
@@ -102,7 +112,7 @@ class NeighborLists(ContactLists):
             # energies are kept by contact: what the spring of a partner has lost would count twice
             force_rebuild |= self.model.features.measures.energy
         force_rebuild |= len(self.state) < KEPT_SHARE * self.state.slots
-        if not (changed or force_rebuild or due & BEYOND):
+        if not (changed or force_rebuild or pending & BEYOND):
             return
         if (found & FAST).any():
             self.watch_travel(self.state.record.numpy(), self._batch.placements_ahead()[0])
@@ -111,12 +121,12 @@ class NeighborLists(ContactLists):
         fast = self.flights.slots
         if not force_rebuild:
             with self._timers.measure("lists"):
-                held, fast = self._held(found[: self.known] & DISPLACED)
-                if held and not grown:
+                validity, fast = self._validity(found[: self.known] & DISPLACED)
+                if validity is Validity.VALID and not grown:
                     return
-                force_rebuild = held is None or (grown and not self._insert())
+                force_rebuild = validity is Validity.OUTER_OUT_OF_DATE or (grown and not self._insert())
         if not grown and not force_rebuild:
-            self.margin = self.next_margin
+            self.inner_skin = self.next_inner_skin
         self._last_refresh = self.clock.step_number
         if force_rebuild:
             self._adapt_skin()
@@ -133,45 +143,46 @@ class NeighborLists(ContactLists):
     def _rebuild_outer(self, fast: np.ndarray = NOBODY) -> None:
         """Build the outer list; the grains in slots ``fast`` fly if they can."""
         self.before_build()
-        self.flights.land()
+        self.flights.clear_paths()
         with self._timers.measure("lists"):
             order = self.build.outer()
             if order is not None and len(fast):
-                self.flights.lay_again(np.flatnonzero(np.isin(order, fast)))
+                self.flights.reassign_paths(np.flatnonzero(np.isin(order, fast)))
 
     def _rebuild_inner(self) -> None:
         """Build the inner list."""
         if self.built:
             with self._timers.measure("refresh"):
                 self.build.inner()
-                self.flights.unplace()
+                self.flights.drop_reference()
 
-    def _held(self, stray: np.ndarray) -> tuple[bool | None, np.ndarray]:
-        """Whether the lists hold, False where only the inner list does not, None where the outer list does not.
+    def _validity(self, stray: np.ndarray) -> tuple[Validity, np.ndarray]:
+        """Which lists are valid, and the slots of the grains that fly or were meant to.
 
-        Some grains may fly from now on so that they do; and which were meant to, or fly, is told too.
+        Some grains may fly from now on so that the lists stay valid.
 
         Args:
             stray: how far each grain has moved, shape (known,).
         """
         steps, known = self.clock.step_number - self._last_refresh, set(self.flights.slots)
         since = self.clock.step_number - self._last_rebuild
-        due = stray & (OUTER | OFF_PATH)
-        hasty = steps < INNER_STEPS[0] or (due.any() and since < OUTER_STEPS)
+        outer_out_of_date = stray & (OUTER | OFF_PATH)
+        hasty = steps < INNER_STEPS[0] or (outer_out_of_date.any() and since < OUTER_STEPS)
         stray, wanted = self.flights.take(stray, hasty)
         fast = np.union1d(self.flights.slots, wanted)
         if (stray & (OUTER | OFF_PATH)).any():
-            return None, fast
+            return Validity.OUTER_OUT_OF_DATE, fast
         new = [slot for slot in self.flights.slots if slot not in known]
         unlisted = False  # all that is in the rows of those that fly is in the inner list
         if new:
             unlisted = self.outer.neighbors.numpy()[new].any() or (self.rows and np.diff(self.rows.first.numpy())[new].any())
-        return not (stray & INNER).any() and not unlisted, fast
+        return Validity.INNER_OUT_OF_DATE if (stray & INNER).any() or unlisted else Validity.VALID, fast
 
     def _insert(self) -> bool:
         """Whether newcomers could be added to the lists as they are.
 
-        No path was laid against them: they fly too, along paths against those of the others, or all paths are laid again.
+        Existing paths were not checked against them: either they fly too, on paths checked against the others, or all paths are
+        assigned again.
         """
         known, flying = self.known, self.flights.slots
         if not self._newcomers.add():
@@ -180,22 +191,22 @@ class NeighborLists(ContactLists):
             return True
         new = known + np.flatnonzero(self.state.here[known:])
         for slots in (new, self.flights.slots):
-            if len(self.flights.lay(slots)) == len(slots):
+            if len(self.flights.assign_paths(slots)) == len(slots):
                 return True
         return False
 
     @property
-    def next_margin(self) -> float:
+    def next_inner_skin(self) -> float:
         """Inner skin of the next inner list [m], steered by the steps since the last."""
         steps = self.clock.step_number - self._last_refresh
         if self.refreshes and steps < INNER_STEPS[0]:
-            return min(1.4 * self.margin, INNER_SKINS[1] * self.skin)
+            return min(1.4 * self.inner_skin, INNER_SKINS[1] * self.skin)
         if self.refreshes and steps > INNER_STEPS[1]:
-            return max(self.margin / 1.4, INNER_SKINS[0] * self.skin)
-        return self.margin
+            return max(self.inner_skin / 1.4, INNER_SKINS[0] * self.skin)
+        return self.inner_skin
 
     def _remove(self, gone: np.ndarray) -> None:
-        """Grains in slots ``gone`` meet nobody any more; the lists hold for the others as they are."""
+        """Grains in slots ``gone`` touch nothing any more; the lists stay valid for the others."""
         self.state.leave(gone)
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that was inserted just now is in no list
@@ -225,6 +236,6 @@ class NeighborLists(ContactLists):
     def outer_built_on_device(self, times: int) -> None:
         """The outer list was built."""
         if times:
-            self.flights.land()
+            self.flights.clear_paths()
         self.rebuilds += times
         self.device_builds_left -= times

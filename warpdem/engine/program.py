@@ -13,7 +13,7 @@
                                                [do the arrays hold them?] written, contact history carried over
                                                reference positions saved
 
-Two executors run it. ``graph`` captures these launches: the device decides at the brackets. On a CPU the host decides
+Two executors run it. ``graph`` captures these launches: the device decides at the capacity checks. On a CPU the host decides
 (``host_build``), each launch is split over threads (``cpu``), and the launches of a step are fused into one kernel per thread,
 ``kernels.step.loop.run``, in the same order. What each launch computes is said where its kernel stands: ``kernels/lists``,
 ``kernels/step``.
@@ -45,7 +45,7 @@ class Launch(Protocol):
 
 
 class Decisions(Protocol):
-    """What the list build asks at its brackets, and what becomes of the old lists."""
+    """The capacity checks of a list build, and how the old lists are replaced."""
 
     def outer_fits(self, write: Callable[[], None]) -> None:
         """Go on with ``write`` where the arrays hold the outer list."""
@@ -122,16 +122,16 @@ class ListBuild:
 
     # -- check ----------------------------------------------------------------------------------
 
-    def check(self, found: wp.array, outer_limit: float) -> None:
+    def check(self, found: wp.array, outer_max_displacement: float) -> None:
         """How far grains have moved, and what else has become of them (``kernels.lists.displacement``).
 
         Args:
             found: what is found of each grain, shape (n,); of size 0 for the conditions of the clock only.
-            outer_limit: displacement that the outer list allows [m].
+            outer_max_displacement: displacement that the outer list allows [m].
         """
         a, b = self.lists, self.batch
         references = a.reference, a.outer_reference, a.flight
-        limits = a.max_displacement, outer_limit
+        limits = a.max_displacement, outer_max_displacement
         self.launch(
             self.kernels.displacement.check_lists, self.n, self.state.record, *references, b.control, b.watched, self.model.dt,
             *limits, found, b.clock,
@@ -185,18 +185,18 @@ class ListBuild:
     def build_inner(self) -> None:
         """Pairs and wall features closer than the inner skin, where the arrays hold them."""
         a, k, b = self.lists, self.kernels.lists, self.batch
-        counts = [a.touching, a.close, a.width]
+        counts = [a.touching, a.near, a.width]
         rows = a.outer.start, a.outer.neighbors, a.outer.slot
         self.launch(
-            k.select_contacts, self.n, self.state.record, self.state.id, *rows, a.margin, a.flight, a.listed, *counts
+            k.select_contacts, self.n, self.state.record, self.state.id, *rows, a.inner_skin, a.flight, a.listed, *counts
         )
         candidates = wall_grain = b.scratch(self.n).nothing
         if self.model.walls is not None:
             near = a.near_feature, a.flight, a.rows
-            shared = self.state.record, 0.5 * a.margin, self.model.walls.surface, b.placements
+            shared = self.state.record, 0.5 * a.inner_skin, self.model.walls.surface, b.placements
             self.launch(self.kernels.walls.close_features, self.n, *shared, *near)
             candidates, wall_grain = a.rows.candidates, a.rows.grain
-        starts = [a.touching_start, a.close_start, a.row_start, wall_grain]
+        starts = [a.touching_start, a.near_start, a.row_start, wall_grain]
         self.number([*counts, candidates], b.clock[TOTALS], starts)
         self.decide.inner_fits(self._write_inner)
 
@@ -207,8 +207,9 @@ class ListBuild:
         self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), filler, *lanes)
         self.launch(
             k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
-            a.outer.start, a.outer.neighbors, a.outer.slot, a.listed, a.touching_start, a.close_start, a.row_start, a.memory,
-            a.outer.contact, *lanes, a.next_memory,
+            a.outer.start, a.outer.neighbors, a.outer.slot, a.listed, a.touching_start, a.near_start, a.row_start,
+            a.history,
+            a.outer.contact, *lanes, a.next_history,
         )  # fmt: skip
         self.decide.adopt_history()
         self._save_reference(a.reference)

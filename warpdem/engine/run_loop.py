@@ -51,21 +51,21 @@ class RunLoop:
         if len(self._state) and not clock.forces_evaluated:
             lists.update(grown=self._state.slots > lists.known or not lists.rebuilds)
         insertion = self._streams.next_step()
-        due = count + 1 if insertion is None else insertion - clock.step_number
-        batch = min(count, due)
+        steps_to_insertion = count + 1 if insertion is None else insertion - clock.step_number
+        batch = min(count, steps_to_insertion)
         if len(self._state) == 0:
             done, moved = batch, 0
         else:
             batch = min(batch, self._engine.steps_ahead)
             with self._timers.measure("steps"):
                 self._interrupted = True
-                done, moved = self._engine.advance(batch, not clock.forces_evaluated, hold=batch == due)
+                done, moved = self._engine.advance(batch, not clock.forces_evaluated, hold=batch == steps_to_insertion)
         clock.step_number += done
         self._interrupted = False
         self.steps_done += done
-        lists.due |= moved
-        clock.forces_evaluated = not moved and done < due
-        if done == due:
+        lists.pending |= moved
+        clock.forces_evaluated = not moved and done < steps_to_insertion
+        if done == steps_to_insertion:
             self.insert()
 
     def insert(self) -> None:

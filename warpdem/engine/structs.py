@@ -28,12 +28,13 @@ class Structs:
         self._built, self._version = None, -1
 
     def arguments(self) -> tuple[Any, Any, Any]:
-        """``Grains`` and ``Packs`` of ``kernels.step.loop``, ``Rows`` of ``kernels.wall.contact``."""
+        """``Grains`` and ``ContactBatches`` of ``kernels.step.loop``, ``Rows`` of ``kernels.wall.contact``."""
         lists = self._lists
         if self._built is None or self._version != lists.version:
-            self._built = self._grains(), self._packs(), lists.rows if lists.rows is not None else self._model.kernels.Rows()
+            rows = lists.rows if lists.rows is not None else self._model.kernels.Rows()
+            self._built = self._grains(), self._contact_batches(), rows
             self._version = lists.version
-        self._built[0].flight = lists.flight  # paths are laid between two lists too
+        self._built[0].flight = lists.flight  # paths are assigned between two list builds too
         return self._built
 
     def _grains(self) -> Any:
@@ -44,7 +45,7 @@ class Structs:
             grains.orientation = state.orientation
         grains.reference, grains.row_start = lists.reference, lists.row_start
         grains.store = wp.zeros((state.slots, features.backend.scheme.STORE), dtype=wp.vec3d, device=model.device)
-        grains.row = packed(lists.row, model.kernels.pairs.Share)
+        grains.row = packed(lists.row, model.kernels.pairs.PairForce)
         grains.entry = packed(lists.entry, model.kernels.pairs.Entry)
         if features.domain.outlets:
             grains.exit = wp.zeros((state.slots, 2), dtype=wp.int32, device=model.device)
@@ -55,14 +56,14 @@ class Structs:
             setattr(grains, name, getattr(state, name))
         return grains
 
-    def _packs(self) -> Any:
+    def _contact_batches(self) -> Any:
         model, features, lists = self._model, self._model.features, self._lists
         lane, lane_int = model.kernels.pairs.Lane, model.kernels.pairs.LaneInt
-        packs = model.kernels.loop.Packs()
-        packs.owner, packs.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
-        packs.slot_i, packs.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
-        packs.constants, packs.memory = packed(lists.constants, lane), packed(lists.memory, lane)
-        packs.trial = packed(lists.trial, lane) if len(features.backend.scheme.STAGES) > 1 else packs.memory
+        contacts = model.kernels.loop.ContactBatches()
+        contacts.owner, contacts.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
+        contacts.slot_i, contacts.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
+        contacts.constants, contacts.history = packed(lists.constants, lane), packed(lists.history, lane)
+        contacts.trial = packed(lists.trial, lane) if len(features.backend.scheme.STAGES) > 1 else contacts.history
         if features.contact.table:
-            packs.kind = packed(lists.kind, lane_int)
-        return packs
+            contacts.kind = packed(lists.kind, lane_int)
+        return contacts

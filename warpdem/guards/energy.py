@@ -1,9 +1,9 @@
-"""Energy that appears from nowhere: contacts only take it, so what nothing brings in must not be there.
+"""Energy created by the integration: contacts only dissipate energy, so a rise that no work explains is an error.
 
     E = kinetic + rotational + elastic + potential + fields       [J]
 
 Where no wall moves in the laboratory and nothing else does work, E only falls: it may not rise over the least seen so far by
-more than 5 % of the largest energy of motion and of springs so far. Grains that come or leave begin the books afresh. Where
+more than 5 % of the largest energy of motion and of springs so far. When grains come or leave, a new reference begins. Where
 walls or other things do work, only the energy budget (measures.energy) knows how much: then what it cannot explain is
 compared with what went through it. A driven scene without that budget is not watched.
 """
@@ -25,7 +25,7 @@ STORED = ("kinetic", "rotational", "elastic")
 
 
 @dataclass(frozen=True)
-class Books:
+class EnergyReference:
     """What the energy at hand is compared with: ``known`` counts grains inserted so far and grains present."""
 
     known: tuple[int, int] = (-1, -1)
@@ -42,12 +42,12 @@ class EnergyGuard:
 
     def __init__(self, model: Model) -> None:
         self._budget = model.features.measures.energy
-        self._blind = driven(model) and not self._budget
-        self._books = self._next = Books()
+        self._not_watchable = driven(model) and not self._budget
+        self._reference = self._next = EnergyReference()
 
     def look(self, view: RunView) -> Verdict | None:
         """What is wrong with the energy, None if it is no more than can be there."""
-        if self._blind:
+        if self._not_watchable:
             return None
         energy = observers.energy(view)
         stored = sum(energy[name] for name in STORED)
@@ -66,23 +66,23 @@ class EnergyGuard:
 
     def remember(self) -> None:
         """Compare later looks with the last one."""
-        self._books = self._next
+        self._reference = self._next
 
     def state(self) -> dict:
         """What is kept between looks."""
-        return asdict(self._books)
+        return asdict(self._reference)
 
     def restore(self, state: dict) -> None:
         """Take over what ``state`` gave."""
-        self._books = self._next = Books(**{**state, "known": tuple(state["known"])})
+        self._reference = self._next = EnergyReference(**{**state, "known": tuple(state["known"])})
 
     def _risen(self, view: RunView, total: float, stored: float) -> float:
         """Rise over the least energy so far [J]."""
-        books = self._books
+        reference = self._reference
         known = (view.state.next_id, len(view.state))
-        if known != books.known:
-            books = Books(known)
-        self._next = Books(known, min(books.least, total), max(books.largest, stored))
+        if known != reference.known:
+            reference = EnergyReference(known)
+        self._next = EnergyReference(known, min(reference.least, total), max(reference.largest, stored))
         return total - self._next.least
 
     def _unexplained(self, view: RunView, stored: float) -> float:
@@ -90,7 +90,7 @@ class EnergyGuard:
         budget = Budget(view).energy()
         through = [budget["work_walls"], budget["work_fields"], budget["carried_in"]]
         through += [budget[f"dissipated_{name}"] for name in DISSIPATED]
-        self._next = Books(largest=max(self._books.largest, stored + sum(abs(x) for x in through)))
+        self._next = EnergyReference(largest=max(self._reference.largest, stored + sum(abs(x) for x in through)))
         return budget["integration_error"]
 
 
@@ -104,6 +104,6 @@ def driven(run: Model) -> bool:
     contact = plan.contact
     laws = [("normal", contact.normal), *([("tangential", contact.tangential)] if contact.tangential else [])]
     law = not all(getattr(model(role, name), "PASSIVE", False) for role, name in laws)
-    # a grain that comes round falls for ever
+    # a grain that crosses the periodic border falls for ever
     pulled = any(scene.gravity) if plan.frame.moves else np.dot(np.abs(scene.gravity), plan.domain.period) > 0.0
     return walls or fields or law or bool(any(plan.domain.period) and pulled)

@@ -1,7 +1,7 @@
-"""A grain found on the other side of a wall than where it was: it went through.
+"""Grains that went through a wall: on the other side of a closed mesh, or behind an analytic wall.
 
-A closed mesh keeps each grain inside or outside, as it was when it was first seen. The solid side of an analytic wall keeps
-none: there the overlap tells at once, and this says by name when engine.max_overlap lets it pass.
+A closed mesh keeps each grain inside or outside, as it was at the first look at it. At an analytic wall nothing is kept: only a
+grain whose centre is more than its radius behind the wall is reported. The overlap guard normally stops such a run before.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from warpdem.kernels import grain
 from warpdem.mesh.triangle_mesh import signed_distance
 from warpdem.state.view import RunView
 
-DEEP = 0.1  # radii beyond a mesh: what rounding of its search tree never makes
+DEEP = 0.1  # radii beyond a mesh: more than the rounding of its search tree can cause
 
 
 class SideGuard:

@@ -1,4 +1,4 @@
-"""The time step against the contacts that there are: the largest step under which the stiffest of them stay stable.
+"""The time step against the present contacts: the largest step at which the stiffest of them are integrated stably.
 
     K u = w^2 M u,     dt < (2/w) (sqrt(1 + 4 z^2) - 2 z),     z = u.C u / (2 w u.M u)
 
@@ -8,9 +8,9 @@ grains that the sum
 
     (1/m_i) sum_c (1 + min(1, m_i/m_j)) (k_n + 7/2 k_t)      (walls: 1 for the bracket)
 
-over their contacts names as the stiffest; it is found by power iteration, which errs to the low side, so that no step is
-called too long which is not. The factor is that of the predicted velocity of exact_drift for a damped oscillator; other
-schemes are there to be compared, up to where they fail, and are not watched.
+over their contacts ranks as the stiffest; it is found by power iteration, which underestimates it, so that no stable step is
+reported as too long. The factor is that of the predicted velocity of exact_drift for a damped oscillator; the other
+schemes are there for comparison, also beyond their limits, and are not watched.
 """
 
 from dataclasses import asdict, dataclass
@@ -33,7 +33,7 @@ DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
 DANGER = 1.5
-"""Time step over the limit [-] from which on a run is in danger: beds at rest bear 2, and fail at 2.5 to 3."""
+"""Time step over the limit [-] above which a run is in danger: beds at rest stay stable at 2, and fail at 2.5 to 3."""
 CONFIRM = 20
 """Steps after which a look that found the time step in danger is confirmed: what three times the limit makes of a bed
 takes longer, the deepest moment of an impact is shorter."""
@@ -54,7 +54,7 @@ class Springs:
     arm: np.ndarray
     """From the centres of i and j to the contact [m], shape (2, c)."""
 
-    def taken(self, which: np.ndarray) -> "Springs":
+    def subset(self, which: np.ndarray) -> "Springs":
         """The contacts ``which``."""
         return Springs(
             self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.damping[:, which],
@@ -81,11 +81,11 @@ def springs(view: RunView, contacts: Contacts) -> Springs:
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
     out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
                   np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]), arm)  # fmt: skip
-    return out.taken(np.flatnonzero(contacts_on))
+    return out.subset(np.flatnonzero(contacts_on))
 
 
-def filter_rates(s: Springs, mass: np.ndarray) -> np.ndarray:
-    """Square of the rate that the sum over the contacts of each grain allows for [1/s2], shape (n,)."""
+def rate_estimates(s: Springs, mass: np.ndarray) -> np.ndarray:
+    """Square of the rate that ranks the grains, by the sum over the contacts of each [1/s2], shape (n,)."""
     n, heavy = len(mass), np.append(mass, np.inf)
     k = s.stiffness[0] + 3.5 * s.stiffness[1]
     total = np.bincount(s.i, k * (1.0 + np.where(s.j < n, np.minimum(1.0, heavy[s.i] / heavy[s.j]), 0.0)), n + 1)
@@ -108,9 +108,9 @@ def largest_rate(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[flo
         """Relative displacement at each contact along the normal, shape (c,), and across, shape (c, 3)."""
         u = motion * scale
         turning = u[i, 3:] * s.arm[0][:, None] + u[j, 3:] * s.arm[1][:, None]
-        way = u[i, :3] - u[j, :3] - np.cross(turning, s.normal)
-        along = np.einsum("ij,ij->i", way, s.normal)
-        return along, way - along[:, None] * s.normal
+        displacement = u[i, :3] - u[j, :3] - np.cross(turning, s.normal)
+        along = np.einsum("ij,ij->i", displacement, s.normal)
+        return along, displacement - along[:, None] * s.normal
 
     def pull(force: np.ndarray) -> np.ndarray:
         """What contact forces, shape (c, 3), do to each motion."""
@@ -133,7 +133,7 @@ def largest_rate(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[flo
     return rate, lost / (2.0 * rate), int(rows[np.argmax(np.einsum("ij,ij->i", before[:n], before[:n]))])
 
 
-def damped_share(s: Springs, mass: np.ndarray) -> float:
+def damping_factor(s: Springs, mass: np.ndarray) -> float:
     """Least factor on the limit [-] that the damping of any contact can make."""
     heavy = np.append(mass, np.inf)
     reduced = 1.0 / (1.0 / heavy[s.i] + 1.0 / heavy[s.j])
@@ -146,8 +146,8 @@ def damped_share(s: Springs, mass: np.ndarray) -> float:
 
 def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, int]:
     """Largest stable step [s] for the stiffest grains that ``s`` joins, and the one that sets it."""
-    taken = np.append(np.isin(np.arange(len(mass)), np.argsort(filter_rates(s, mass))[-STIFFEST:]), False)
-    rate, z, worst = largest_rate(s.taken(np.flatnonzero(taken[s.i] | taken[s.j])), mass, inertia)
+    stiffest = np.append(np.isin(np.arange(len(mass)), np.argsort(rate_estimates(s, mass))[-STIFFEST:]), False)
+    rate, z, worst = largest_rate(s.subset(np.flatnonzero(stiffest[s.i] | stiffest[s.j])), mass, inertia)
     return 2.0 / rate * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z), worst
 
 
@@ -195,15 +195,15 @@ class StabilityGuard:
     def look(self, view: RunView) -> Verdict | None:
         """What is wrong with the time step: None unless it is in danger now and was at the look before."""
         clock = view.clock
-        share, limit, worst = _share(view)
+        ratio, limit, worst = _step_ratio(view)
         seen = self._seen
-        self._next = Seen(share, *max((seen.largest, seen.step), (share, clock.step_number), key=lambda most: most[0]))
-        if share <= DANGER or not self.in_danger:
+        self._next = Seen(ratio, *max((seen.largest, seen.step), (ratio, clock.step_number), key=lambda peak: peak[0]))
+        if ratio <= DANGER or not self.in_danger:
             return None
         return Verdict(
             self.NAME,
-            f"{at_time(clock)}: the time step {clock.dt:.3g} s is {share:.3g} times the stability limit {limit:.3g} s of the "
-            f"present contacts, at two looks in a row; up to {DANGER:g} times a run bears it. The stiffest contacts: "
+            f"{at_time(clock)}: the time step {clock.dt:.3g} s is {ratio:.3g} times the stability limit {limit:.3g} s of the "
+            f"present contacts, at two looks in a row; up to {DANGER:g} times a run stays stable. The stiffest contacts: "
             f"{grain_at(view.state, worst)}. Take a smaller time.step, or a larger time.max_speed for step = 'auto'.",
         )
 
@@ -220,13 +220,13 @@ class StabilityGuard:
         self._seen = self._next = Seen(**state)
 
 
-def _share(view: RunView) -> tuple[float, float, int]:
+def _step_ratio(view: RunView) -> tuple[float, float, int]:
     """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
     dt = view.clock.dt
     if view.model.features.backend.integrator != "exact_drift":
         return 0.0, np.inf, 0
     found, p = springs(view, read_contacts(view)), Particles(view)
-    if not len(found.i) or filter_rates(found, p.mass).max() * dt**2 <= (2.0 * damped_share(found, p.mass)) ** 2:
+    if not len(found.i) or rate_estimates(found, p.mass).max() * dt**2 <= (2.0 * damping_factor(found, p.mass)) ** 2:
         return 0.0, np.inf, 0
     limit, worst = stable_step(found, p.mass, p.inertia)
     return float(dt / limit), float(limit), worst

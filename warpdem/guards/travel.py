@@ -1,6 +1,7 @@
-"""Watches the travel of the grains beside mesh walls (``model.travel``): at every refresh of the lists.
+"""Watches the travel of the grains beside mesh walls (``model.travel``).
 
-A grain that goes further in a step than the walls allow always causes a refresh.
+It is checked when a list check finds a grain that is fast beside a mesh, before any list is built. A grain that moves further
+in a step than the walls allow always causes a list check.
 """
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from warpdem.guards.verdict import Verdict, at_time
 from warpdem.kernels import grain
 from warpdem.model.model import Model
-from warpdem.model.travel import share
+from warpdem.model.travel import max_travel
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 
@@ -46,7 +47,7 @@ class TravelGuard:
             p = placements[self._motion[number]]
             relative = velocity - p[15:18] - np.cross(p[12:15], position)
             travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * clock.dt
-            allowed = share(wall) * radius
+            allowed = max_travel(wall) * radius
             fast = np.flatnonzero(travel > allowed)
             if not len(fast):
                 continue
@@ -63,9 +64,9 @@ class TravelGuard:
             message = (
                 f"{at_time(clock)}: grain {state.id.numpy()[worst]} at ({place}) m went "
                 f"{travel[worst] / radius[worst]:.3g} of its radius in one step beside the wall {wall.name!r}; allowed is "
-                f"{share(wall):g} ({'open' if wall.open else 'closed'} mesh), beyond which it could pass through. Speed "
+                f"{max_travel(wall):g} ({'open' if wall.open else 'closed'} mesh), beyond which it could pass through. Speed "
                 f"{travel[worst] / clock.dt:.4g} m/s, time step {clock.dt:.3g} s. Take a time.step below "
-                f"{share(wall) * radius[worst] * clock.dt / travel[worst]:.2g} s."
+                f"{max_travel(wall) * radius[worst] * clock.dt / travel[worst]:.2g} s."
             )
             found.append(Verdict(self.NAME, message))
         return found

@@ -1,7 +1,7 @@
 """All guards of a run, when each of them looks, and what happens when one returns a verdict.
 
     overlap      the step it happens in: there a batch of steps ends (``kernels.step.loop``)
-    travel       whenever the contact list is built (``guards.travel``)
+    travel       when a list check finds a grain that is fast beside a mesh, before the lists are built (``guards.travel``)
     stability    at looks (``guards.stability``)
     energy       at looks (``guards.energy``)
     side         at looks (``guards.sides``)
@@ -34,11 +34,11 @@ LOOKS = (100, 10_000)  # step of the first look after the start, and steps betwe
 
 def look_after(step: int) -> int:
     """The first step after ``step`` at which all runs are looked at."""
-    first, most = LOOKS
-    due = first
-    while due <= step and due < most:
-        due *= 2
-    return due if due < most else (step // most + 1) * most
+    first, interval = LOOKS
+    look = first
+    while look <= step and look < interval:
+        look *= 2
+    return look if look < interval else (step // interval + 1) * interval
 
 
 class Guards:
@@ -83,8 +83,8 @@ class Guards:
         if self.view.clock.step_number >= self.next_look:
             self.look()
 
-    def lists_built(self, record: np.ndarray, placements: np.ndarray) -> None:
-        """Look at the travel of the grains, whenever contact lists are made; arguments as of ``TravelGuard.look``.
+    def check_travel(self, record: np.ndarray, placements: np.ndarray) -> None:
+        """Look at the travel of the grains beside meshes, when one was found fast; arguments as of ``TravelGuard.look``.
 
         Raises:
             StabilityError: a grain went further in the last step than the walls allow.

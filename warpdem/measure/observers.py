@@ -186,7 +186,7 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
     if len(state) and lists.contact_count:
         lanes = lists.real_lanes()
 
-        def flat(array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
+        def flat(array) -> np.ndarray:  # (batches, fields, lanes) -> (contacts, fields)
             return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
 
         a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
@@ -196,7 +196,7 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
         on = overlap > -plan.contact.gap
         a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
         normal = way / distance[:, None]
-        memory, constants, at = flat(lists.memory)[on], flat(lists.constants())[on], plan.contact.history
+        memory, constants, at = flat(lists.history)[on], flat(lists.constants())[on], plan.contact.history
         history = {name: memory[:, at.of(name)] for name in at.names}
         parts.append(
             (

@@ -84,7 +84,7 @@ def _built(features: Features) -> Built:
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
-    Rows, touch = contact.build(
+    Rows, evaluate_wall_contacts = contact.build(
         wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
         moving_frame=shifting, meshes=meshes, moving=walls.moving,
     )  # fmt: skip
@@ -104,7 +104,7 @@ def _built(features: Features) -> Built:
     )  # fmt: skip
     step = loop.build(
         pair_pack,
-        touch,
+        evaluate_wall_contacts,
         Rows,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),

@@ -208,7 +208,7 @@ class Features:
         if self.backend.resident:
             constants, memories, listed, near = 0, 1, 3.2, 10 * (4 + 4) + 20
         number = 4 if self.backend.precision == "mixed" else 8
-        contact = number * (2 * pairs.share_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
+        contact = number * (2 * pairs.pair_force_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         contact += number * 2 * ENTRY * measures.energy
         fixed += 8 * sum(measures.sums.values()) + 8 * (25 + measures.scene_walls) * (measures.energy and walls.present)

@@ -6,7 +6,7 @@ import warp as wp
 from warpdem.filling.size_grids import starts
 from warpdem.kernels.contact.columns import VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY
-from warpdem.kernels.contact.pairs import share_width
+from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
@@ -35,11 +35,11 @@ def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
     """History and pair forces of the listed grain-grain contacts."""
     contacts, features = view.contacts, view.model.features
     pair, i, j = _listed(contacts)
-    at, shares = features.contact.history, share_width(features.contact.spins)
+    at, force_width = features.contact.history, pair_force_width(features.contact.spins)
     width = max(at.width, 1)
-    memory, row = np.zeros((0, width)), np.zeros((0, shares))
+    memory, row = np.zeros((0, width)), np.zeros((0, force_width))
     if len(pair):
-        memory = contacts.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
+        memory = contacts.history.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
         row = contacts.row.numpy()
     vectors = springs_width(at)
     springs = memory[:, :vectors] if vectors else np.zeros((len(pair), 1))
@@ -69,7 +69,7 @@ def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
 
 
 def remember(lists, data: dict) -> None:
-    """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
+    """Take over the contact history, for the first rebuild to carry it to the grains that touch.
 
     Args:
         data: ids of the grains in their order (``id``), ``pair``, its springs ``pair_memory`` and the law's own scalars
@@ -88,14 +88,14 @@ def remember(lists, data: dict) -> None:
     count = np.bincount(owner, minlength=n)
     lists.set_outer(starts(count), count, partner[order], order)
     padded = np.concatenate([memory, np.zeros((-len(memory) % features.backend.lanes, memory.shape[1]))])
-    packs = padded.reshape(-1, features.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
-    lists.memory = lists.pool.upload(packs, lists.real)
+    batches = padded.reshape(-1, features.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
+    lists.history = lists.pool.upload(batches, lists.real)
     if features.walls.present and "place_grain" in data:
         _put_places(lists, data, n)
 
 
 def restore(lists, data: dict) -> None:
-    """Lists for the present positions with the memory and the forces of a checkpoint."""
+    """Lists for the present positions with the contact history and the forces of a checkpoint."""
     if len(lists.state) == 0:
         return
     lists.force_parity = lists.clock.step_number & 1
@@ -105,7 +105,7 @@ def restore(lists, data: dict) -> None:
 
 
 def _put_places(lists, data: dict, n: int) -> None:
-    """Slots that hold the places of a checkpoint, for the rebuild to carry over."""
+    """Slots that hold the wall contacts of a checkpoint, for the rebuild to carry over."""
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
     count = np.bincount(grains, minlength=n).astype(np.int32)
@@ -120,7 +120,7 @@ def _put_places(lists, data: dict, n: int) -> None:
 
 
 def _put_forces(lists, data: dict) -> None:
-    """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
+    """Pair forces, wall loads and wall contact forces of a checkpoint, in their slots of the new lists."""
     state = lists.state
     contacts = lists.view()
     pair, i, j = _listed(contacts)

@@ -12,7 +12,7 @@ from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.particles import State
 
-CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "row", "memory")
+CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "row", "history")
 """Arrays of contacts between grains that a copy holds."""
 WALL_ARRAYS = ("first", "grain", "place_count", "place", "result")
 """Arrays of contacts with walls that a copy holds."""
@@ -27,7 +27,7 @@ class ListedContacts:
 
     state: State
     """The grains, whose memory slots the arrays name."""
-    history: Columns
+    history_columns: Columns
     """Columns of the contact history."""
     contact_count: int
     """Contacts between grains."""
@@ -43,7 +43,7 @@ class ListedContacts:
     """Force slot of the partner, shape (batches, lanes)."""
     row: wp.array | None
     """Pair force on one grain [N], and torque [N m] where grains spin, shape (force slots + 1, 3 or 6)."""
-    memory: wp.array | None
+    history: wp.array | None
     """Contact history, shape (batches, numbers, lanes)."""
     entry: wp.array | None
     """Energies [J] of the contact that the energy budget adds up, shape (force slots + 1, numbers); no part of a copy."""
@@ -78,7 +78,8 @@ class ListedContacts:
 
     def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """Wall contact points in ``slot``: history and results of the last force call, by the names of ``wall.record``."""
-        return wall_record.unpacked(self.history, self.walls.place.numpy()[parity, slot], self.walls.result.numpy()[slot])
+        history, result = self.walls.place.numpy()[parity, slot], self.walls.result.numpy()[slot]
+        return wall_record.unpacked(self.history_columns, history, result)
 
     def copied(self, state: State, take: Callable[[str, wp.array], wp.array], pairs: bool) -> "ListedContacts":
         """A copy that stays as it is while the run goes on.
