@@ -186,10 +186,10 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
     )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
-    Rows, evaluate_wall_contacts = contact.build(
+    WallContacts, evaluate_wall_contacts = contact.build(
         wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **met, **shared
     )  # fmt: skip
-    beside = candidates.build(seen, around, Rows, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
+    beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
 
     @kernel
@@ -236,7 +236,7 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
         materials: int,
         coefficients: wp.array(dtype=pair_kernels.Coefficients),
         surface: Surface,
-        rows: Rows,
+        wall_contacts: WallContacts,
         placement: wp.array2d(dtype=Placement),  # (1, 1)
         row: wp.array(dtype=Row),
         parity: int,  # of the step
@@ -246,14 +246,16 @@ def build(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
         """Evaluate one grain beside the wall per thread."""
         r = wp.tid()
         evaluate_wall_contacts(
-            r, record, inverse, material, materials, coefficients, surface, rows, placement, 0, 0, row[0], 1 - parity, parity,
+            r, record, inverse, material, materials, coefficients, surface, wall_contacts, placement, 0, 0, row[0],
+            1 - parity, parity,
             dt,
         )  # fmt: skip
-        i = rows.grain[r]
-        load_out[i] = load_out[i] + rows.load[i]
+        i = wall_contacts.grain[r]
+        load_out[i] = load_out[i] + wall_contacts.load[i]
 
     return Built(
-        lists=lists, beside=beside, Rows=Rows, pair_kernels=pair_kernels, pair_forces=pair_forces, pair_load=pair_load,
+        lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
+        pair_load=pair_load,
         wall_forces=wall_forces, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip
 
@@ -487,30 +489,31 @@ class MeshWall(_Listed):
         at_rest = np.zeros((1, 1, 18))
         at_rest[..., [0, 4, 8]] = 1.0
         self._placement = wp.array(at_rest, dtype=Placement, device=device)
-        self._rows = self._new_rows(self.ints(len(grains) + 1), 0)
+        self._wall_contacts = self._new_wall_contacts(self.ints(len(grains) + 1), 0)
 
     def apply(self, dt: float) -> None:
         """Add the forces and torques of the wall on each grain to ``grains.load``, for a step of ``dt`` [s]."""
         g = self.grains
         self.update()
         row = _row(dt, (0.0, 0.0, 0.0), g.steps == 0, g.device.alias)
-        if self._rows.grain is not None and len(self._rows.grain):
-            self.launch(self.kernels.wall_forces, len(self._rows.grain), [
-                g.record, g.inverse, g.material, self.law.materials, self._table, self.surface, self._rows, self._placement,
+        if self._wall_contacts.grain is not None and len(self._wall_contacts.grain):
+            self.launch(self.kernels.wall_forces, len(self._wall_contacts.grain), [
+                g.record, g.inverse, g.material, self.law.materials, self._table, self.surface, self._wall_contacts,
+                self._placement,
                 row, g.steps & 1, dt, g.load,
             ])  # fmt: skip
 
-    def _new_rows(self, first: wp.array, slots: int):
-        """Rows with ``slots`` slots in all, those of each grain from ``first`` on."""
-        rows, n, device = self.kernels.Rows(), len(self.grains), self.grains.device
-        rows.first, rows.candidates = first, self.ints(n)
-        rows.load = wp.zeros(n, dtype=Load, device=device)
-        rows.feature, rows.hit_state, rows.hit_mask = (self.ints(slots) for _ in range(3))
-        rows.hit = wp.zeros(slots, dtype=places.Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=self.kernels.Result, device=device)
-        rows.place_count = self.ints((2, n))
-        rows.place = wp.zeros((2, slots), dtype=self.kernels.Memory, device=device)
-        return rows
+    def _new_wall_contacts(self, first: wp.array, slots: int):
+        """WallContacts with ``slots`` slots in all, those of each grain from ``first`` on."""
+        wall_contacts, n, device = self.kernels.WallContacts(), len(self.grains), self.grains.device
+        wall_contacts.first, wall_contacts.candidates = first, self.ints(n)
+        wall_contacts.load = wp.zeros(n, dtype=Load, device=device)
+        wall_contacts.feature, wall_contacts.hit_state, wall_contacts.hit_mask = (self.ints(slots) for _ in range(3))
+        wall_contacts.hit = wp.zeros(slots, dtype=places.Hit, device=device)
+        wall_contacts.result = wp.zeros(slots, dtype=self.kernels.Result, device=device)
+        wall_contacts.place_count = self.ints((2, n))
+        wall_contacts.place = wp.zeros((2, slots), dtype=self.kernels.Memory, device=device)
+        return wall_contacts
 
     def _make(self) -> None:
         g, beside, n = self.grains, self.kernels.beside, len(self.grains)
@@ -521,16 +524,16 @@ class MeshWall(_Listed):
         host = _starts(count.numpy())
         first, near = wp.array(host, dtype=wp.int32, device=g.device), self.ints(int(host[-1]))
         self.launch(beside.near_features, n, [0, 1, *shared, first, count, near])
-        before, rows = self._rows, self._new_rows(first, int(host[-1]))
+        before, wall_contacts = self._wall_contacts, self._new_wall_contacts(first, int(host[-1]))
         same = wp.array(np.arange(n, dtype=np.int32), device=g.device)
-        self.launch(beside.carry_wall_contacts, n, [0, 1 - (g.steps & 1), same, before, rows])
+        self.launch(beside.carry_wall_contacts, n, [0, 1 - (g.steps & 1), same, before, wall_contacts])
         flight = wp.zeros(0, dtype=Flight, device=g.device)
         self.launch(beside.close_features, n, [
-            0, g.record, 0.5 * self.skin, self.surface, placements, near, flight, rows
+            0, g.record, 0.5 * self.skin, self.surface, placements, near, flight, wall_contacts
         ])  # fmt: skip
-        at_wall = np.flatnonzero(rows.candidates.numpy()).astype(np.int32)
-        rows.grain = wp.array(at_wall, dtype=wp.int32, device=g.device)
-        self._rows = rows
+        at_wall = np.flatnonzero(wall_contacts.candidates.numpy()).astype(np.int32)
+        wall_contacts.grain = wp.array(at_wall, dtype=wp.int32, device=g.device)
+        self._wall_contacts = wall_contacts
 
 
 def drift(grains: Grains, dt: float, gravity=(0.0, 0.0, 0.0)) -> None:

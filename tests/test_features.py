@@ -155,15 +155,15 @@ def test_left_out_features_allocate_nothing(full):
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
     assert bare.lists.constants.shape[1] == 2
-    assert bare.lists.rows.place.numpy().shape[2] == 9
+    assert bare.lists.wall_contacts.place.numpy().shape[2] == 9
     assert full.state.record.numpy().shape[1] == 16
     assert full.lists.constants.shape[1] == 4
-    assert full.lists.rows.place.numpy().shape[::2] == (2, 12)
+    assert full.lists.wall_contacts.place.numpy().shape[::2] == (2, 12)
 
 
 def test_without_walls_there_are_no_rows():
     free = Simulation(scene(walls=[]), device="cpu", threads=1)
-    assert (free.walls, free.lists.rows, free.kernels.walls) == (None, None, None)
+    assert (free.walls, free.lists.wall_contacts, free.kernels.walls) == (None, None, None)
 
 
 def test_memory_estimate_grows_with_features():

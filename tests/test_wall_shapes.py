@@ -137,7 +137,7 @@ def test_a_wall_that_is_carried_along_is_met_in_its_body_axes():
 def test_an_analytic_wall_is_one_candidate_where_a_mesh_has_many():
     sim = simulate([{"cylinder": CYLINDER}], [4.0e-3, 0, 0])
     sim.step(1)
-    assert sim.lists.rows.candidates.numpy().tolist() == [1]
+    assert sim.lists.wall_contacts.candidates.numpy().tolist() == [1]
 
 
 @pytest.mark.parametrize(

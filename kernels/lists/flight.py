@@ -52,7 +52,8 @@ def longest_way(time: wp.float64, speed: wp.float64, acceleration: wp.float64) -
 
 @functools.cache
 def build(
-    travel, border, closest_on_feature, Rows, *, spins: bool, moving: int, meshes: bool, shapes: bool, gap: float, stages: int,
+    travel, border, closest_on_feature, WallContacts, *, spins: bool, moving: int, meshes: bool, shapes: bool,
+    gap: float, stages: int,
     shortest: float,
 ):  # fmt: skip
     """Return the kernels.
@@ -61,7 +62,7 @@ def build(
         travel: namespace of ``motion.build_travel``.
         border: periodic images, of ``border.build``.
         closest_on_feature: of ``wall.feature.build``.
-        Rows: struct of the wall contacts.
+        WallContacts: struct of the wall contacts.
         spins: grains spin.
         moving: number of wall motions relative to the frame.
         meshes: there are mesh walls.
@@ -173,7 +174,7 @@ def build(
         best: wp.float64,
         surface: Surface, mesh: wp.array(dtype=wp.uint64), mesh_wall: wp.array(dtype=wp.int32),
         placements: wp.array2d(dtype=Placement), row: int, swiftest: wp.array(dtype=wp.vec2d), watched: Watched, dt: wp.float64,
-        rows: Rows, near_feature: wp.array(dtype=wp.int32),
+        wall_contacts: WallContacts, near_feature: wp.array(dtype=wp.int32),
     ) -> wp.float64:  # fmt: skip
         """Time [s], at most ``best``, for which the grain at ``x`` meets no wall, ``k`` steps from now."""
         time = best
@@ -192,7 +193,8 @@ def build(
                 away = gap_to_box_alone(body, watched.low[m], watched.high[m])
                 # what is fast beside a mesh is for the guard of the travel to see (``travel``)
                 way = away - need - closing * dt * wp.float64(2.0)
-                if closing * dt * wp.float64(1.1) < watched.max_travel[m] * radius and way < longest_way(time, closing, turning):
+                slow = closing * dt * wp.float64(1.1) < watched.max_travel[m] * radius
+                if slow and way < longest_way(time, closing, turning):
                     p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
                     found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(1.0e30))
                     if found.result:
@@ -204,7 +206,8 @@ def build(
         if wp.static(shapes):
             for s in range(surface.planes + surface.revolutions + surface.spheres):
                 feature = surface.triangles + s
-                if not is_listed(feature, rows.first[f], rows.first[f + 1] - rows.first[f], near_feature):
+                begin = wall_contacts.first[f]
+                if not is_listed(feature, begin, wall_contacts.first[f + 1] - begin, near_feature):
                     motion = surface.motion[surface.wall[feature]]
                     most = swiftest[motion]
                     body = local(placements[now, motion], x)
@@ -232,7 +235,7 @@ def build(
         count: wp.array(dtype=wp.int32),
         slot: wp.array(dtype=wp.int32),
         skin: wp.float64,
-        rows: Rows,
+        wall_contacts: WallContacts,
         near_feature: wp.array(dtype=wp.int32),
         surface: Surface,
         mesh: wp.array(dtype=wp.uint64),
@@ -249,7 +252,7 @@ def build(
         f = wanted[t]
         steps_out[t] = 0
         if wp.static(meshes):
-            for e in range(rows.first[f], rows.first[f + 1]):
+            for e in range(wall_contacts.first[f], wall_contacts.first[f + 1]):
                 if near_feature[e] < surface.triangles:  # the distance of a mesh is that of all its triangles
                     return
         path = flight[f]
@@ -284,7 +287,7 @@ def build(
             if wp.static(meshes or shapes):
                 time = until_wall(
                     f, k, x, v, radius, bent, base, time, surface, mesh, mesh_wall, placements, row, swiftest, watched, dt,
-                    rows, near_feature,
+                    wall_contacts, near_feature,
                 )  # fmt: skip
             half = wp.float64(0.5) * skin
             time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)

@@ -17,8 +17,8 @@ HASTY = 16  # steps between two outer lists below which the host is to look for 
 
 
 @functools.cache
-def build(Rows):
-    """Return the kernels; ``Rows`` is the struct of the wall contacts."""
+def build(WallContacts):
+    """Return the kernels; ``WallContacts`` is the struct of the wall contacts."""
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @kernel
@@ -75,29 +75,33 @@ def build(Rows):
             contact_out[e] = contact[e]
 
     @kernel
-    def move_wall_contacts(first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
+    def move_wall_contacts(
+        first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), wall_contacts: WallContacts
+    ):
         """Copy the contact points of the last force call to the grain's slots from ``slots`` on, in the other generation."""
         i = first + wp.tid()
         new = clock[PARITY]
         old = 1 - new
-        n = wp.min(rows.place_count[old, i], slots[i + 1] - slots[i])
-        rows.place_count[new, i] = n
+        n = wp.min(wall_contacts.place_count[old, i], slots[i + 1] - slots[i])
+        wall_contacts.place_count[new, i] = n
         for k in range(n):
-            rows.place[new, slots[i] + k] = rows.place[old, rows.first[i] + k]
+            wall_contacts.place[new, slots[i] + k] = wall_contacts.place[old, wall_contacts.first[i] + k]
 
     @kernel
-    def settle_wall_contacts(first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), rows: Rows):
+    def settle_wall_contacts(
+        first: int, slots: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.int32), wall_contacts: WallContacts
+    ):
         """Copy them back to the generation that the next force call reads."""
         i = first + wp.tid()
         new = clock[PARITY]
         old = 1 - new
-        rows.first[i] = slots[i]
-        if i + 1 == rows.place_count.shape[1]:
-            rows.first[i + 1] = slots[i + 1]
-        n = rows.place_count[new, i]
-        rows.place_count[old, i] = n
+        wall_contacts.first[i] = slots[i]
+        if i + 1 == wall_contacts.place_count.shape[1]:
+            wall_contacts.first[i + 1] = slots[i + 1]
+        n = wall_contacts.place_count[new, i]
+        wall_contacts.place_count[old, i] = n
         for k in range(n):
-            rows.place[old, slots[i] + k] = rows.place[new, slots[i] + k]
+            wall_contacts.place[old, slots[i] + k] = wall_contacts.place[new, slots[i] + k]
 
     return Built(
         ask_outer=ask_outer, check_outer_capacity=check_outer_capacity, replace_outer=replace_outer,

@@ -49,14 +49,14 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 
 
 @functools.cache
-def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes: int):
+def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: int, lanes: int):
     """Return the kernels of the graph.
 
     Args:
         step: namespace of ``loop.build``.
         pairs: namespace of ``pairs.build``.
         evaluate: of ``thread_contact.build``.
-        Rows: struct of the wall contacts.
+        WallContacts: struct of the wall contacts.
         real: precision of the contact law.
         history: numbers remembered per contact.
         stages: force calls per step.
@@ -99,14 +99,15 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
 
     @kernel
     def wall_forces(
-        first: int, ahead: int, stage: int, grains: step.Grains, rows: Rows, surface: Surface, control: step.Control,
+        first: int, ahead: int, stage: int, grains: step.Grains, wall_contacts: WallContacts, surface: Surface,
+        control: step.Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, clock: wp.array(dtype=wp.int32), dt: wp.float64,
     ):  # fmt: skip
         r = first + wp.tid()
         if r >= clock[WALL_GRAINS] or not forces_due(clock, ahead, stage):
             return
         overlap_ratio, approach = step.wall_forces_of_grain(
-            r, clock[SCHEDULE_ROW] + ahead, stage, grains, rows, surface, control, coefficients, materials,
+            r, clock[SCHEDULE_ROW] + ahead, stage, grains, wall_contacts, surface, control, coefficients, materials,
             (clock[PARITY] + ahead) & 1, dt,
         )  # fmt: skip
         raise_to(control.extreme, 2, overlap_ratio)
@@ -114,7 +115,7 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
 
     @kernel
     def move(
-        first: int, ahead: int, stage: int, grains: step.Grains, rows: Rows, control: step.Control,
+        first: int, ahead: int, stage: int, grains: step.Grains, wall_contacts: WallContacts, control: step.Control,
         clock_out: wp.array(dtype=wp.int32), dt: wp.float64, max_displacement: wp.float64,
     ):  # fmt: skip
         i = first + wp.tid()
@@ -127,7 +128,7 @@ def build(step, pairs, evaluate, Rows, real, *, history: int, stages: int, lanes
             clock_out[DEEP_AT] = ahead + 1
             return
         s = clock_out[SCHEDULE_ROW] + ahead
-        moved = step.move_phase(i, i + 1, 1, s, stage, grains, rows, control, dt, max_displacement)
+        moved = step.move_phase(i, i + 1, 1, s, stage, grains, wall_contacts, control, dt, max_displacement)
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1
         if (moved & wp.static(BEYOND)) > 0:

@@ -35,7 +35,8 @@ def too_deep(extreme: wp.array(dtype=wp.float64), at: int, max_overlap: wp.array
 
 @functools.cache
 def build(
-    pairs, evaluate_wall_contacts, Rows, load, acceleration, travel, integrator, border, orientation, budget, flow, *,
+    pairs, evaluate_wall_contacts, WallContacts, load, acceleration, travel, integrator, border, orientation, budget,
+    flow, *,
     stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
@@ -45,7 +46,7 @@ def build(
 
     Args:
         pairs: namespace of ``pairs.build``.
-        evaluate_wall_contacts: wall function of ``wall.contact.build``, and ``Rows``, its struct.
+        evaluate_wall_contacts: wall function of ``wall.contact.build``, and ``WallContacts``, its struct.
         load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
@@ -160,7 +161,7 @@ def build(
 
     @wp.func
     def wall_forces_of_grain(
-        r: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        r: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
         """Wall contacts of grain number ``r`` of those at walls, at the force call ``stage`` of step ``s``."""
@@ -173,20 +174,24 @@ def build(
             old = parity
             new = 2
         a, b = evaluate_wall_contacts(
-            r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, rows, control.placement,
+            r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, wall_contacts,
+            control.placement,
             before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
         )  # fmt: skip
         return a, b
 
     @wp.func
     def wall_phase(
-        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts,
+        surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
         overlap_ratio = control.extreme[at + 2]
         approach = control.extreme[at + 3]
         for r in range(first, last, stride):
-            a, b = wall_forces_of_grain(r, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt)
+            a, b = wall_forces_of_grain(
+                r, s, stage, grains, wall_contacts, surface, control, coefficients, materials, parity, dt
+            )
             overlap_ratio = wp.max(overlap_ratio, a)
             approach = wp.max(approach, b)
         control.extreme[at + 2] = overlap_ratio
@@ -195,21 +200,23 @@ def build(
     @wp.func
     def add_to_budget(
         i: int, state: g.Record, total: vec6, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, row: Row, call: int,
-        grains: Grains, rows: Rows, control: Control, dt: wp.float64,
+        grains: Grains, wall_contacts: WallContacts, control: Control, dt: wp.float64,
     ):  # fmt: skip
         """Add work and impulse of grain ``i`` over ``weight`` [s] to its budgets; momenta turn to the axes of the next call."""
         mass = wp.float64(1.0) / grains.inverse[i][0]
         if wp.static(budget.energy):
             grains.energies[i] = grains.energies[i] + budget.energies(
-                i, state, v, w, mass, weight, grains.row_start, grains.entry, rows.candidates, rows.entry, control.frame,
+                i, state, v, w, mass, weight, grains.row_start, grains.entry, wall_contacts.candidates,
+                wall_contacts.entry, control.frame,
                 call, dt, control.field,
             )  # fmt: skip
             if wp.static(walls):
-                budget.wall_works(i, weight, rows.candidates, rows.power, grains.wall_work)
+                budget.wall_works(i, weight, wall_contacts.candidates, wall_contacts.power, grains.wall_work)
         if wp.static(budget.momentum):
             given = budget.momenta(
-                i, state, total, mass, weight, row, rows.candidates, rows.load, control.frame, call, dt, control.field
-            )
+                i, state, total, mass, weight, row, wall_contacts.candidates, wall_contacts.load, control.frame, call, dt,
+                control.field,
+            )  # fmt: skip
             grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
 
     @wp.func
@@ -222,7 +229,7 @@ def build(
             grains.momenta[i] = grains.momenta[i] + budget.shifted(shift, g.velocity(state) * mass)
 
     @wp.func
-    def leave_domain(i: int, s: int, grains: Grains, rows: Rows, control: Control) -> bool:
+    def leave_domain(i: int, s: int, grains: Grains, wall_contacts: WallContacts, control: Control) -> bool:
         """Whether grain ``i``, which is in an outlet after step ``s``, is removed from the domain in this step.
 
         It keeps its slot in the lists and touches nothing there. The host counts it at the end of the batch of steps.
@@ -240,14 +247,15 @@ def build(
             path[11] = wp.float64(-1.0)
             grains.flight[i] = path
         if wp.static(walls):
-            rows.candidates[i] = 0
-            for generation in range(rows.place_count.shape[0]):
-                rows.place_count[generation, i] = 0
+            wall_contacts.candidates[i] = 0
+            for generation in range(wall_contacts.place_count.shape[0]):
+                wall_contacts.place_count[generation, i] = 0
         return True
 
     @wp.func
     def move_phase(
-        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control,
+        first: int, last: int, stride: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts,
+        control: Control,
         dt: wp.float64, max_displacement: wp.float64,
     ) -> int:  # fmt: skip
         call = s * wp.static(stages) + stage
@@ -257,12 +265,12 @@ def build(
             if wp.static(leave):
                 if g.gone(grains.record[i]):
                     continue
-            total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
             if wp.static(budget is not None):
                 v, w = reading(state, a, b, row, control.frame, call, dt)
-                add_to_budget(i, state, total, v, w, kick_time(row), row, call, grains, rows, control, dt)
+                add_to_budget(i, state, total, v, w, kick_time(row), row, call, grains, wall_contacts, control, dt)
             before = g.position(state)
             state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
             if wp.static(flow is not None):
@@ -287,14 +295,15 @@ def build(
                 )  # fmt: skip
                 if wp.static(leave):
                     if (far & wp.static(LEFT)) > 0:
-                        if leave_domain(i, s, grains, rows, control):
+                        if leave_domain(i, s, grains, wall_contacts, control):
                             far = 0
                 moved = moved | far
         return moved
 
     @wp.func
     def force_phase(
-        thread: int, s: int, stage: int, grains: Grains, contacts: ContactBatches, rows: Rows, surface: Surface,
+        thread: int, s: int, stage: int, grains: Grains, contacts: ContactBatches, wall_contacts: WallContacts,
+        surface: Surface,
         control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
@@ -305,7 +314,7 @@ def build(
         )  # fmt: skip
         if wp.static(walls):
             wall_phase(
-                control.thread_ranges[thread, 4], control.thread_ranges[thread, 5], 1, s, stage, grains, rows,
+                control.thread_ranges[thread, 4], control.thread_ranges[thread, 5], 1, s, stage, grains, wall_contacts,
                 surface, control,
                 coefficients, materials, parity, dt, at,
             )  # fmt: skip
@@ -321,7 +330,7 @@ def build(
         parity: int,  # of the present step
         grains: Grains,
         contacts: ContactBatches,
-        rows: Rows,
+        wall_contacts: WallContacts,
         surface: Surface,
         control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients),
@@ -339,7 +348,7 @@ def build(
                     for stage in range(wp.static(stages)):
                         moved = move_phase(
                             control.thread_ranges[thread, 2], control.thread_ranges[thread, 3], 1, base + s - 1,
-                            stage, grains, rows,
+                            stage, grains, wall_contacts,
                             control, dt, max_displacement,
                         )  # fmt: skip
                         if wp.static(stages > 1):
@@ -348,7 +357,7 @@ def build(
                                     target += threads
                                     meet(control.meeting, target, control.wait_modes)
                                 force_phase(
-                                    thread, base + s - 1, stage + 1, grains, contacts, rows, surface, control,
+                                    thread, base + s - 1, stage + 1, grains, contacts, wall_contacts, surface, control,
                                     coefficients,
                                     materials, (parity + s - 1) & 1, dt, at,
                                 )  # fmt: skip
@@ -365,7 +374,7 @@ def build(
                     control.done[0] = s
                 if stop == 0 and (s > 0 or forces_first == 1) and (s < count or hold == 0):
                     force_phase(
-                        thread, base + s, 0, grains, contacts, rows, surface, control, coefficients, materials,
+                        thread, base + s, 0, grains, contacts, wall_contacts, surface, control, coefficients, materials,
                         (parity + s) & 1, dt, at,
                     )  # fmt: skip
                     if threads > 1:
@@ -385,34 +394,37 @@ def build(
 
     @kernel
     def wall_forces(
-        stride: int, last: int, s: int, stage: int, grains: Grains, rows: Rows, surface: Surface, control: Control,
+        stride: int, last: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts, surface: Surface,
+        control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         wall_phase(
-            t, last, stride, s, stage, grains, rows, surface, control, coefficients, materials, parity, dt,
+            t, last, stride, s, stage, grains, wall_contacts, surface, control, coefficients, materials, parity, dt,
             t * wp.static(SPAN),
         )  # fmt: skip
 
     @kernel
     def move(
-        stride: int, last: int, s: int, stage: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64,
+        stride: int, last: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts, control: Control,
+        dt: wp.float64,
         max_displacement: wp.float64,
     ):  # fmt: skip
         t = wp.tid()
         control.moved[t * wp.static(SPAN)] = move_phase(
-            t, last, stride, s, stage, grains, rows, control, dt, max_displacement
+            t, last, stride, s, stage, grains, wall_contacts, control, dt, max_displacement
         )
 
     @kernel
     def read(
-        s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64, load_out: wp.array(dtype=vec6),
+        s: int, grains: Grains, wall_contacts: WallContacts, control: Control, dt: wp.float64,
+        load_out: wp.array(dtype=vec6),
         velocity_out: wp.array(dtype=wp.vec3d), spin_out: wp.array(dtype=wp.vec3d),
     ):  # fmt: skip
         """Contact force [N] and torque [N m], velocity and spin of each grain at the present instant, step ``s``."""
         i = wp.tid()
         call = s * wp.static(stages)
-        total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+        total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
         row = control.row[call]
         state = grains.record[i]
         a, b = acceleration(state, total, grains.inverse[i], row, control.frame, call, dt, control.field)
@@ -426,13 +438,14 @@ def build(
 
         @kernel
         def read_budget(
-            s: int, grains: Grains, rows: Rows, control: Control, dt: wp.float64, energies_out: wp.array(dtype=Energies),
+            s: int, grains: Grains, wall_contacts: WallContacts, control: Control, dt: wp.float64,
+            energies_out: wp.array(dtype=Energies),
             momenta_out: wp.array(dtype=Momenta), wall_work_out: wp.array2d(dtype=wp.float64),
         ):  # fmt: skip
             """Budgets of each grain up to the present time, step ``s``; the present forces count for half a step."""
             i = wp.tid()
             row = control.row[s]
-            total = load(i, grains.row_start, grains.row, rows.candidates, rows.load)
+            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             mass = wp.float64(1.0) / grains.inverse[i][0]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, s, dt, control.field)
@@ -440,17 +453,19 @@ def build(
             half = kick_time(row) - wp.float64(0.5) * dt
             if wp.static(budget.energy):
                 energies_out[i] = grains.energies[i] + budget.energies(
-                    i, state, v, w, mass, half, grains.row_start, grains.entry, rows.candidates, rows.entry, control.frame,
+                    i, state, v, w, mass, half, grains.row_start, grains.entry, wall_contacts.candidates,
+                    wall_contacts.entry, control.frame,
                     s, dt, control.field,
                 )  # fmt: skip
                 for wall in range(grains.wall_work.shape[1]):
                     wall_work_out[i, wall] = grains.wall_work[i, wall]
                 if wp.static(walls):
-                    budget.wall_works(i, half, rows.candidates, rows.power, wall_work_out)
+                    budget.wall_works(i, half, wall_contacts.candidates, wall_contacts.power, wall_work_out)
             if wp.static(budget.momentum):
                 momenta_out[i] = grains.momenta[i] + budget.momenta(
-                    i, state, total, mass, half, row, rows.candidates, rows.load, control.frame, s, dt, control.field
-                )
+                    i, state, total, mass, half, row, wall_contacts.candidates, wall_contacts.load, control.frame, s, dt,
+                    control.field,
+                )  # fmt: skip
 
     return Built(
         run=run, read_budget=read_budget, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,

@@ -15,7 +15,7 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
+def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
     """Return the kernels for walls with ``meshes`` and with analytic ``shapes``.
 
     ``around``: of ``images.build``; ``border``: of ``border.build``; ``gap`` as in ``pairs.build``. Where grains may ``leave``
@@ -107,7 +107,7 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
         flight: wp.array(dtype=Flight),
-        rows: Rows,
+        wall_contacts: WallContacts,
     ):
         """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
 
@@ -117,12 +117,12 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
         state = grains[i]
         q = g.position(state)
         radius = state[3]
-        at = rows.first[i]
+        at = wall_contacts.first[i]
         n = int(0)
         within = radius + wp.float64(wp.static(gap)) + travel
         if in_flight(flight, i):
             within = wp.float64(wp.static(FAR))
-        last = rows.first[i + 1]
+        last = wall_contacts.first[i + 1]
         if wp.static(leave):
             if g.gone(state):
                 last = at
@@ -130,19 +130,19 @@ def build(around, border, Rows, *, spins: bool, meshes: bool, shapes: bool, gap:
             c = near_feature[e]
             placement = placements[surface.motion[surface.wall[around.feature_of(surface, c)]]]
             if around.reached(surface, placement, c, q, radius, within, travel) >= 0:
-                n = add(c, 1, at, n, rows.feature)
-        rows.candidates[i] = n
+                n = add(c, 1, at, n, wall_contacts.feature)
+        wall_contacts.candidates[i] = n
         if n == 0:
-            rows.place_count[0, i] = 0
-            rows.place_count[1, i] = 0
+            wall_contacts.place_count[0, i] = 0
+            wall_contacts.place_count[1, i] = 0
 
     @kernel
     def carry_wall_contacts(
         first: int,
         parity: int,
         old_slot: wp.array(dtype=wp.int32),  # its slot in the lists that are being replaced, -1 if it is new
-        before: Rows,
-        now: Rows,
+        before: WallContacts,
+        now: WallContacts,
     ):
         """Copy the contact points of the last force call to the new slots of the grain."""
         i = first + wp.tid()

@@ -59,7 +59,7 @@ def build(
     Result = record.result_type(rolling)
 
     @wp.struct
-    class Rows:
+    class WallContacts:
         """Wall contacts, in slots of the grains near walls; hits are only used while a grain is evaluated."""
 
         grain: wp.array(dtype=wp.int32)  # grains that have candidates
@@ -80,7 +80,7 @@ def build(
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
 
     parts, stored = dissipation or (None, None)
-    find_contact_points = places.build(Rows, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
+    find_contact_points = places.build(WallContacts, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
 
     @wp.func
     def history_of(wall_contact: Memory) -> History:
@@ -105,29 +105,31 @@ def build(
         )
 
     @wp.func
-    def remembered(i: int, c: int, wall: int, radius: wp.float64, old: int, surface: Surface, rows: Rows) -> int:
+    def remembered(
+        i: int, c: int, wall: int, radius: wp.float64, old: int, surface: Surface, wall_contacts: WallContacts
+    ) -> int:
         """Slot of the contact point of the step before on ``wall`` that is nearest to the new one at ``c``, else -1.
 
         An old contact point that is nearer to another new one belongs to that, unless ``c`` is one of several that share a
         force: then a new one takes over the history of its neighbor.
         """
-        first = rows.first[i]
-        hit = rows.hit[c]
+        first = wall_contacts.first[i]
+        hit = wall_contacts.hit[c]
         point = point_of(hit)
         found = int(-1)
         nearest = radius * radius
-        for s in range(first, first + rows.place_count[old, i]):
-            wall_contact = rows.place[old, s]
+        for s in range(first, first + wall_contacts.place_count[old, i]):
+            wall_contact = wall_contacts.place[old, s]
             if int(wall_contact[wp.static(at.wall)]) == wall:
                 before = point_in(wall_contact)
                 square = wp.length_sq(border.nearest(before - point))
                 mine = int(1)
-                if rows.hit_state[c] != wp.static(SHARED):
-                    for o in range(first, first + rows.candidates[i]):
-                        if rows.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[
-                            around.feature_of(surface, rows.feature[o])
+                if wall_contacts.hit_state[c] != wp.static(SHARED):
+                    for o in range(first, first + wall_contacts.candidates[i]):
+                        if wall_contacts.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[
+                            around.feature_of(surface, wall_contacts.feature[o])
                         ] == wall:
-                            if wp.length_sq(border.nearest(before - point_of(rows.hit[o]))) < square:
+                            if wp.length_sq(border.nearest(before - point_of(wall_contacts.hit[o]))) < square:
                                 mine = 0
                 if square < nearest and mine == 1:
                     nearest = square
@@ -156,12 +158,12 @@ def build(
     @wp.func
     def in_springs(
         i: int, old: int, radius: wp.float64, inv: Inverse, kind: wp.array(dtype=wp.int32), materials: int,
-        coefficients: wp.array(dtype=Coefficients), surface: Surface, rows: Rows, dt: wp.float64,
+        coefficients: wp.array(dtype=Coefficients), surface: Surface, wall_contacts: WallContacts, dt: wp.float64,
     ) -> wp.float64:  # fmt: skip
         """Energy in the springs of the contact points of the step before [J]."""
         total = wp.float64(0.0)
-        for s in range(rows.first[i], rows.first[i] + rows.place_count[old, i]):
-            wall_contact = rows.place[old, s]
+        for s in range(wall_contacts.first[i], wall_contacts.first[i] + wall_contacts.place_count[old, i]):
+            wall_contact = wall_contacts.place[old, s]
             c = coefficients[0]
             if wp.static(table):
                 c = coefficients[kind[i] * materials + surface.material[int(wall_contact[wp.static(at.wall)])]]
@@ -183,7 +185,7 @@ def build(
         materials: int,
         coefficients: wp.array(dtype=Coefficients),
         surface: Surface,
-        rows: Rows,
+        wall_contacts: WallContacts,
         placements: wp.array2d(dtype=Placement),
         before_row: int,  # of the placements: where springs slip from
         now_row: int,
@@ -193,25 +195,25 @@ def build(
         dt: wp.float64,
     ):
         """Evaluate one grain; returns the largest overlap ratio [-] and approach speed [m/s] of its wall contacts."""
-        i = rows.grain[r]
+        i = wall_contacts.grain[r]
         grain_i = grains[i]
         q = g.position(grain_i)
         radius = grain_i[3]
         inv = inverse[i]
         entry = WallEntry()
         if wp.static(parts is not None):
-            for wall in range(rows.power.shape[1]):
-                rows.power[i, wall] = wp.float64(0.0)
+            for wall in range(wall_contacts.power.shape[1]):
+                wall_contacts.power[i, wall] = wp.float64(0.0)
             if wp.static(remembers > 0):
                 # over all of them: one contact point may pass its springs on to several, or to none
-                entry[24] = in_springs(i, old, radius, inv, kind, materials, coefficients, surface, rows, dt)
-        if find_contact_points(i, q, radius, surface, rows, placements, now_row) == 0:
+                entry[24] = in_springs(i, old, radius, inv, kind, materials, coefficients, surface, wall_contacts, dt)
+        if find_contact_points(i, q, radius, surface, wall_contacts, placements, now_row) == 0:
             if wp.static(parts is not None):
-                rows.entry[i] = entry
-            rows.place_count[new, i] = 0
-            rows.load[i] = vec6()
+                wall_contacts.entry[i] = entry
+            wall_contacts.place_count[new, i] = 0
+            wall_contacts.load[i] = vec6()
             return wp.float64(0.0), wp.float64(0.0)
-        first = rows.first[i]
+        first = wall_contacts.first[i]
         count = int(0)
         overlap_ratio = wp.float64(0.0)
         approach = wp.float64(0.0)
@@ -223,13 +225,13 @@ def build(
         half = wp.float64(0.5) * dt
         v_predicted = v + g.acceleration(grain_i) * half
         w_predicted = w + g.angular_acceleration(grain_i) * half
-        for c in range(first, first + rows.candidates[i]):
-            if rows.hit_state[c] >= wp.static(TAKEN):
-                f = around.feature_of(surface, rows.feature[c])
+        for c in range(first, first + wall_contacts.candidates[i]):
+            if wall_contacts.hit_state[c] >= wp.static(TAKEN):
+                f = around.feature_of(surface, wall_contacts.feature[c])
                 wall = surface.wall[f]
                 motion = surface.motion[wall]
                 now = placements[now_row, motion]
-                hit = rows.hit[c]
+                hit = wall_contacts.hit[c]
                 distance = hit[0]
                 body_point = point_of(hit)
                 n = direction_of(hit)
@@ -243,9 +245,9 @@ def build(
                 n_before = n
                 overlap_before = overlap
                 history = History()
-                s = remembered(i, c, wall, radius, old, surface, rows)
+                s = remembered(i, c, wall, radius, old, surface, wall_contacts)
                 if s >= 0:
-                    wall_contact = rows.place[old, s]
+                    wall_contact = wall_contacts.place[old, s]
                     n_before = normal_in(wall_contact)
                     overlap_before = wall_contact[wp.static(at.overlap)]
                     point_before = point_in(wall_contact)
@@ -290,7 +292,7 @@ def build(
                         w - w_wall, dt, numbers, radius, inertia, c_kind, history, force, moment, after_step,
                     )  # fmt: skip
                     entry += wall_entry(n, distance, wall_velocity(now, point), w_wall, force_parts) * weight
-                    rows.power[i, wall] = rows.power[i, wall] + weight * (
+                    wall_contacts.power[i, wall] = wall_contacts.power[i, wall] + weight * (
                         wp.dot(force, wall_velocity(now, point)) + wp.dot(moment, w_wall)
                     )
                 force = force * weight
@@ -308,20 +310,20 @@ def build(
                     wall_contact_now[wp.static(at.normal) + d] = n[d]
                 for d in range(wp.static(remembers)):
                     wall_contact_now[wp.static(history_at) + d] = after_step[d]
-                rows.place[new, slot] = wall_contact_now
+                wall_contacts.place[new, slot] = wall_contact_now
                 if wp.static(rolling):
                     weighted = moment * weight
-                    rows.result[slot] = Result(
+                    wall_contacts.result[slot] = Result(
                         wp.float64(f), force[0], force[1], force[2], weighted[0], weighted[1], weighted[2]
                     )
                 else:
-                    rows.result[slot] = Result(wp.float64(f), force[0], force[1], force[2])
+                    wall_contacts.result[slot] = Result(wp.float64(f), force[0], force[1], force[2])
                 overlap_ratio = wp.max(overlap_ratio, overlap / radius)
                 approach = wp.max(approach, -wp.dot(velocity, n))
-        rows.place_count[new, i] = count
-        rows.load[i] = total
+        wall_contacts.place_count[new, i] = count
+        wall_contacts.load[i] = total
         if wp.static(parts is not None):
-            rows.entry[i] = entry
+            wall_contacts.entry[i] = entry
         return overlap_ratio, approach
 
-    return Rows, evaluate_wall_contacts
+    return WallContacts, evaluate_wall_contacts

@@ -57,10 +57,10 @@ def direction_of(hit: Hit) -> wp.vec3d:
 
 
 @functools.cache
-def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: float):
+def build(WallContacts, closest_on_feature, around, *, meshes: bool, moving: int, gap: float):
     """Return the function that finds the contact points of a grain.
 
-    ``Rows`` is the struct of ``contact``, ``around`` of ``images``.
+    ``WallContacts`` is the struct of ``contact``, ``around`` of ``images``.
     """
     repeated = around.images > 1
 
@@ -90,12 +90,12 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return wp.length(crossing - nearest) <= tolerance
 
     @wp.func
-    def is_repeated(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
+    def is_repeated(c: int, first: int, last: int, radius: wp.float64, surface: Surface, wall_contacts: WallContacts) -> bool:
         """Steps 2 and 3: whether hit ``c`` on a triangle is no contact point of its own."""
-        f = around.feature_of(surface, rows.feature[c])
-        mask = rows.hit_mask[c]
+        f = around.feature_of(surface, wall_contacts.feature[c])
+        mask = wall_contacts.hit_mask[c]
         wall = surface.wall[f]
-        hit = rows.hit[c]
+        hit = wall_contacts.hit[c]
         distance = hit[0]
         point = point_of(hit)
         direction = direction_of(hit)
@@ -103,12 +103,13 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         same = wp.float64(wp.static(EQUAL)) * radius + surface.rounding[wall]
         tolerance = wp.float64(wp.static(ON)) * radius + surface.rounding[wall]
         for o in range(first, last):
-            of = around.feature_of(surface, rows.feature[o])
+            of = around.feature_of(surface, wall_contacts.feature[o])
             if o != c and of < surface.triangles and surface.wall[of] == wall:
-                other_hit = rows.hit[o]
+                other_hit = wall_contacts.hit[o]
                 together = bool(True)
                 if wp.static(repeated):
-                    together = around.image_of(surface, rows.feature[o]) == around.image_of(surface, rows.feature[c])
+                    other_image = around.image_of(surface, wall_contacts.feature[o])
+                    together = other_image == around.image_of(surface, wall_contacts.feature[c])
                     if not together:  # what follows happens beside the other's triangle
                         centre = point_of(other_hit) + direction_of(other_hit) * other_hit[0]
                         point = centre - direction * distance
@@ -116,7 +117,7 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
                         point = point_of(hit)
                         centre = point + direction * distance
                 closer = distance - other_hit[0]
-                other = rows.hit_mask[o]
+                other = wall_contacts.hit_mask[o]
                 before = corner_count(other) > corner_count(mask) or (corner_count(other) == corner_count(mask) and o < c)
                 if closer > same or (closer >= -same and before):
                     if mask == wp.static(FACE):
@@ -129,14 +130,14 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return False
 
     @wp.func
-    def is_seen_twice(c: int, first: int, last: int, radius: wp.float64, surface: Surface, rows: Rows) -> bool:
+    def is_seen_twice(c: int, first: int, last: int, radius: wp.float64, surface: Surface, wall_contacts: WallContacts) -> bool:
         """Whether the point of hit ``c`` on an analytic wall lies on another image of the wall, which comes closer."""
-        f = around.feature_of(surface, rows.feature[c])
-        hit = rows.hit[c]
+        f = around.feature_of(surface, wall_contacts.feature[c])
+        hit = wall_contacts.hit[c]
         tolerance = wp.float64(wp.static(ON)) * radius
         for o in range(first, last):
-            if o != c and around.feature_of(surface, rows.feature[o]) == f:
-                other = rows.hit[o]
+            if o != c and around.feature_of(surface, wall_contacts.feature[o]) == f:
+                other = wall_contacts.hit[o]
                 closer = hit[0] - other[0]
                 if closer > tolerance or (closer >= -tolerance and o < c):
                     point = point_of(other) + direction_of(other) * other[0] - direction_of(hit) * hit[0]
@@ -146,9 +147,9 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return False
 
     @wp.func
-    def piece_of(c: int, surface: Surface, rows: Rows) -> int:
+    def piece_of(c: int, surface: Surface, wall_contacts: WallContacts) -> int:
         """Smooth piece of a candidate's feature."""
-        return surface.piece[around.feature_of(surface, rows.feature[c])]
+        return surface.piece[around.feature_of(surface, wall_contacts.feature[c])]
 
     @wp.func
     def nearness(depth: wp.float64) -> wp.float64:
@@ -156,11 +157,11 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         return depth * depth * depth * depth
 
     @wp.func
-    def join(best: int, first: int, last: int, cutoff: wp.float64, surface: Surface, rows: Rows):
+    def join(best: int, first: int, last: int, cutoff: wp.float64, surface: Surface, wall_contacts: WallContacts):
         """Steps 4 and 5 for the smooth piece of ``best``, the deepest hit left."""
-        piece = piece_of(best, surface, rows)
-        rows.hit_state[best] = wp.static(TAKEN)
-        hit = rows.hit[best]
+        piece = piece_of(best, surface, wall_contacts)
+        wall_contacts.hit_state[best] = wp.static(TAKEN)
+        hit = wall_contacts.hit[best]
         distance = hit[0]
         deepest = direction_of(hit)
         members = int(1)
@@ -168,8 +169,8 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
         total = nearness(cutoff - distance)
         mean = deepest * total
         for c in range(first, last):
-            if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
-                member = rows.hit[c]
+            if wall_contacts.hit_state[c] == wp.static(HIT) and piece_of(c, surface, wall_contacts) == piece:
+                member = wall_contacts.hit[c]
                 weight = nearness(cutoff - member[0])
                 mean += direction_of(member) * weight
                 total += weight
@@ -179,84 +180,88 @@ def build(Rows, closest_on_feature, around, *, meshes: bool, moving: int, gap: f
             if least > wp.float64(wp.static(MERGE_COSINE)):
                 centre = point_of(hit) + deepest * distance
                 length = wp.length(mean)
-                rows.hit[best] = packed(distance, length / total, centre - mean * (distance / length), mean / length)
+                wall_contacts.hit[best] = packed(distance, length / total, centre - mean * (distance / length), mean / length)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
-                        rows.hit_state[c] = wp.static(MERGED)
+                    if wall_contacts.hit_state[c] == wp.static(HIT) and piece_of(c, surface, wall_contacts) == piece:
+                        wall_contacts.hit_state[c] = wp.static(MERGED)
             else:
-                rows.hit_state[best] = wp.static(SHARED)
+                wall_contacts.hit_state[best] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(HIT) and piece_of(c, surface, rows) == piece:
-                        rows.hit_state[c] = wp.static(SHARED)
+                    if wall_contacts.hit_state[c] == wp.static(HIT) and piece_of(c, surface, wall_contacts) == piece:
+                        wall_contacts.hit_state[c] = wp.static(SHARED)
                 for c in range(first, last):
-                    if rows.hit_state[c] == wp.static(SHARED) and piece_of(c, surface, rows) == piece:
+                    if wall_contacts.hit_state[c] == wp.static(SHARED) and piece_of(c, surface, wall_contacts) == piece:
                         crowd = wp.float64(0.0)
-                        mine = rows.hit[c]
+                        mine = wall_contacts.hit[c]
                         for o in range(first, last):
-                            if rows.hit_state[o] == wp.static(SHARED) and piece_of(o, surface, rows) == piece:
-                                other = rows.hit[o]
+                            if wall_contacts.hit_state[o] == wp.static(SHARED) and piece_of(o, surface, wall_contacts) == piece:
+                                other = wall_contacts.hit[o]
                                 cosine = wp.dot(direction_of(mine), direction_of(other))
                                 kernel = (cosine - wp.float64(wp.static(MERGE_COSINE))) / wp.float64(
                                     wp.static(SAME_COSINE - MERGE_COSINE)
                                 )
                                 share = wp.clamp(kernel, wp.float64(0.0), wp.float64(1.0))
                                 crowd += share * nearness(cutoff - other[0])
-                        rows.hit[c] = packed(mine[0], nearness(cutoff - mine[0]) / crowd, point_of(mine), direction_of(mine))
+                        wall_contacts.hit[c] = packed(
+                            mine[0], nearness(cutoff - mine[0]) / crowd, point_of(mine), direction_of(mine)
+                        )
 
     @wp.func
     def find_contact_points(
-        i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, rows: Rows,
+        i: int, q: wp.vec3d, radius: wp.float64, surface: Surface, wall_contacts: WallContacts,
         placements: wp.array2d(dtype=Placement), now_row: int,
     ) -> int:  # fmt: skip
         """Mark the candidates of grain ``i`` that are contact points as TAKEN or SHARED; 0 when there are none."""
-        first = rows.first[i]
-        last = first + rows.candidates[i]
+        first = wall_contacts.first[i]
+        last = first + wall_contacts.candidates[i]
         cutoff = radius + wp.float64(wp.static(gap))
         hits = int(0)
         hit = int(0)
         for c in range(first, last):
-            f = around.feature_of(surface, rows.feature[c])
-            body = around.seen(q, around.image_of(surface, rows.feature[c]))
+            f = around.feature_of(surface, wall_contacts.feature[c])
+            body = around.seen(q, around.image_of(surface, wall_contacts.feature[c]))
             if wp.static(moving > 0):
                 body = local(placements[now_row, surface.motion[surface.wall[f]]], body)
             point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, cutoff)
-            rows.hit_state[c] = wp.static(IDLE)
+            wall_contacts.hit_state[c] = wp.static(IDLE)
             if distance < cutoff:
-                rows.hit_state[c] = wp.static(HIT)
+                wall_contacts.hit_state[c] = wp.static(HIT)
                 hits += 1
                 hit = c
-            rows.hit_mask[c] = mask
-            rows.hit[c] = packed(distance, share, point, direction)
+            wall_contacts.hit_mask[c] = mask
+            wall_contacts.hit[c] = packed(distance, share, point, direction)
         if hits == 0:
             return 0
         if hits == 1:  # the usual case has nothing to sort out
-            rows.hit_state[hit] = wp.static(TAKEN)
+            wall_contacts.hit_state[hit] = wp.static(TAKEN)
             return 1
         if wp.static(meshes):
             for c in range(first, last):
-                if rows.hit_state[c] == wp.static(HIT) and around.feature_of(surface, rows.feature[c]) < surface.triangles:
-                    if is_repeated(c, first, last, radius, surface, rows):
-                        rows.hit_state[c] = wp.static(IDLE)
+                f = around.feature_of(surface, wall_contacts.feature[c])
+                if wall_contacts.hit_state[c] == wp.static(HIT) and f < surface.triangles:
+                    if is_repeated(c, first, last, radius, surface, wall_contacts):
+                        wall_contacts.hit_state[c] = wp.static(IDLE)
         if wp.static(repeated):
             for c in range(first, last):
-                if rows.hit_state[c] == wp.static(HIT) and around.feature_of(surface, rows.feature[c]) >= surface.triangles:
-                    if is_seen_twice(c, first, last, radius, surface, rows):
-                        rows.hit_state[c] = wp.static(IDLE)
+                f = around.feature_of(surface, wall_contacts.feature[c])
+                if wall_contacts.hit_state[c] == wp.static(HIT) and f >= surface.triangles:
+                    if is_seen_twice(c, first, last, radius, surface, wall_contacts):
+                        wall_contacts.hit_state[c] = wp.static(IDLE)
         left = int(1)
         while left == 1:
             best = int(-1)
             for c in range(first, last):
-                if rows.hit_state[c] == wp.static(HIT):
+                if wall_contacts.hit_state[c] == wp.static(HIT):
                     if best < 0:
                         best = c
                     else:
-                        one, other = rows.hit[c], rows.hit[best]
+                        one, other = wall_contacts.hit[c], wall_contacts.hit[best]
                         if one[0] < other[0]:
                             best = c
             if best < 0:
                 left = 0
             else:
-                join(best, first, last, cutoff, surface, rows)
+                join(best, first, last, cutoff, surface, wall_contacts)
         return hits
 
     return find_contact_points

@@ -45,7 +45,7 @@ def test_every_array_counts_once(start):
     scene = states.scene_of(start, "full", states.Settings())
     found = memory.held(scene, "cpu", 5)
     arrays, sums = found["arrays"], found["bytes_per_grain"]
-    assert arrays["state.record"] == 128.0 and "engine.lists.rows.load" in arrays
+    assert arrays["state.record"] == 128.0 and "engine.lists.wall_contacts.load" in arrays
     assert list(arrays.values()) == sorted(arrays.values(), reverse=True)
     # what is not named are the hash grids; Warp's report has three digits
     assert 0.95 * sums["live"] < sums["named"] < 1.005 * sums["live"] <= 1.005 * sums["peak"]

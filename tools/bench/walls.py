@@ -169,7 +169,7 @@ def analytic(launches: int, folder: Path) -> list[dict]:
                 time=dict(end=1.0, step=1e-7, max_speed=0.1),
             )), device="cpu", threads=1)  # fmt: skip
             sim.step(3)
-            places = int(sim.lists.rows.place_count.numpy()[sim.step_number & 1].sum())
+            places = int(sim.lists.wall_contacts.place_count.numpy()[sim.step_number & 1].sum())
             row[f"{kind}_places"], row[f"{kind}_ns"] = places, 1e3 * phases(sim, launches)["walls"] / places
         rows.append(row)
     return rows

@@ -67,7 +67,7 @@ class ContactLists:
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
         row_count: grains beside a wall.
-        rows: wall contacts, struct of ``kernels.wall.contact``; None without walls.
+        wall_contacts: struct of ``kernels.wall.contact``; None without walls.
         force_parity: parity of the step of the last force call.
         flight: path of each grain in flight (``kernels.lists.path``), of size 0 when none flies.
         owner, partner, kind, slot_i, slot_j: of each lane of the contact batches, shape (batches, lanes): memory slots of the
@@ -121,7 +121,7 @@ class ContactLists:
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
-        self.rows: Any = self.new_rows(n, 0) if model.features.walls.present else None
+        self.wall_contacts: Any = self.new_wall_contacts(n, 0) if model.features.walls.present else None
         self.history = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
 
     @property
@@ -148,24 +148,24 @@ class ContactLists:
         self.outer = OuterList(*(self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)))
         self.known = len(count)
 
-    def new_rows(self, grains: int, slots: int) -> Any:
+    def new_wall_contacts(self, grains: int, slots: int) -> Any:
         """Wall contacts of ``grains`` grains with ``slots`` slots in all."""
         features, device = self.model.features, self.model.device
-        rows = self.model.kernels.Rows()
-        rows.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
-        rows.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
-        rows.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
+        contacts = self.model.kernels.WallContacts()
+        contacts.first = wp.zeros(grains + 1, dtype=wp.int32, device=device)
+        contacts.candidates = wp.zeros(grains, dtype=wp.int32, device=device)
+        contacts.load = wp.zeros(grains, dtype=wp.types.vector(6, wp.float64), device=device)
         for name in ("feature", "hit_state", "hit_mask"):
-            setattr(rows, name, wp.zeros(slots, dtype=wp.int32, device=device))
-        rows.hit = wp.zeros(slots, dtype=Hit, device=device)
-        rows.result = wp.zeros(slots, dtype=wall_record.result_type(bool(features.contact.rolling)), device=device)
+            setattr(contacts, name, wp.zeros(slots, dtype=wp.int32, device=device))
+        contacts.hit = wp.zeros(slots, dtype=Hit, device=device)
+        contacts.result = wp.zeros(slots, dtype=wall_record.result_type(bool(features.contact.rolling)), device=device)
         generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
-        rows.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
+        contacts.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
         if features.measures.energy:
-            rows.entry = wp.zeros(grains, dtype=WallEntry, device=device)
-            rows.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
-        rows.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.history), device=device)
-        return rows
+            contacts.entry = wp.zeros(grains, dtype=WallEntry, device=device)
+            contacts.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
+        contacts.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.history), device=device)
+        return contacts
 
     # -- reading --------------------------------------------------------------------------------
 
@@ -174,7 +174,7 @@ class ContactLists:
         arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
         return ListedContacts(
             self.state, self.model.features.contact.history, self.contact_count, self.row_count, **arrays,
-            constants=self.contact_constants, walls=self.rows,
+            constants=self.contact_constants, walls=self.wall_contacts,
         )  # fmt: skip
 
     def contact_constants(self) -> wp.array:

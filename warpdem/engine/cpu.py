@@ -90,7 +90,7 @@ class CpuExecutor:
         """One launch per thread for the whole batch; as ``Engine.advance``."""
         model, control, threads = self._model, batch.control, self._threads
         base, _ = batch.row()
-        grains, contacts, rows = structs.arguments()
+        grains, contacts, wall_contacts = structs.arguments()
         max_threads = threads.at_work(len(self._state))
         n = self.pace.threads(max_threads) if threads.as_pays else max_threads
         kernel = model.kernels.loop.run
@@ -105,7 +105,7 @@ class CpuExecutor:
         after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
 
         def job(thread: int) -> Callable[[], None]:
-            inputs = [thread, n, *before, grains, contacts, rows, surface, *after]
+            inputs = [thread, n, *before, grains, contacts, wall_contacts, surface, *after]
             return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=model.device)
 
         wall, used = time.perf_counter(), time.process_time()

@@ -121,8 +121,8 @@ class Engine:
         velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=model.device) for _ in range(2))
         if n:
             base, _ = self.batch.row()
-            grains, _, rows = self.structs.arguments()
-            inputs = [base, grains, rows, self.batch.control, model.dt, load, velocity, spin]
+            grains, _, wall_contacts = self.structs.arguments()
+            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, load, velocity, spin]
             wp.launch(model.kernels.loop.read, dim=n, inputs=inputs, device=model.device)
         return load, velocity, spin
 
@@ -134,9 +134,9 @@ class Engine:
             out["flow"] = getattr(self._state, "flow")  # noqa: B009  arrays of the budgets go by name
         if n and (measures.energy or measures.momentum):
             base, _ = self.batch.row()
-            grains, _, rows = self.structs.arguments()
+            grains, _, wall_contacts = self.structs.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)
             energies, momenta = (packed(out.get(k, none), t) for k, t in (("energies", Energies), ("momenta", Momenta)))
-            inputs = [base, grains, rows, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
+            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
             wp.launch(model.kernels.loop.read_budget, dim=n, inputs=inputs, device=model.device)
         return {name: array.numpy() for name, array in out.items()}

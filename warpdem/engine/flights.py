@@ -130,9 +130,10 @@ class Flights:
         row, now = self._instant()
         longest, swiftest = self._walls_ahead()
         walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
-        rows, beside = model.kernels.Rows(), wp.zeros(0, dtype=wp.int32)
+        wall_contacts, beside = model.kernels.WallContacts(), wp.zeros(0, dtype=wp.int32)
         if model.walls is not None:
-            walls, rows, beside = [model.walls.surface, *model.walls.mesh_arrays[:2]], lists.rows, lists.near_feature
+            walls = [model.walls.surface, *model.walls.mesh_arrays[:2]]
+            wall_contacts, beside = lists.wall_contacts, lists.near_feature
         record, kernels = state.record, model.kernels.paths
         for _ in range(ROUNDS):
             self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
@@ -140,7 +141,8 @@ class Flights:
             steps = self.pool.zeros(len(wanted), wp.int32)
             self.launch(
                 kernels.lay, len(wanted), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight, low,
-                high, *lists.outer[:3], lists.skin, rows, beside, *walls, self.batch.control.placement, row, swiftest,
+                high, *lists.outer[:3], lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row,
+                swiftest,
                 self.batch.watched, model.dt, steps,
             )  # fmt: skip
             found = steps.numpy()

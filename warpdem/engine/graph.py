@@ -195,10 +195,10 @@ class Captured:
         self.model, self.state, self.lists, self.batch, self.storage = model, state, lists, batch, storage
         self.launch = GraphLaunch(model.device)
         self.scratch = batch.scratch(state.slots)
-        grains, _, rows = structs.arguments()
+        grains, _, wall_contacts = structs.arguments()
         self.contacts = self._contacts()
         n, max_displacement = state.slots, lists.max_displacement
-        self.step = Step(model, n, (grains, self.contacts, rows), batch, max_displacement, self.launch)
+        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, max_displacement, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
         # while the outer list is built it is in arrays that the inner list, built next, writes again
         nothing = self.scratch.nothing
@@ -260,7 +260,7 @@ class Captured:
         """As ``program.Decisions``."""
         kernels, lists = self.model.kernels.rebuild, self.lists
         for kernel in (kernels.move_wall_contacts, kernels.settle_wall_contacts):
-            self.launch(kernel, self.state.slots, lists.new.first, self.batch.clock, lists.rows)
+            self.launch(kernel, self.state.slots, lists.new.first, self.batch.clock, lists.wall_contacts)
 
     def inner_fits(self, write: Callable[[], None]) -> None:
         """As ``program.Decisions``; with the list come the forces of the present positions."""
@@ -287,7 +287,7 @@ class Captured:
         for owner in (lists, lists.outer, lists.new, self.state, self.scratch, self.batch):
             values = owner if isinstance(owner, tuple) else vars(owner).values()
             found += [value for value in values if isinstance(value, wp.array)]
-        structs = self.batch.control, self.step.grains, self.step.rows, self.contacts, lists.grids
+        structs = self.batch.control, self.step.grains, self.step.wall_contacts, self.contacts, lists.grids
         return found + [x for one in structs for name in one._cls.vars if isinstance(x := getattr(one, name), wp.array)]
 
     def key(self) -> tuple:

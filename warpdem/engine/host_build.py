@@ -187,11 +187,11 @@ class HostBuild:
     def move_wall_contacts(self) -> None:
         """As ``program.Decisions``."""
         a = self.lists
-        rows = a.new_rows(self.state.slots, a.near_feature.shape[0])
-        rows.first = a.new.first
-        inputs = a.force_parity, a.new.old_slot, a.rows, rows
+        wall_contacts = a.new_wall_contacts(self.state.slots, a.near_feature.shape[0])
+        wall_contacts.first = a.new.first
+        inputs = a.force_parity, a.new.old_slot, a.wall_contacts, wall_contacts
         self.launch(self.model.kernels.walls.carry_wall_contacts, self.state.slots, *inputs)
-        a.rows = rows
+        a.wall_contacts = wall_contacts
 
     # -- inner list -----------------------------------------------------------------------------
 
@@ -203,8 +203,8 @@ class HostBuild:
             setattr(a, name, buffer(name, (n,), wp.int32))
         a.row_start = buffer("row start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
-        if a.rows is not None:
-            a.rows.grain = buffer("wall grain", (n,), wp.int32)
+        if a.wall_contacts is not None:
+            a.wall_contacts.grain = buffer("wall grain", (n,), wp.int32)
         self.program.build_inner()
         a.refreshes += 1
         a.version += 1

@@ -175,7 +175,8 @@ class NeighborLists(ContactLists):
         new = [slot for slot in self.flights.slots if slot not in known]
         unlisted = False  # all that is in the rows of those that fly is in the inner list
         if new:
-            unlisted = self.outer.neighbors.numpy()[new].any() or (self.rows and np.diff(self.rows.first.numpy())[new].any())
+            walls = self.wall_contacts
+            unlisted = self.outer.neighbors.numpy()[new].any() or (walls and np.diff(walls.first.numpy())[new].any())
         return Validity.INNER_OUT_OF_DATE if (stray & INNER).any() or unlisted else Validity.VALID, fast
 
     def _insert(self) -> bool:
@@ -210,8 +211,8 @@ class NeighborLists(ContactLists):
         self.state.leave(gone)
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that was inserted just now is in no list
-        if self.rows is not None and len(gone):
-            for array in (self.rows.candidates, self.rows.place_count):
+        if self.wall_contacts is not None and len(gone):
+            for array in (self.wall_contacts.candidates, self.wall_contacts.place_count):
                 with changed(array) as values:
                     values[..., gone] = 0
 

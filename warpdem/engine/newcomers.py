@@ -133,26 +133,26 @@ class Newcomers:
         """Slots of newcomers beside walls, behind those of the others."""
         lists, walls = self.lists, self.model.walls
         assert walls is not None
-        rows, n, used = lists.rows, int(new[-1]) + 1, int(lists.rows.first.numpy()[new[0]])
+        contacts, n, used = lists.wall_contacts, int(new[-1]) + 1, int(lists.wall_contacts.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
         shared = self.state.record, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
         count = self.pool.zeros(n, wp.int32)
         self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])
         for name, axis in WALL_ROWS.items():
-            setattr(rows, name, grown(getattr(rows, name), n + 1, axis))
+            setattr(contacts, name, grown(getattr(contacts, name), n + 1, axis))
         if self.model.features.measures.energy:
-            rows.entry, rows.power = grown(rows.entry, n), grown(rows.power, n)
+            contacts.entry, contacts.power = grown(contacts.entry, n), grown(contacts.power, n)
         for name, axis in WALL_SLOTS.items():
-            setattr(rows, name, grown(getattr(rows, name), int(begin[-1]), axis))
+            setattr(contacts, name, grown(getattr(contacts, name), int(begin[-1]), axis))
         lists.near_feature = grown(lists.near_feature, int(begin[-1]))
-        rows.first.numpy()[new[0] : n + 1] = begin
-        rows.candidates.numpy()[new] = 0
-        rows.place_count.numpy()[:, new] = 0
-        self._launch_for(new, near, 1, *shared, rows.first, count, lists.near_feature)
+        contacts.first.numpy()[new[0] : n + 1] = begin
+        contacts.candidates.numpy()[new] = 0
+        contacts.place_count.numpy()[:, new] = 0
+        self._launch_for(new, near, 1, *shared, contacts.first, count, lists.near_feature)
 
 
 WALL_ROWS = {"first": 0, "candidates": 0, "load": 0, "place_count": 1}
-"""Arrays of the wall rows that are as long as there are grains, by the axis of the grains."""
+"""Arrays of the wall contacts that are as long as there are grains, by the axis of the grains."""
 WALL_SLOTS = {"feature": 0, "hit_state": 0, "hit_mask": 0, "hit": 0, "result": 0, "place": 1}
 """Those that are as long as there are slots."""

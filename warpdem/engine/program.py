@@ -69,7 +69,7 @@ class Step:
     def __init__(self, model: Model, n: int, structs: tuple[Any, Any, Any], batch: Batch, max_displacement: float,
                  launch: Launch) -> None:  # fmt: skip
         self.model, self.n, self.batch, self.launch, self.max_displacement = model, n, batch, launch, max_displacement
-        self.grains, self.contacts, self.rows = structs
+        self.grains, self.contacts, self.wall_contacts = structs
         self.surface = model.walls.surface if model.walls is not None else Surface()
 
     def __call__(self, ahead: int) -> None:
@@ -95,13 +95,13 @@ class Step:
         """Forces of the contacts with walls."""
         if self.model.walls is not None:
             b, m, materials = self.batch, self.model, self.model.features.contact.materials
-            shared = self.grains, self.rows, self.surface, b.control, m.coefficients, materials, b.clock, m.dt
+            shared = self.grains, self.wall_contacts, self.surface, b.control, m.coefficients, materials, b.clock, m.dt
             self.launch(m.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
 
     def move(self, ahead: int, stage: int = 0) -> None:
         """Kick and drift, and whether grains have moved too far for the inner list."""
         b, m = self.batch, self.model
-        shared = self.grains, self.rows, b.control, b.clock, m.dt, self.max_displacement
+        shared = self.grains, self.wall_contacts, b.control, b.clock, m.dt, self.max_displacement
         self.launch(m.kernels.graph.move, self.n, ahead, stage, *shared)
 
 
@@ -192,10 +192,10 @@ class ListBuild:
         )
         candidates = wall_grain = b.scratch(self.n).nothing
         if self.model.walls is not None:
-            near = a.near_feature, a.flight, a.rows
+            near = a.near_feature, a.flight, a.wall_contacts
             shared = self.state.record, 0.5 * a.inner_skin, self.model.walls.surface, b.placements
             self.launch(self.kernels.walls.close_features, self.n, *shared, *near)
-            candidates, wall_grain = a.rows.candidates, a.rows.grain
+            candidates, wall_grain = a.wall_contacts.candidates, a.wall_contacts.grain
         starts = [a.touching_start, a.near_start, a.row_start, wall_grain]
         self.number([*counts, candidates], b.clock[TOTALS], starts)
         self.decide.inner_fits(self._write_inner)

@@ -28,11 +28,11 @@ class Structs:
         self._built, self._version = None, -1
 
     def arguments(self) -> tuple[Any, Any, Any]:
-        """``Grains`` and ``ContactBatches`` of ``kernels.step.loop``, ``Rows`` of ``kernels.wall.contact``."""
+        """``Grains`` and ``ContactBatches`` of ``kernels.step.loop``, ``WallContacts`` of ``kernels.wall.contact``."""
         lists = self._lists
         if self._built is None or self._version != lists.version:
-            rows = lists.rows if lists.rows is not None else self._model.kernels.Rows()
-            self._built = self._grains(), self._contact_batches(), rows
+            wall_contacts = lists.wall_contacts if lists.wall_contacts is not None else self._model.kernels.WallContacts()
+            self._built = self._grains(), self._contact_batches(), wall_contacts
             self._version = lists.version
         self._built[0].flight = lists.flight  # paths are assigned between two list builds too
         return self._built

@@ -26,7 +26,7 @@ def compile_kernels(features: Features, device=None) -> Built:
 
     Returns:
         Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
-        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``Rows``.
+        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -84,7 +84,7 @@ def _built(features: Features) -> Built:
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
-    Rows, evaluate_wall_contacts = contact.build(
+    WallContacts, evaluate_wall_contacts = contact.build(
         wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
         moving_frame=shifting, meshes=meshes, moving=walls.moving,
     )  # fmt: skip
@@ -105,7 +105,7 @@ def _built(features: Features) -> Built:
     step = loop.build(
         pair_pack,
         evaluate_wall_contacts,
-        Rows,
+        WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
         travel,
@@ -128,7 +128,7 @@ def _built(features: Features) -> Built:
         wall_lists = candidates.build(
             around,
             images,
-            Rows,
+            WallContacts,
             spins=laws.spins,
             meshes=meshes,
             shapes=any(shapes),
@@ -136,7 +136,8 @@ def _built(features: Features) -> Built:
             leave=domain.outlets > 0,
         )
     paths = flight.build(
-        travel, images, closest_on_feature, Rows, **spins, moving=walls.moving, meshes=meshes, shapes=any(shapes), gap=laws.gap,
+        travel, images, closest_on_feature, WallContacts, **spins, moving=walls.moving, meshes=meshes,
+        shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
     moved = displacement.build(
@@ -149,10 +150,11 @@ def _built(features: Features) -> Built:
             turning_frame=turning,
         )  # fmt: skip
         graph = captured.build(
-            step, pair_pack, evaluate, Rows, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+            step, pair_pack, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
         )
-        again = rebuild.build(Rows)
+        again = rebuild.build(WallContacts)
     return Built(
-        loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, Rows=Rows, pairs=pair_pack, paths=paths,
+        loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
+        pairs=pair_pack, paths=paths,
         displacement=moved,
     )  # fmt: skip

@@ -54,17 +54,17 @@ def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
 def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
     """History and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
     contacts, state = view.contacts, view.state
-    rows = contacts.walls
-    if rows is None:
+    walls = contacts.walls
+    if walls is None:
         return {}
     parity, g = view.clock.step_number & 1, contacts.wall_grains
     slot, holder = contacts.place_slots(parity, g)
     out = {f"place_{name}": values for name, values in contacts.places(parity, slot).items()}
     out["place_grain"] = state.id.numpy()[holder]
-    load = np.where(rows.candidates.numpy()[:, None] > 0, rows.load.numpy(), 0.0)
+    load = np.where(walls.candidates.numpy()[:, None] > 0, walls.load.numpy(), 0.0)
     out["wall_load"] = load[state.rank]
     if view.model.features.measures.energy:
-        out |= {f"wall_{name}": getattr(rows, name).numpy()[state.rank] for name in ("entry", "power")}
+        out |= {f"wall_{name}": getattr(walls, name).numpy()[state.rank] for name in ("entry", "power")}
     return out
 
 
@@ -109,14 +109,14 @@ def _put_places(lists, data: dict, n: int) -> None:
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
     count = np.bincount(grains, minlength=n).astype(np.int32)
-    rows = lists.new_rows(n, len(grains))
-    rows.first = lists.pool.upload(starts(count), wp.int32)
-    rows.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
-    memory = rows.place.numpy()
+    walls = lists.new_wall_contacts(n, len(grains))
+    walls.first = lists.pool.upload(starts(count), wp.int32)
+    walls.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
+    memory = walls.place.numpy()
     at = wall_record.columns(lists.model.features.contact.history)
     memory[lists.force_parity] = wall_record.packed(at, data, memory.shape[-1])[order]
-    rows.place.assign(memory)
-    lists.rows = rows
+    walls.place.assign(memory)
+    lists.wall_contacts = walls
 
 
 def _put_forces(lists, data: dict) -> None:
@@ -134,18 +134,18 @@ def _put_forces(lists, data: dict) -> None:
             entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
     lists.row.assign(row)
     lists.entry.assign(entry)
-    if lists.rows is None:
+    if lists.wall_contacts is None:
         return
     load = np.zeros((len(state), 6))
     load[state.rank] = data["wall_load"]
-    lists.rows.load.assign(load)
+    lists.wall_contacts.load.assign(load)
     for name in ("entry", "power") if lists.model.features.measures.energy and "wall_entry" in data else ():
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
-        getattr(lists.rows, name).assign(values)
+        getattr(lists.wall_contacts, name).assign(values)
     slot, holder = contacts.place_slots(lists.force_parity, contacts.wall_grains)
     order = np.argsort(data["place_grain"], kind="stable")
     mine = np.argsort(state.id.numpy()[holder], kind="stable")
-    result = lists.rows.result.numpy()
+    result = lists.wall_contacts.result.numpy()
     result[slot[mine]] = wall_record.packed(wall_record.RESULT, data, result.shape[-1])[order]
-    lists.rows.result.assign(result)
+    lists.wall_contacts.result.assign(result)

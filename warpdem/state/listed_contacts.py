@@ -50,7 +50,7 @@ class ListedContacts:
     constants: Callable[[], wp.array]
     """Gives what does not change of each contact, shape (batches, numbers, lanes)."""
     walls: Any
-    """Contacts with walls, ``Rows`` of ``kernels.wall.contact`` or its copied arrays; None without walls."""
+    """Contacts with walls, ``WallContacts`` of ``kernels.wall.contact`` or its copied arrays; None without walls."""
 
     def real_lanes(self) -> np.ndarray:
         """Numbers of the lanes that hold a contact of grains that are present, shape (contacts,)."""
