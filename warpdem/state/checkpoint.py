@@ -10,7 +10,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import h5py
 import numpy as np
@@ -19,8 +19,12 @@ from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.scene.model import Scene
 from warpdem.state import contact_history
 from warpdem.state.view import RunView
+
+if TYPE_CHECKING:
+    from warpdem.engine.neighbor_list import NeighborLists
 
 FORMAT = "warpdem checkpoint 4"
 MAY_CHANGE = {
@@ -85,7 +89,7 @@ class Run(Protocol):
         """What runs the steps."""
 
     @property
-    def lists(self) -> Any:
+    def lists(self) -> "NeighborLists":
         """Neighbor lists."""
 
     @property
@@ -184,7 +188,7 @@ def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
     return digest.hexdigest()
 
 
-def read(path: Path) -> dict:
+def read(path: str | Path) -> dict:
     """Contents of a checkpoint: its arrays, and what ``about`` holds.
 
     Raises:
@@ -226,7 +230,7 @@ def _require_stored(file: h5py.File, name: str, size: int) -> None:
         raise ValueError(f"{name} claims {held.nbytes} bytes in a file of {size}")
 
 
-def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
+def scene_of(data: dict, plugins: Sequence[str | Path] = ()) -> Scene:
     """The scene that a checkpoint belongs to; it loads code from no other files than ``plugins``."""
     from warpdem.scene.file import scene_from_dict
 
@@ -234,7 +238,7 @@ def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
     return scene_from_dict(data["scene"], data["base"], data["source"], access)
 
 
-def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> None:
+def refuse_other(data: dict, scene: Scene, files: dict[str, str], scene_hash: str) -> None:
     """Refuse to go on with another scene than that of a checkpoint, or the same with other files.
 
     Args:
@@ -271,8 +275,10 @@ def _changed(there: dict, here: dict) -> list[str]:
     for key in {**here, **there}:
         old, new = there.get(key), here.get(key)
         if old != new:
-            both = isinstance(old, dict) and isinstance(new, dict)
-            out += [f"{key}.{inner}" for inner in _changed(old, new)] if both else [key]
+            if isinstance(old, dict) and isinstance(new, dict):
+                out += [f"{key}.{inner}" for inner in _changed(old, new)]
+            else:
+                out.append(key)
     return out
 
 

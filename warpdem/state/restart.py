@@ -9,7 +9,7 @@ a contact stay if its law does; those at a wall, if both scenes name it and it h
 import dataclasses
 import hashlib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
 
+if TYPE_CHECKING:
+    from warpdem.engine.neighbor_list import NeighborLists
+
 
 def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()) -> Scene:
     """The scene without its grains, to start from the checkpoint at ``path``."""
@@ -39,6 +42,12 @@ def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()
     access = scene.access if folders is None else dataclasses.replace(scene.access, folders=(*folders, path.parent))
     start = Start(checkpoint=str(path), continues=list(continues))
     return scene.model_copy(update={"start": start, "grains": [], "access": access})
+
+
+def _start(scene: Scene) -> Start:
+    """What the scene says of its start: it has one."""
+    assert scene.start is not None
+    return scene.start
 
 
 def read(scene: Scene) -> Past:
@@ -50,7 +59,7 @@ def read(scene: Scene) -> Past:
     """
     key = f"{scene.source}: start.checkpoint"
     try:
-        data = checkpoint.read(scene.resolve(scene.start.checkpoint))
+        data = checkpoint.read(scene.resolve(_start(scene).checkpoint))
     except SceneError as error:
         raise SceneError(f"{key}: {error}") from None
     names = list(data["scene"]["materials"])
@@ -69,7 +78,7 @@ def read(scene: Scene) -> Past:
     memory, notes = _memory(scene, data, redrawn)
     if "orientation" in data:
         memory["orientation"] = data["orientation"]
-    going = "streams" in scene.start.continues
+    going = "streams" in _start(scene).continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
     inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
@@ -96,7 +105,7 @@ def _check_pairs(scene: Scene, present: list[str], key: str) -> None:
 
 def _going_on(scene: Scene, data: dict, redrawn: set[str]) -> Scene:
     """The scene whose frame and walls, but those ``redrawn``, go on from where those of the checkpoint stand."""
-    start, there = scene.start, data["scene"]
+    start, there = _start(scene), data["scene"]
     _check_continues(scene, data)
     ahead = scene.later(_end(data))
     frame = _matrix(data["places"]["frame"])
@@ -166,7 +175,7 @@ def _notes_on_walls(scene: Scene, data: dict, redrawn: set[str]) -> list[str]:
         way = _way(data, name) if name in there else ""
         if name in redrawn and way:
             said = f"start: wall {name!r} has another geometry than in {data['path']}, where it had been {way}"
-            if name in scene.start.continues:
+            if name in _start(scene).continues:
                 notes.append(f"{said}: it goes on from there, since start.continues names it")
             else:
                 notes.append(
@@ -188,9 +197,9 @@ def _check_continues(scene: Scene, data: dict) -> None:
     here = scene.model_dump(mode="json", include={"frame", "streams", "walls"})
     then = {entry["name"]: entry for entry in there["walls"]}
     now = {entry["name"]: entry for entry in here["walls"]}
-    for name in scene.start.continues:
+    for name in _start(scene).continues:
         if name in ("frame", "streams"):
-            pair = here[name], there[name]
+            pair: tuple[Any, ...] = here[name], there[name]
         elif name in now and name in then:
             pair = tuple((entry["motion"], entry["fixed_to"]) for entry in (now[name], then[name]))
         else:
@@ -320,7 +329,7 @@ def _kind(wall: dict) -> str:
     return next(key for key in ("mesh", *SHAPES) if wall.get(key) is not None)
 
 
-def take_over(past: Past, state: State, lists: Any, streams: Streams) -> None:
+def take_over(past: Past, state: State, lists: "NeighborLists", streams: Streams) -> None:
     """Give a run at its start the ids, contact history, orientation and random numbers of the run that it starts from.
 
     Args:

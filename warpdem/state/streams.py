@@ -34,7 +34,7 @@ class Streams:
     @property
     def notes(self) -> list[str]:
         """What is to be known of the boxes of the streams, for people."""
-        return [note for inlet in self.inlets for note in inlet.walls.notes]
+        return [note for inlet in self.inlets if inlet.walls is not None for note in inlet.walls.notes]
 
     def next_step(self) -> int | None:
         """The next step at which grains may be inserted; None if there is none."""
@@ -82,7 +82,7 @@ class Streams:
         def places(time: float) -> list[tuple[np.ndarray, np.ndarray]]:
             return [(body[:9].reshape(3, 3), body[9:12]) for body in model.schedule.bodies(time)]
 
-        moves = model.schedule.wall_motion < model.schedule.moving
+        moves = (model.schedule.wall_motion < model.schedule.moving).tolist()
         return InletWalls(number, model.scene, model.meshes, places, moves)
 
     def state(self) -> list[dict]:
