@@ -1,6 +1,6 @@
 """Contact history and forces of the last force call: taken out for a checkpoint, and put back."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -79,7 +79,7 @@ def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
     return out
 
 
-def remember(lists: "NeighborLists", data: dict) -> None:
+def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
 
     Args:
@@ -105,7 +105,7 @@ def remember(lists: "NeighborLists", data: dict) -> None:
         _put_places(lists, data, n)
 
 
-def restore(lists: "NeighborLists", data: dict) -> None:
+def restore(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Lists for the present positions with the memory and the forces of a checkpoint."""
     if len(lists.state) == 0:
         return
@@ -115,7 +115,7 @@ def restore(lists: "NeighborLists", data: dict) -> None:
     _put_forces(lists, data)
 
 
-def _put_places(lists: "NeighborLists", data: dict, n: int) -> None:
+def _put_places(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
     """Slots that hold the places of a checkpoint, for the rebuild to carry over."""
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
@@ -130,7 +130,7 @@ def _put_places(lists: "NeighborLists", data: dict, n: int) -> None:
     lists.rows = rows
 
 
-def _put_forces(lists: "NeighborLists", data: dict) -> None:
+def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
     state = lists.state
     contacts = lists.view()

@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -180,7 +181,7 @@ class State:
         """Columns of the record in ascending order of id, a fresh copy."""
         return self.record.numpy()[self.rank, columns]
 
-    def restore(self, data: dict) -> None:
+    def restore(self, data: dict[str, Any]) -> None:
         """Take over the arrays of a checkpoint, which are in order of id."""
         for name in self.names:
             array = getattr(self, name)

@@ -1,6 +1,7 @@
 """Grains that streams insert while a run goes on."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -85,16 +86,16 @@ class Streams:
         moves = (model.schedule.wall_motion < model.schedule.moving).tolist()
         return InletWalls(number, model.scene, model.meshes, places, moves)
 
-    def state(self) -> list[dict]:
+    def state(self) -> list[dict[str, Any]]:
         """What a checkpoint holds of the streams, as JSON."""
         return [inlet.state() for inlet in self.inlets]
 
-    def restore(self, states: list[dict]) -> None:
+    def restore(self, states: list[dict[str, Any]]) -> None:
         """Take over what ``state`` gave."""
         for inlet, state in zip(self.inlets, states, strict=True):
             inlet.restore(state)
 
-    def take_over(self, states: dict[int, dict]) -> None:
+    def take_over(self, states: dict[int, dict[str, Any]]) -> None:
         """Go on with the random numbers of streams of another run, by number; what they inserted there does not count."""
         for number, state in states.items():
             self.inlets[number].restore({**state, "count": 0, "mass": 0.0})
