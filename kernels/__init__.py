@@ -19,7 +19,8 @@ if __name__ != "warpdem.kernels":
 wp.config.log_level = wp.LOG_ERROR  # a line per compiled module would drown the progress of a run
 
 # Straight-line kernels profit from the SLP vectoriser at its own depth (Warp limits it to 4 to save compile time);
-# floating-point contraction stays off (clang's default here), so a contact's bits do not depend on its lane.
+# floating-point contraction stays off (clang's default here), so a contact's bits do not depend on its lane. All modules have
+# the same flags: Warp's own header is compiled once for each set of them, which takes longer than most modules.
 CPU_FLAGS = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-slp-recursion-max-depth=12"
 
 MODULE_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": CPU_FLAGS}

@@ -13,10 +13,13 @@ are needed by every packing, so they are one module.
 """
 
 import warp as wp
+from warpdem.kernels import MODULE_OPTIONS
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 
+wp.set_module_options(MODULE_OPTIONS)
 
-@wp.kernel(enable_backward=False)
+
+@wp.kernel
 def insert_grains(
     grids: SizeGrids,
     # grains, read [m]
@@ -28,7 +31,7 @@ def insert_grains(
     insert(grids, i, position[i], radius[i])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def list_neighbours(
     first: wp.int32,
     grids: SizeGrids,
@@ -77,7 +80,7 @@ def list_neighbours(
     partner_out[i] = partner
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def push_apart(
     first: wp.int32,
     # grains, read [m]; those from number `loose` on are held fast; `growth` scales all radii [-]

@@ -10,6 +10,9 @@ reaches.
 """
 
 import warp as wp
+from warpdem.kernels import MODULE_OPTIONS
+
+wp.set_module_options(MODULE_OPTIONS)
 
 BLOCK = 256  # grains whose contacts are sorted by class together
 AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for memory once for all
@@ -23,7 +26,7 @@ def capped(sum: wp.int32) -> wp.int32:
     return 2147483647 if sum < 0 else sum
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel
 def sum_blocks(
     first: wp.int32,
     lanes: wp.int32,
@@ -51,7 +54,7 @@ def sum_blocks(
     sums_out[b] = total
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel
 def start_blocks(
     # read and written: sums of each block, replaced by those before it
     sums_out: wp.array[Sums],
@@ -75,7 +78,7 @@ def start_blocks(
     total_out[2] = running[3]
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel
 def start_grains(
     first: wp.int32,
     lanes: wp.int32,

@@ -13,6 +13,7 @@ nothing, so that what is observed never changes the run.
 import functools
 
 import warp as wp
+from warpdem.kernels import MODULE_OPTIONS
 from warpdem.kernels.field import Numbers
 
 
@@ -20,7 +21,7 @@ from warpdem.kernels.field import Numbers
 def build_each(observe):
     """Return the kernel that reads a number off each grain."""
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     def each(
         # grains, read
         position: wp.array(dtype=wp.vec3d),

@@ -11,6 +11,7 @@ Two faces nearly equally close may be confused by float32 rounding: the distance
 """
 
 import warp as wp
+from warpdem.kernels import MODULE_OPTIONS
 
 
 @wp.func
@@ -48,7 +49,7 @@ def closest_on_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> w
     return wp.vec3d(va / total, vb / total, vc / total)
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 def signed_distance(
     # mesh: search tree in unit coordinates (x - centre) / size, and its true corners [m]
     mesh: wp.uint64,
@@ -94,7 +95,7 @@ def signed_distance(
     distance_out[i] = sign * distance
 
 
-@wp.kernel(enable_backward=False, module="unique")
+@wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 def pierced(
     mesh: wp.uint64,  # its search tree in unit coordinates
     # lines in unit coordinates, read
