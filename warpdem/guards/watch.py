@@ -17,6 +17,7 @@ goes on.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -137,7 +138,7 @@ class Guards:
 
     # -- checkpoint -----------------------------------------------------------------------------
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What the guards keep between looks besides ``arrays``, fit for JSON."""
         return {"next_look": self.next_look, "energy": self.energy.state(), "stability": self.stability.state()}
 
@@ -145,7 +146,7 @@ class Guards:
         """What the guards keep of each grain."""
         return self.sides.arrays()
 
-    def restore(self, data: dict) -> None:
+    def restore(self, data: dict[str, Any]) -> None:
         """Take over ``state``, under "guards", and ``arrays`` of a checkpoint; one of an older version has none."""
         if "guards" not in data:
             self.next_look = look_after(self.view.clock.step_number)

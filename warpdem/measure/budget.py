@@ -71,7 +71,8 @@ class Budget:
         now, sums = self._momentum(), self._sums()["momenta"]
         parts = {name: np.array(sums[6 * k : 6 * k + 6]) for k, name in enumerate(MOMENTA)}
         parts["carried"] = parts["carried"] + self._totals.carried[1:]
-        terms = {"": now, **parts, "error": now - np.array(self._totals.start["momentum"]) - sum(parts.values())}
+        error = now - np.array(self._totals.start["momentum"]) - sum(parts.values())
+        terms: dict[str, list[float] | np.ndarray] = {"": now, **parts, "error": error}
         return {
             f"{vector} {name}".strip(): float(value)
             for name, six in terms.items()
