@@ -30,11 +30,11 @@ AROUND, ALONG = 192, 24  # facets of a tessellated shape
 def phases(sim: Simulation, launches: int) -> dict[str, float]:
     """Least time of each phase of the present step [us]."""
     engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
-    grains, packs, rows = engine.structs.arguments()
+    grains, contacts, rows = engine.structs.arguments()
     base, _ = engine.batch.row()
     control, last = engine.batch.control, len(sim.state)
     calls = {
-        "pairs": (loop.pair_forces, [1, packs.owner.shape[0], base, 0, grains, packs, control, sim.coefficients, sim.dt]),
+        "pairs": (loop.pair_forces, [1, contacts.owner.shape[0], base, 0, grains, contacts, control, sim.coefficients, sim.dt]),
         "walls": (
             loop.wall_forces,
             [1, lists.row_count, base, 0, grains, rows, sim.walls.surface, control, sim.coefficients,

@@ -77,7 +77,7 @@ def _built(features: Features) -> Built:
     turning = frame.rotates and not scheme.RELATIVE
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
-    pair_pack = pairs.build(
+    pair_kernels = pairs.build(
         backend.real, pair_law, pair_parts, images, backend.lanes, **shared, stored=laws.constants, turning_frame=turning
     )
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
@@ -103,7 +103,7 @@ def _built(features: Features) -> Built:
         stages=stages,
     )  # fmt: skip
     step = loop.build(
-        pair_pack,
+        pair_kernels,
         evaluate_wall_contacts,
         WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
@@ -146,15 +146,15 @@ def _built(features: Features) -> Built:
     graph = again = None
     if backend.resident:
         evaluate = thread_contact.build(
-            backend.real, pair_law, wall_law.constants, pair_pack, images, pair_parts is not None, **shared, **met,
+            backend.real, pair_law, wall_law.constants, pair_kernels, images, pair_parts is not None, **shared, **met,
             turning_frame=turning,
         )  # fmt: skip
         graph = captured.build(
-            step, pair_pack, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+            step, pair_kernels, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
         )
         again = rebuild.build(WallContacts)
     return Built(
         loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
-        pairs=pair_pack, paths=paths,
+        pairs=pair_kernels, paths=paths,
         displacement=moved,
     )  # fmt: skip

@@ -21,7 +21,7 @@ from warpdem.scene.models import digest, is_file, model, numbers
 from warpdem.scene.motion_chain import frame_chain
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register
-WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one pack: it reads consecutive memory
+WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one batch: it reads consecutive memory
 LEFT_OUT = "left out  "  # how a line of Features.explain begins for what the scene does not need
 
 
