@@ -61,6 +61,7 @@ class Guards:
         self.travel, self.overlap, self.energy = TravelGuard(view.model), OverlapGuard(view.model), EnergyGuard(view.model)
         self.sides, self.stability = SideGuard(view), StabilityGuard()
         self._looking = (self.sides, self.stability, self.energy)
+        self._kept = (self.energy, self.stability)  # by checkpoints, besides the arrays of ``sides``
         self.next_look = view.clock.step_number
 
     def notice(self, verdict: Verdict) -> None:
@@ -139,8 +140,7 @@ class Guards:
 
     def state(self) -> dict:
         """What the guards keep between looks besides ``arrays``, fit for JSON."""
-        kept = {guard.NAME: guard.state() for guard in (self.energy, self.stability)}
-        return {"next_look": self.next_look, **kept}
+        return {"next_look": self.next_look, **{guard.NAME: guard.state() for guard in self._kept}}
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What the guards keep of each grain."""
@@ -153,7 +153,7 @@ class Guards:
         """
         state = data.get("guards", {})
         self.next_look = state.get("next_look", look_after(self.view.clock.step_number))
-        for guard in (self.energy, self.stability):
+        for guard in self._kept:
             if guard.NAME in state:
                 guard.restore(state[guard.NAME])
         if data.keys() >= self.sides.arrays().keys():
