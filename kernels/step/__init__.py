@@ -11,5 +11,5 @@
     barrier        where the CPU threads meet between phases
     clock          conditions and counters of a batch of steps
 
-A graph and the CPU kernel compute the same bits.
+Both compute the same bits on a CPU.
 """
