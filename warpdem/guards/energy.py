@@ -10,6 +10,7 @@ compared with what went through it. A driven scene without that budget is not wa
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,11 +69,11 @@ class EnergyGuard:
         """Compare later looks with the last one."""
         self._books = self._next
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What is kept between looks."""
         return asdict(self._books)
 
-    def restore(self, state: dict) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Take over what ``state`` gave."""
         self._books = self._next = Books(**{**state, "known": tuple(state["known"])})
 

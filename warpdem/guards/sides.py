@@ -53,6 +53,7 @@ class SideGuard:
             wrong.append(self._beyond(view, np.flatnonzero(known), depth, DEEP, number))
         for number in self._shapes:
             shape = view.model.scene.walls[number].shape
+            assert shape is not None
             height = shape.nearest(_in_body(view, position, number))[1]
             wrong.append(self._beyond(view, np.arange(len(ids)), -height / radius, 1.0, number))
         if self._meshes:

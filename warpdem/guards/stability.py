@@ -14,6 +14,7 @@ schemes are there to be compared, up to where they fail, and are not watched.
 """
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -211,11 +212,11 @@ class StabilityGuard:
         """Keep what the last look has found."""
         self._seen = self._next
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What is kept between looks."""
         return asdict(self._seen)
 
-    def restore(self, state: dict) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Take over what ``state`` gave."""
         self._seen = self._next = Seen(**state)
 

@@ -17,6 +17,7 @@ goes on.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -138,7 +139,7 @@ class Guards:
 
     # -- checkpoint -----------------------------------------------------------------------------
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What the guards keep between looks besides ``arrays``, fit for JSON."""
         return {"next_look": self.next_look, **{guard.NAME: guard.state() for guard in self._kept}}
 
@@ -146,7 +147,7 @@ class Guards:
         """What the guards keep of each grain."""
         return self.sides.arrays()
 
-    def restore(self, data: dict) -> None:
+    def restore(self, data: dict[str, Any]) -> None:
         """Take over ``state``, under "guards", and ``arrays`` of a checkpoint.
 
         What a checkpoint of an older version lacks counts as nothing kept: that guard begins anew.

@@ -1,6 +1,7 @@
 """How much of grains and of lines between them lies in a box, with the images that come round periodic borders."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class BoxShare:
         volume: of the box [m3].
     """
 
-    def __init__(self, low, high, period) -> None:
+    def __init__(self, low: Sequence[float], high: Sequence[float], period: Sequence[float]) -> None:
         self._low, self._high, self._period = (np.array(values, dtype=float) for values in (low, high, period))
         length = self._high - self._low
         # such a box has no ends: whatever crosses the one comes in at the other
@@ -33,7 +34,7 @@ class BoxShare:
     def holds(self, position: np.ndarray) -> np.ndarray:
         """Whether each position (n, 3) [m], or an image of it, is inside; shape (n,), bool."""
         place = self._shifted(position)
-        return ((place >= self._low) & (place < self._high)).all(axis=1)
+        return np.asarray(((place >= self._low) & (place < self._high)).all(axis=1))
 
     def of_balls(self, centre: np.ndarray, radius: np.ndarray) -> float:
         """Volume [m3] of balls at ``centre`` [m] (n, 3) with ``radius`` [m] (n,) that is inside."""

@@ -15,8 +15,8 @@ the energy, -(1/2) m v_frame^2 being the potential of the centrifugal force: at 
 walls at rest in the frame do not change it.
 
 The kernels add up D, W and J per grain at every step (``kernels.measure.budget``). In the laboratory the frame does no work:
-the walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity of mid-step and its place
-there, at which the books of its work begin or end.
+the walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity of mid-step and its
+place there, at which the books of its work begin or end.
 """
 
 import numpy as np
@@ -71,7 +71,8 @@ class Budget:
         now, sums = self._momentum(), self._sums()["momenta"]
         parts = {name: np.array(sums[6 * k : 6 * k + 6]) for k, name in enumerate(MOMENTA)}
         parts["carried"] = parts["carried"] + self._totals.carried[1:]
-        terms = {"": now, **parts, "error": now - np.array(self._totals.start["momentum"]) - sum(parts.values())}
+        error = now - np.array(self._totals.start["momentum"]) - sum(parts.values())
+        terms: dict[str, list[float] | np.ndarray] = {"": now, **parts, "error": error}
         return {
             f"{vector} {name}".strip(): float(value)
             for name, six in terms.items()

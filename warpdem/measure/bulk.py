@@ -77,11 +77,13 @@ class Bulk:
     @cached_property
     def solid_fraction(self) -> float:
         """Solid fraction [-]; only in a box."""
+        assert self._box is not None
         return self._box.of_balls(self._particles.position, self._particles.radius) / self._box.volume
 
     @cached_property
     def stress(self) -> np.ndarray:
         """Stress, symmetric, pressure positive [Pa], shape (3, 3); only in a box."""
+        assert self._box is not None
         out = np.zeros((3, 3))
         if self.grains:
             fluctuation = self._velocity - self.velocity

@@ -16,6 +16,7 @@ mean flow varies within w, too. Sources: Goldhirsch 2010, doi 10.1007/s10035-010
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,14 +36,16 @@ class Lattice:
     """Distance of points [m]."""
 
     @classmethod
-    def across(cls, low, high, cell: float) -> "Lattice":
+    def across(cls, low: Sequence[float] | np.ndarray, high: Sequence[float] | np.ndarray, cell: float) -> "Lattice":
         """Points from ``low`` on [m] that reach to ``high`` [m]."""
         low = np.array(low, dtype=float)
-        counts = np.ceil((np.array(high) - low) / cell - 1e-9).astype(int) + 1
-        return cls(low, tuple(int(c) for c in counts), cell)
+        x, y, z = (int(c) for c in np.ceil((np.array(high) - low) / cell - 1e-9).astype(int) + 1)
+        return cls(low, (x, y, z), cell)
 
 
-def coarse_grained(snapshot: Snapshot, lattice: Lattice, width: float, period=(0.0, 0.0, 0.0)) -> dict[str, np.ndarray]:
+def coarse_grained(
+    snapshot: Snapshot, lattice: Lattice, width: float, period: Sequence[float] = (0.0, 0.0, 0.0)
+) -> dict[str, np.ndarray]:
     """Fields at the points of ``lattice`` by name, x running fastest, shapes (p,), (p, 3) or (p, 9).
 
     Args:
@@ -61,6 +64,7 @@ def coarse_grained(snapshot: Snapshot, lattice: Lattice, width: float, period=(0
     mean = momentum / some
     kinetic = sums[:, 5:] - np.einsum("ij,ik->ijk", momentum, mean).reshape(-1, 9)
     network = snapshot.contacts
+    assert network is not None  # whoever asks for the fields has read them
     way = network.start - network.end
     stress = np.einsum("ij,ik->ijk", network.force, way).reshape(-1, 9)
     contact = _spread(network.start - 0.5 * way, stress, lattice, width, period, way)
@@ -74,7 +78,10 @@ def coarse_grained(snapshot: Snapshot, lattice: Lattice, width: float, period=(0
     }
 
 
-def _spread(position: np.ndarray, values: np.ndarray, lattice: Lattice, width: float, period, way=None) -> np.ndarray:
+def _spread(
+    position: np.ndarray, values: np.ndarray, lattice: Lattice, width: float, period: Sequence[float],
+    way: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     """Sums of ``values`` (n, c) times phi at each point of ``lattice``, shape (p, c).
 
     With ``way`` (n, 3) [m] they are spread evenly over lines of this length and direction around ``position`` (n, 3).
@@ -91,7 +98,9 @@ def _spread(position: np.ndarray, values: np.ndarray, lattice: Lattice, width: f
     return out
 
 
-def _add(out: np.ndarray, position: np.ndarray, values: np.ndarray, lattice: Lattice, width: float, way) -> None:
+def _add(
+    out: np.ndarray, position: np.ndarray, values: np.ndarray, lattice: Lattice, width: float, way: np.ndarray | None
+) -> None:
     shape, cell = np.array(lattice.shape), lattice.cell
     base = np.floor((position - lattice.origin) / cell).astype(int)
     length = np.zeros(len(position)) if way is None else np.linalg.norm(way, axis=1)

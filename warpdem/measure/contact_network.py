@@ -8,7 +8,8 @@ from warpdem.kernels import grain
 from warpdem.measure.observers import coefficients_of, read_contacts
 from warpdem.state.view import RunView
 
-_ROUNDING = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}  # of a force cut to the Coulomb limit, by the law's precision [-]
+# of a force cut to the Coulomb limit, by the law's precision [-]
+_ROUNDING: dict[type, float] = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}
 
 
 def read_network(view: RunView) -> ContactNetwork:

@@ -24,6 +24,7 @@ import numpy as np
 
 from warpdem.core.rigid_motion import compose
 from warpdem.measure.observers import Particles
+from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 from warpdem.state.view import RunView
 
@@ -46,7 +47,7 @@ class Turning:
     """Fr [-]; None without gravity."""
 
 
-def turning_axes(scene) -> tuple[str, list[Chain]] | None:
+def turning_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
     """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none turn."""
     frame = frame_chain(scene)
     if frame.rotates:
@@ -68,7 +69,7 @@ class TurningNumbers:
         scene: what is run.
     """
 
-    def __init__(self, scene) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.axes, self.motions = turning_axes(scene) or ("", [])
         self.instants, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0

@@ -60,18 +60,23 @@ def measured(view: RunView) -> dict[str, float]:
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
     names = [*ENERGY, *(["jacobi"] if frame_chain(scene).moves else []), *(f"{wall.name} work" for wall in scene.walls)]
-    return [Column(name, "J", lambda r, name=name: float(r.energy_budget[name])) for name in names]
+    return [Column(name, "J", _energy_term(name)) for name in names]
+
+
+def _energy_term(name: str) -> Callable[[Readings], float]:
+    """Reads a term of the energy budget [J]."""
+    return lambda readings: float(readings.energy_budget[name])
 
 
 def _momentum() -> list[Column]:
     """The budgets of momentum and angular momentum, all six components of one term after the other."""
     names = [f"{vector} {term}".strip() for term in ("", *MOMENTA, "error") for vector in VECTORS]
-    return [
-        Column(
-            name, "N m s" if name.startswith("angular") else "N s", lambda r, name=name: float(r.momentum_budget[name])
-        )
-        for name in names
-    ]
+    return [Column(name, "N m s" if name.startswith("angular") else "N s", _momentum_term(name)) for name in names]
+
+
+def _momentum_term(name: str) -> Callable[[Readings], float]:
+    """Reads a term of the budgets of momentum [N s] and angular momentum [N m s]."""
+    return lambda readings: float(readings.momentum_budget[name])
 
 
 def _flow(plane: FlowPlane, number: int) -> list[Column]:
@@ -85,9 +90,14 @@ def _flow(plane: FlowPlane, number: int) -> list[Column]:
 def region_columns(region: Region) -> list[Column]:
     """Bulk properties of a region."""
     return [
-        Column(f"region {region.name} {name}", unit, lambda r, read=read: float(read(r.bulk(region))))
+        Column(f"region {region.name} {name}", unit, _in_region(region, read))
         for name, unit, read in (REGION if region.box is None else REGION + BOX)
     ]
+
+
+def _in_region(region: Region, read: Callable[[Bulk], float]) -> Callable[[Readings], float]:
+    """Reads a bulk property of a region."""
+    return lambda readings: float(read(readings.bulk(region)))
 
 
 def _mixing(asked: Mixing) -> Column:

@@ -1,6 +1,7 @@
 """Observers of a scene: a number per grain by a Warp function, and the columns of history.csv that reduce it."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -14,7 +15,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.models import model, numbers
 from warpdem.state.view import RunView
 
-REDUCTIONS = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}
+REDUCTIONS: dict[str, Callable[[np.ndarray], np.floating]] = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}
 
 
 def observe(view: RunView, name: str) -> np.ndarray:
@@ -31,7 +32,7 @@ def observe(view: RunView, name: str) -> np.ndarray:
     module = model("observer", run.scene.located(asked.model))
     lab = asked.axes == "laboratory"
     vectors = (p.position_lab, p.velocity_lab, p.spin_lab) if lab else (p.position, p.velocity, p.spin)
-    inputs = [wp.array(values, dtype=wp.vec3d, device=run.device) for values in vectors]
+    inputs: list[Any] = [wp.array(values, dtype=wp.vec3d, device=run.device) for values in vectors]
     inputs += [wp.array(values, dtype=wp.float64, device=run.device) for values in (p.mass, p.radius)]
     value = wp.zeros(len(p.id), dtype=wp.float64, device=run.device)
     inputs += [wp.float64(view.clock.time), Numbers(*numbers(asked.parameters)), value]

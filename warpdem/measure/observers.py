@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
@@ -184,9 +185,11 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
     position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
     parts = []
     if len(state) and lists.contact_count:
+        assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None
+        assert lists.row is not None and lists.memory is not None
         lanes = lists.real_lanes()
 
-        def flat(array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
+        def flat(array: wp.array) -> np.ndarray:  # (packs, fields, lanes) -> (contacts, fields)
             return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
 
         a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
@@ -240,8 +243,9 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     order = np.lexsort((columns[1], columns[0], columns[1] < 0))  # stable: the places of a grain on a wall keep theirs
     columns = [column[order] for column in columns]
-    known = len(columns) - len(names)
-    return Contacts(*columns[:known], dict(zip(names, columns[known:], strict=True)))
+    i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, *of_law = columns
+    own = dict(zip(names, of_law, strict=True))
+    return Contacts(i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, own)
 
 
 def energy(view: RunView) -> dict[str, float]:
@@ -277,7 +281,9 @@ def elastic_energies(view: RunView, contacts: Contacts) -> dict[str, np.ndarray]
         k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
         table = coefficients_of(view, contacts)
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
-        bent = getattr(model("rolling", law.rolling), "energy", None) if "angle" in law.history else None
+        bent = None
+        if law.rolling is not None and "angle" in law.history:
+            bent = getattr(model("rolling", law.rolling), "energy", None)
         if bent is not None:
             out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
     return out

@@ -12,12 +12,14 @@ import numpy as np
 
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels import grain
+from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
 from warpdem.state.view import RunView
 
 
-def torque_point(scene, number: int) -> np.ndarray:
+def torque_point(scene: Scene, number: int) -> np.ndarray:
     """Body point that the torque on a wall of the scene refers to [m], shape (3,)."""
     wall = scene.walls[number]
     if wall.torque_about is not None:
@@ -83,7 +85,7 @@ def _sums(values: np.ndarray, group: np.ndarray, groups: int) -> np.ndarray:
     return out
 
 
-def _areas(mesh) -> np.ndarray:
+def _areas(mesh: TriangleMesh) -> np.ndarray:
     """Area of each triangle [m2], shape (t,)."""
     a, b, c = mesh.corners.transpose(1, 0, 2)
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)

@@ -18,7 +18,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
 
 
-def compile_kernels(features: Features, device=None) -> Built:
+def compile_kernels(features: Features, device: wp.Device | None = None) -> Built:
     """Kernels and array structs of the chosen features.
 
     Nothing is compiled until it is launched, except on ``device`` what holds the user's own models: their mistakes come

@@ -29,7 +29,7 @@ class Given:
         return cls(scene, scene.model_dump_json(), files, scene_hash(scene, files))
 
 
-def file_digests(scene) -> dict[str, str]:
+def file_digests(scene: Scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, models among them, by the key that names it; missing ones are left out."""
     laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in ("normal", "tangential", "rolling")]
     laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
@@ -44,7 +44,7 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def scene_hash(scene, files: dict[str, str] | None = None) -> str:
+def scene_hash(scene: Scene, files: dict[str, str] | None = None) -> str:
     """SHA-256 of the validated scene in SI units and of its files: two scenes that say the same have the same hash.
 
     Args:

@@ -6,12 +6,23 @@ import math
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.scene.borders import Border
+from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement, Translation
 from warpdem.scene.motion_chain import Chain
 
 AXES = "xyz"
 LEAST_PERIOD = 4.4  # in largest diameters: a grain must not meet two images of another, with room for a skin
+
+
+def _periodic_span(border: Border | None) -> tuple[float, float]:
+    """Length and lower border of an axis [m], 0 and 0 where it is not periodic."""
+    if border is None or border.kind != "periodic":
+        return 0.0, 0.0
+    assert border.min is not None and border.max is not None  # a periodic axis has both
+    return border.max - border.min, border.min
 
 
 class Domain:
@@ -25,11 +36,11 @@ class Domain:
         stops: whether a grain in it stops the run.
     """
 
-    def __init__(self, scene) -> None:
-        borders = [getattr(scene.borders, axis) if scene.borders else None for axis in AXES]
+    def __init__(self, scene: Scene) -> None:
+        borders: list[Border | None] = [getattr(scene.borders, axis) if scene.borders else None for axis in AXES]
         round_ = [b is not None and b.kind == "periodic" for b in borders]
-        self.period = tuple(b.max - b.min if p else 0.0 for b, p in zip(borders, round_, strict=True))
-        self.lower = tuple(b.min if p else 0.0 for b, p in zip(borders, round_, strict=True))
+        x, y, z = (_periodic_span(border) for border in borders)
+        self.period, self.lower = (x[0], y[0], z[0]), (x[1], y[1], z[1])
         boxes, self.names, self.stops = [], [], []
         for k, (border, periodic) in enumerate(zip(borders, round_, strict=True)):
             if border is None or periodic:
@@ -86,7 +97,7 @@ class Domain:
         return way - np.where(period > 0, turns * period, 0.0)
 
 
-def check(scene, start, frame: Chain, gap: float) -> None:
+def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
     """Refuse borders that cannot be, and grains that start beyond them.
 
     Args:
@@ -133,7 +144,7 @@ def check(scene, start, frame: Chain, gap: float) -> None:
     _check_overlaps_of_images(scene, start, domain, largest)
 
 
-def _check_overlaps_of_images(scene, start, domain: Domain, largest: float) -> None:
+def _check_overlaps_of_images(scene: Scene, start: InitialGrains, domain: Domain, largest: float) -> None:
     """Grains that overlap across a periodic border."""
     for k, length in enumerate(domain.period):
         if length == 0.0:

@@ -16,6 +16,7 @@ from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.kernels.wall import record
 from warpdem.model.domain import Domain
+from warpdem.scene.model import Scene
 from warpdem.scene.models import digest, is_file, model, numbers
 from warpdem.scene.motion_chain import frame_chain
 
@@ -239,7 +240,7 @@ class Features:
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
 
 
-def coefficient_table(scene) -> np.ndarray:
+def coefficient_table(scene: Scene) -> np.ndarray:
     """Coefficients of every pair of materials, shape (m * m, width of ``coefficient_columns``).
 
     Pairs that cannot meet (no coefficients given) hold NaN.
@@ -255,17 +256,17 @@ def coefficient_table(scene) -> np.ndarray:
     return table.reshape(-1, at.width)
 
 
-def coefficient_columns(scene) -> Columns:
+def coefficient_columns(scene: Scene) -> Columns:
     """Columns of ``coefficient_table``, by name."""
     return columns.coefficients(model("normal", scene.located(scene.contact.normal)))
 
 
-def field_numbers(scene) -> np.ndarray:
+def field_numbers(scene: Scene) -> np.ndarray:
     """Parameters of each external field one after the other, filled up with zeros, SI units, shape (f, 12)."""
     return np.array([numbers(one.parameters) for one in scene.fields]).reshape(-1, NUMBERS)
 
 
-def law_gap(scene, largest: float) -> float:
+def law_gap(scene: Scene, largest: float) -> float:
     """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone.
 
     Args:
@@ -281,7 +282,7 @@ def law_gap(scene, largest: float) -> float:
 
 
 def choose_features(
-    scene,
+    scene: Scene,
     grain_types: np.ndarray,
     *,
     has_spin: bool,

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -34,12 +34,14 @@ class Impact:
     """Slope of the force there [N/m]."""
 
 
+Value = TypeVar("Value", float, np.ndarray)
+"""A number of one contact, or one of each of several, shape (c,)."""
 Own = Mapping[str, Any]
 """A normal law's own numbers by name: of a pair of materials, of contacts, or what contacts remember."""
 NONE: Own = MappingProxyType({})
 
 
-def stiffness(normal: str, base, radius):
+def stiffness(normal: str, base: Value, radius: Value) -> Value:
     """Constant of the normal law of contacts: its file's ``stiffness(base, radius)``, or the base itself.
 
     Args:
@@ -51,7 +53,7 @@ def stiffness(normal: str, base, radius):
     return of_contact(base, radius) if of_contact else base
 
 
-def own_constants(normal: str, own: Own, radius) -> dict[str, Any]:
+def own_constants(normal: str, own: Own, radius: float | np.ndarray) -> dict[str, Any]:
     """The law's own constants of contacts: its file's ``own_constants(radius, **own)``, or the coefficients themselves.
 
     Args:
@@ -81,7 +83,7 @@ def damped_time(normal: str, restitution: float) -> float:
     return of_law(restitution) if of_law else math.hypot(math.log(restitution), math.pi) / math.pi
 
 
-def elastic_energy(normal: str, overlap, constant, own: Own = NONE):
+def elastic_energy(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Value:
     """Energy of contacts [J] of the law named ``normal``.
 
     Args:
@@ -93,7 +95,7 @@ def elastic_energy(normal: str, overlap, constant, own: Own = NONE):
     return model("normal", normal).energy(overlap, constant, **own)
 
 
-def secant(normal: str, overlap, constant, own: Own = NONE):
+def secant(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Value:
     """k_n [N/m] of contacts: the law's ``secant``, else elastic force over overlap; arguments as of ``elastic_energy``."""
     of_law = getattr(model("normal", normal), "secant", None)
     if of_law:
@@ -101,7 +103,7 @@ def secant(normal: str, overlap, constant, own: Own = NONE):
     return _force_over_overlap(normal, overlap, constant, own)
 
 
-def _force_over_overlap(normal: str, overlap, constant, own: Own):
+def _force_over_overlap(normal: str, overlap: Value, constant: Value, own: Own) -> Value:
     """E'(d)/d [N/m]; arguments as of ``elastic_energy``."""
     energy, step = model("normal", normal).energy, DIFFERENCE * overlap
     return (energy(overlap + step, constant, **own) - energy(overlap - step, constant, **own)) / (2.0 * step * overlap)

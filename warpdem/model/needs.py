@@ -6,12 +6,15 @@ All of it is looked at before it is taken or computed, so that a number typed in
 import math
 
 import numpy as np
+import warp as wp
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.stream_grains import expected_count
 from warpdem.model.time_step import Limits
+from warpdem.scene.measures import Grid
+from warpdem.scene.model import Scene
 
 FRAME_BYTES = 220
 """Memory per grain of a frame while it is written [B]; measured with 373 000 grains."""
@@ -29,7 +32,7 @@ SINGLE = np.finfo(np.float32)
 """Results are in single precision."""
 
 
-def check_grid(scene) -> None:
+def check_grid(scene: Scene) -> None:
     """Refuse a grid that the memory cannot hold.
 
     Raises:
@@ -47,32 +50,32 @@ def check_grid(scene) -> None:
     memory.require(grid_bytes(scene), f"{key}.cell = {cell:g} m", f"a grid of {_points(grid):.3g} points", "take a larger cell")
 
 
-def _points(grid) -> float:
+def _points(grid: Grid) -> int:
     """Points of a grid."""
     return math.prod(math.ceil((high - low) / grid.cell) + 1 for low, high in zip(grid.box.min, grid.box.max, strict=True))
 
 
-def grid_bytes(scene) -> int:
+def grid_bytes(scene: Scene) -> int:
     """Memory that the fields on the scene's grid take while they are written [B]; 0 without a grid."""
     return 0 if scene.measures.grid is None else GRID_BYTES * _points(scene.measures.grid)
 
 
-def grains_to_come(scene) -> list[int]:
+def grains_to_come(scene: Scene) -> list[int]:
     """How many grains each stream of a scene brings at most up to ``time.end``, none of them taken out again."""
     return [expected_count(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
 
 
-def memory_bytes(scene, bytes_per_grain: int, grains: int) -> int:
+def memory_bytes(scene: Scene, bytes_per_grain: int, grains: int) -> int:
     """Memory that a run needs in all [B]: so many grains, a frame of them, and the grid."""
     return (bytes_per_grain + FRAME_BYTES) * grains + grid_bytes(scene)
 
 
-def free_bytes(device) -> int:
+def free_bytes(device: wp.Device) -> int:
     """Memory that is free for the grains on a Warp device [B]."""
     return memory.available() if device.is_cpu else int(device.free_memory)
 
 
-def check_memory(scene, bytes_per_grain: int, grains: int, free: int) -> None:
+def check_memory(scene: Scene, bytes_per_grain: int, grains: int, free: int) -> None:
     """Refuse more grains than the device holds.
 
     Args:
@@ -92,7 +95,7 @@ def check_memory(scene, bytes_per_grain: int, grains: int, free: int) -> None:
         )
 
 
-def check_places(scene, grains: InitialGrains) -> None:
+def check_places(scene: Scene, grains: InitialGrains) -> None:
     """Refuse grains so small, or so far away, that a float64 cannot tell how deep they touch.
 
     Raises:
@@ -112,7 +115,7 @@ def check_places(scene, grains: InitialGrains) -> None:
         )
 
 
-def check_masses(scene, grains: InitialGrains) -> None:
+def check_masses(scene: Scene, grains: InitialGrains) -> None:
     """Refuse grains whose mass or moment of inertia cannot be computed with or written.
 
     Raises:
@@ -132,7 +135,7 @@ def check_masses(scene, grains: InitialGrains) -> None:
         )
 
 
-def check_step(scene, found: Limits, step: float) -> None:
+def check_step(scene: Scene, found: Limits, step: float) -> None:
     """Refuse a time step that is no number to compute with, and a run of more steps than can be counted.
 
     Raises:
@@ -157,7 +160,7 @@ def check_step(scene, found: Limits, step: float) -> None:
         )
 
 
-def entry_of(scene, grains: InitialGrains, i: int) -> str:
+def entry_of(scene: Scene, grains: InitialGrains, i: int) -> str:
     """The entry of the scene that brings grain ``i``, with its id if it has one."""
     if grains.id[i] < 0:
         return "streams"

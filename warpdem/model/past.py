@@ -1,6 +1,7 @@
 """What a scene takes over from the checkpoint that it starts from."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class Past:
     """Names of walls that were there with the same geometry."""
     next_id: int
     """Least id that no grain had so far."""
-    inlets: dict[int, dict]
+    inlets: dict[int, dict[str, Any]]
     """State of the random numbers of streams that go on."""
     notes: tuple[str, ...]
     """What was left behind."""

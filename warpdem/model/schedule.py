@@ -4,6 +4,7 @@ import numpy as np
 
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
+from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
 
@@ -42,7 +43,7 @@ class Schedule:
         SceneError: a sampled motion cannot be read.
     """
 
-    def __init__(self, scene, stages: tuple[float, ...] = (0.0,), relative: bool = False) -> None:
+    def __init__(self, scene: Scene, stages: tuple[float, ...] = (0.0,), relative: bool = False) -> None:
         self.dt = 0.0
         self.period = np.zeros(3)
         self.stages, self.relative = np.array(stages), relative
@@ -66,7 +67,8 @@ class Schedule:
         """Place of the frame in the laboratory at ``time`` [s]; where its rate jumps, velocities are those after."""
         pose = self.frame.pose(np.array([time]))
         numbers = (pose.axes, pose.origin, pose.spin, pose.velocity)
-        return FramePose(*(values[0].astype(float) for values in numbers), self.frame.parts(time))
+        axes, origin, spin, velocity = (values[0].astype(float) for values in numbers)
+        return FramePose(axes, origin, spin, velocity, self.frame.parts(time))
 
     def _times(self, first: int, last: int) -> np.ndarray:
         """Instants of the force calls of steps ``first`` to ``last`` [s], none before 0; stages run fastest."""
@@ -160,7 +162,7 @@ class Schedule:
             spin, velocity = spin - frame.spin, velocity - frame.velocity
         return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity], axis=1).astype(float)
 
-    def wall_placements(self, scene, time: float) -> dict[str, Placement]:
+    def wall_placements(self, scene: Scene, time: float) -> dict[str, Placement]:
         """Placement of every wall at ``time`` [s], by name."""
         return {
             wall.name: Placement(body[:9].reshape(3, 3), body[9:12])

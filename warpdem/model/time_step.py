@@ -36,9 +36,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.features import coefficient_columns, coefficient_table
 from warpdem.model.impact import damped_time, impact, own_of, pressed
 from warpdem.model.travel import longest_step
+from warpdem.scene.model import Scene
 from warpdem.scene.models import model, numbers
 from warpdem.scene.motion_chain import frame_chain, wall_chain
 
@@ -114,15 +117,15 @@ def packing_limit(normal: tuple[float, float], tangential: tuple[float, float], 
         mass: reduced mass m* of a contact [kg].
         contacts: contacts per grain Z [-].
     """
-    against = [contacts / 3.0 * (n + 2.0 * t) for n, t in zip(normal, tangential, strict=True)]
-    turning = [contacts * 5.0 / 3.0 * t for t in tangential]
-    return min(stable_step(*against, mass), stable_step(*turning, mass) if turning[0] > 0.0 else math.inf)
+    against, damping = (contacts / 3.0 * (n + 2.0 * t) for n, t in zip(normal, tangential, strict=True))
+    turning, turning_damping = (contacts * 5.0 / 3.0 * t for t in tangential)
+    return min(stable_step(against, damping, mass), stable_step(turning, turning_damping, mass) if turning > 0.0 else math.inf)
 
 
 def contact_limit(normal: tuple[float, float], tangential: tuple[float, float], mass: float) -> float:
     """Stability limit of one contact [s]; arguments as of ``packing_limit``."""
-    rolling = [3.5 * t for t in tangential]
-    return min(stable_step(*normal, mass), stable_step(*rolling, mass) if rolling[0] > 0.0 else math.inf)
+    rolling, rolling_damping = (3.5 * t for t in tangential)
+    return min(stable_step(*normal, mass), stable_step(rolling, rolling_damping, mass) if rolling > 0.0 else math.inf)
 
 
 def rolling_limit(
@@ -141,23 +144,25 @@ def rolling_limit(
         radius: of the grain [m].
         wall: whether the contact is one with a wall.
     """
-    packing = stable_step(*(2.0 * PACKED / 3.0 * k for k in spring), inertia)
+    stiffness, damping = (2.0 * PACKED / 3.0 * k for k in spring)
+    packing = stable_step(stiffness, damping, inertia)
     if not wall:
         return packing, stable_step(*spring, inertia)
     both = []
     for k_r, k_t in zip(spring, tangential, strict=True):
         trace, product = k_t / mass + (k_t * radius**2 + k_r) / inertia, k_t * k_r / (mass * inertia)
         both.append(0.5 * (trace + math.sqrt(trace**2 - 4.0 * product)))
-    return packing, stable_step(*both, 1.0)
+    stiffness, damping = both
+    return packing, stable_step(stiffness, damping, 1.0)
 
 
-def contact_time(scene, row: np.ndarray, mass: float, radius: float, speed: float) -> float:
+def contact_time(scene: Scene, row: np.ndarray, mass: float, radius: float, speed: float) -> float:
     """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``row`` of the table of coefficients."""
     law = scene.located(scene.contact.normal)
     return impact(law, row[coefficient_columns(scene).stiffness], mass, radius, speed, own_of(law, row)).time
 
 
-def fall_speed(scene, start, meshes: dict) -> float:
+def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) -> float:
     """sqrt(2 g H) plus the largest wall speed and start speed [m/s]; H is the extent of walls and grains along gravity."""
     if not len(start.id):
         return 0.0
@@ -176,7 +181,7 @@ def fall_speed(scene, start, meshes: dict) -> float:
     return max(speed, 0.0) + start_speed
 
 
-def weight_per_area(scene, start) -> float:
+def weight_per_area(scene: Scene, start: InitialGrains) -> float:
     """Pressure at the foot of the grains as they start [Pa], in a frame that turns with what its rate adds to gravity."""
     if not len(start.id):
         return 0.0
@@ -189,7 +194,7 @@ def weight_per_area(scene, start) -> float:
     return BED_FRACTION * density * pull * height
 
 
-def limits(scene, start, meshes: dict) -> Limits:
+def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) -> Limits:
     """Limits of the time step of ``scene`` for the grains it starts with."""
     rate = frame_chain(scene).max_rate
     frame = FRAME_ANGLE / rate if rate > 0 else math.inf
@@ -260,7 +265,7 @@ def limits(scene, start, meshes: dict) -> Limits:
     )
 
 
-def field_limit(scene, start) -> float:
+def field_limit(scene: Scene, start: InitialGrains) -> float:
     """Largest time step [s] for the external fields that state their rate; inf without any.
 
     Raises:
@@ -284,7 +289,7 @@ def field_limit(scene, start) -> float:
     return FIELD_ANGLE / fastest if fastest > 0.0 else math.inf
 
 
-def choose(scene, found: Limits) -> float:
+def choose(scene: Scene, found: Limits) -> float:
     """The time step [s]: as given, or by the rule of "auto".
 
     Raises:

@@ -11,15 +11,18 @@ import math
 
 import numpy as np
 
+from warpdem.scene.model import Scene
+from warpdem.scene.walls import Wall
+
 CLOSED, OPEN = 0.2, 0.1  # radii per step
 
 
-def share(wall) -> float:
+def share(wall: Wall) -> float:
     """Largest travel per step beside ``wall``, over the grain's radius [-]; inf for analytic walls."""
     return math.inf if wall.mesh is None else OPEN if wall.open else CLOSED
 
 
-def longest_step(scene, radius: np.ndarray, speed: float) -> float:
+def longest_step(scene: Scene, radius: np.ndarray, speed: float) -> float:
     """Largest time step [s] for grains of ``radius`` (n,) [m] that meet the scene's walls at ``speed`` [m/s]."""
     least = min((share(wall) for wall in scene.walls), default=math.inf)
     return least * float(radius.min()) / speed if speed > 0.0 and len(radius) else math.inf

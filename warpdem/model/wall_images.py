@@ -15,8 +15,11 @@ What is none of these is refused with the time and the border at which it would 
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.domain import AXES, Domain
 from warpdem.model.features import law_gap
+from warpdem.model.schedule import Schedule
+from warpdem.scene.model import Scene
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Revolved, Sphere
 
 INSTANTS = 2001
@@ -25,7 +28,9 @@ ROUNDING = 1e-9
 """Of a period: what does not count of a length; of 1: what does not count of a direction [-]."""
 
 
-def wall_images(scene, meshes: dict, schedule, domain: Domain, radius: np.ndarray) -> np.ndarray | None:
+def wall_images(
+    scene: Scene, meshes: dict[str, TriangleMesh], schedule: Schedule, domain: Domain, radius: np.ndarray
+) -> np.ndarray | None:
     """Images of a grain from which each wall is seen, a bit for each image of `Domain.images`, shape (w,).
 
     Args:
@@ -64,7 +69,10 @@ def wall_images(scene, meshes: dict, schedule, domain: Domain, radius: np.ndarra
 class _Along:
     """A wall along one periodic axis."""
 
-    def __init__(self, scene, number: int, mesh, axis: int, domain: Domain, times: np.ndarray, placement: np.ndarray) -> None:
+    def __init__(
+        self, scene: Scene, number: int, mesh: TriangleMesh | None, axis: int, domain: Domain, times: np.ndarray,
+        placement: np.ndarray,
+    ) -> None:  # fmt: skip
         self.wall, self.mesh, self.times = scene.walls[number], mesh, times
         self.name, self.source = AXES[axis], scene.source
         self.key = f"walls[{number}] ({self.wall.name!r})"
@@ -129,7 +137,9 @@ class _Along:
         shape, d = self.wall.shape, self.direction
         if isinstance(shape, Plane):
             return abs(np.dot(shape.normal, d)) <= ROUNDING
-        return isinstance(shape, Cylinder) and not shape.has_ends and np.linalg.norm(np.cross(shape.axis, d)) <= ROUNDING
+        if not isinstance(shape, Cylinder) or shape.has_ends:
+            return False
+        return bool(np.linalg.norm(np.cross(shape.axis, d)) <= ROUNDING)
 
     def _extent(self) -> tuple[float, float]:
         """Least and greatest coordinate along the axis of the wall's body [m]."""
@@ -151,7 +161,7 @@ class _Along:
                 return middle - shape.radius, middle + shape.radius
         return -np.inf, np.inf
 
-    def _is_closed(self, scene, axis: int) -> bool:
+    def _is_closed(self, scene: Scene, axis: int) -> bool:
         """Whether two planes that rest keep all grains away from the borders."""
         sides, slack = set(), ROUNDING * self.length
         for wall in scene.walls:

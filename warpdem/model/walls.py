@@ -9,6 +9,7 @@ from warpdem.kernels.wall.surface import Ball, Revolved, Surface
 from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
+from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
@@ -18,7 +19,7 @@ ROUNDING_REACH = 4.0
 """Mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]: both sides, both ways."""
 
 
-def load_meshes(scene) -> dict[str, TriangleMesh]:
+def load_meshes(scene: Scene) -> dict[str, TriangleMesh]:
     """The mesh walls of a scene by name, posed and checked.
 
     Raises:
@@ -36,7 +37,7 @@ def load_meshes(scene) -> dict[str, TriangleMesh]:
     return meshes
 
 
-def mesh_notes(scene, meshes: dict[str, TriangleMesh]) -> list[str]:
+def mesh_notes(scene: Scene, meshes: dict[str, TriangleMesh]) -> list[str]:
     """What a user should know about the meshes: what was mended or is odd in their files."""
     notes = []
     for number, wall in enumerate(scene.walls):
@@ -50,7 +51,7 @@ def mesh_notes(scene, meshes: dict[str, TriangleMesh]) -> list[str]:
     return notes
 
 
-def size_warnings(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
+def size_warnings(scene: Scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray) -> list[str]:
     """Which meshes are of an odd size beside the grains' ``diameters`` [m]: one in millimetres is a thousand times too large.
 
     Raises:
@@ -63,7 +64,7 @@ def size_warnings(scene, meshes: dict[str, TriangleMesh], diameters: np.ndarray)
     return [text for text in found if text is not None]
 
 
-def named_diameters(scene) -> np.ndarray:
+def named_diameters(scene: Scene) -> np.ndarray:
     """Diameters that the scene itself names [m]: known before anything is filled."""
     found = []
     for group in scene.grains:
@@ -84,7 +85,10 @@ class Walls:
         material: material index of each wall, shape (walls,), on the host.
     """
 
-    def __init__(self, scene, meshes: dict, wall_motion: np.ndarray, images: np.ndarray | None, device) -> None:
+    def __init__(
+        self, scene: Scene, meshes: dict[str, TriangleMesh], wall_motion: np.ndarray, images: np.ndarray | None,
+        device: wp.Device,
+    ) -> None:  # fmt: skip
         corners, vertices, pieces, planes, owners = [], [], [], [], []
         mesh_ids, mesh_wall, mesh_first = [], [], []
         self._trees = []
@@ -124,7 +128,7 @@ class Walls:
         owners.append(np.array([number for number, _ in shapes], dtype=int))
         pieces.append(piece_count + np.arange(len(shapes)))
 
-        def upload(parts, dtype, shape):
+        def upload(parts: list[np.ndarray], dtype: type, shape: tuple[int, ...]) -> wp.array:
             data = np.concatenate(parts) if parts else np.zeros((0, *shape))
             return wp.array(np.ascontiguousarray(data), dtype=dtype, device=device)
 
@@ -148,7 +152,7 @@ class Walls:
         self.material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
         surface.material = wp.array(self.material, dtype=wp.int32, device=device)
         self.surface = surface
-        self.mesh_arrays = (
+        self.mesh_arrays: tuple[wp.array, wp.array, wp.array] = (
             wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device),
             wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device),
             wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device),

@@ -24,7 +24,7 @@ class Room:
         device: where the arrays come from.
     """
 
-    def __init__(self, device) -> None:
+    def __init__(self, device: wp.Device) -> None:
         self._stream = wp.Stream(device) if device.is_cuda else None
         self._kept: dict[str, wp.array] = {}
         self._copies: list[tuple[wp.array, wp.array]] = []
@@ -37,8 +37,8 @@ class Room:
         if kept is None or kept.size < size:
             pinned = self._stream is not None
             kept = self._kept[name] = wp.empty(size + size // 4 + 64, dtype=wp.uint8, device="cpu", pinned=pinned)
-        host = wp.array(ptr=kept.ptr, shape=array.shape, dtype=array.dtype, device="cpu")
-        host._ref = kept  # as in Warp's own views: it holds the memory
+        host: wp.array = wp.array(ptr=kept.ptr, shape=array.shape, dtype=array.dtype, device="cpu")
+        host._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
         self._copies.append((host, wp.clone(array) if self._stream else array))
         return host
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from warpdem import kernels
+import warpdem.kernels as kernels
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
@@ -71,7 +71,8 @@ def allowed(role: str, *others: str) -> str:
 
 def default(role: str) -> str:
     """Name of the model of a role that a scene has if it names none."""
-    return importlib.import_module(f"{kernels.__name__}.{role}").DEFAULT
+    name: str = importlib.import_module(f"{kernels.__name__}.{role}").DEFAULT
+    return name
 
 
 def choices(role: str, chosen: str, *others: str) -> str:
@@ -128,7 +129,9 @@ def digest(name: str) -> str:
     return hashlib.sha256(_read(name)).hexdigest()
 
 
-def field_values(module: ModuleType, given: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple[tuple, Any, str]]]:
+def field_values(
+    module: ModuleType, given: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[tuple[tuple[str, ...], Any, str]]]:
     """Parameters of an external field or an observer in SI units, defaults filled in, in the order of its ``PARAMETERS``.
 
     Args:
@@ -139,12 +142,12 @@ def field_values(module: ModuleType, given: Mapping[str, Any]) -> tuple[dict[str
         The values, and for each mistake its place in ``given``, the value there and what is wrong.
     """
     known = list(module.PARAMETERS)
-    problems = [
+    problems: list[tuple[tuple[str, ...], Any, str]] = [
         ((key,), value, "unknown parameter" + (nearest(key, known) or f"; known here: {', '.join(known) or 'none'}"))
         for key, value in given.items()
         if key not in known
     ]
-    values = {}
+    values: dict[str, Any] = {}
     for key, (unit, count, default) in module.PARAMETERS.items():
         value = given.get(key, default)
         quantity = Quantity(unit)
@@ -210,7 +213,9 @@ def _imported(file: str, source: bytes) -> ModuleType:
     and would write one beside the user's file.
     """
     name = f"warpdem_user_{Path(file).stem}_{hashlib.sha256(file.encode() + source).hexdigest()[:16]}"
-    module = importlib.util.module_from_spec(importlib.util.spec_from_file_location(name, file))
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None  # a name that ends in .py has a loader
+    module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # Warp asks there for the module of a function
     try:
         exec(compile(source, file, "exec"), vars(module))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 
 @dataclass
@@ -20,10 +21,10 @@ class BudgetTotals:
         """Totals before the first step, of sums of so many numbers each."""
         return cls({name: [0.0] * width for name, width in sums.items()})
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a checkpoint holds of it, as JSON."""
         return asdict(self)
 
-    def restore(self, state: dict) -> None:
+    def restore(self, state: dict[str, Any]) -> None:
         """Take over what ``state`` gave."""
         self.start, self.gone, self.carried = state["start"], state["gone"], state["carried"]

@@ -10,7 +10,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import h5py
 import numpy as np
@@ -19,8 +19,12 @@ from warpdem.core.access import Access, access_of_file
 from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.scene.model import Scene
 from warpdem.state import contact_history
 from warpdem.state.view import RunView
+
+if TYPE_CHECKING:
+    from warpdem.engine.neighbor_list import NeighborLists
 
 FORMAT = "warpdem checkpoint 4"
 MAY_CHANGE = {
@@ -44,13 +48,13 @@ class Part(Protocol):
 class GuardsPart(Protocol):
     """What guards keep between looks."""
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """What a checkpoint holds of them, as JSON."""
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What they keep of each grain."""
 
-    def restore(self, data: dict) -> None:
+    def restore(self, data: dict[str, Any]) -> None:
         """Take over both from a checkpoint."""
 
 
@@ -85,11 +89,11 @@ class Run(Protocol):
         """What runs the steps."""
 
     @property
-    def lists(self) -> Any:
+    def lists(self) -> "NeighborLists":
         """Neighbor lists."""
 
     @property
-    def left(self) -> dict[str, list]:
+    def left(self) -> dict[str, list[float]]:
         """Number and mass [kg] of the grains that each border or outlet took, by its name."""
 
 
@@ -117,7 +121,7 @@ def save(run: Run, path: str | Path) -> None:
         os.fsync(file.fileno())
 
 
-def _about(view: RunView) -> dict:
+def _about(view: RunView) -> dict[str, Any]:
     """What a checkpoint holds of model and clock."""
     scene, given = view.model.scene, view.model.given
     return {
@@ -152,7 +156,7 @@ def _arrays(view: RunView) -> dict[str, np.ndarray]:
     return {**state.by_rank(), **readings, **contact_history.read(view)}
 
 
-def _places(view: RunView) -> dict:
+def _places(view: RunView) -> dict[str, Any]:
     """Where frame and walls stand, matrices of shape (3, 4): the frame in the laboratory, walls in the frame."""
     schedule, time = view.model.schedule, view.clock.time
     pose = schedule.frame.pose(np.array([time]))
@@ -184,7 +188,7 @@ def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
     return digest.hexdigest()
 
 
-def read(path: Path) -> dict:
+def read(path: str | Path) -> dict[str, Any]:
     """Contents of a checkpoint: its arrays, and what ``about`` holds.
 
     Raises:
@@ -226,7 +230,7 @@ def _require_stored(file: h5py.File, name: str, size: int) -> None:
         raise ValueError(f"{name} claims {held.nbytes} bytes in a file of {size}")
 
 
-def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
+def scene_of(data: dict[str, Any], plugins: Sequence[str | Path] = ()) -> Scene:
     """The scene that a checkpoint belongs to; it loads code from no other files than ``plugins``."""
     from warpdem.scene.file import scene_from_dict
 
@@ -234,7 +238,7 @@ def scene_of(data: dict, plugins: Sequence[str | Path] = ()):
     return scene_from_dict(data["scene"], data["base"], data["source"], access)
 
 
-def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> None:
+def refuse_other(data: dict[str, Any], scene: Scene, files: dict[str, str], scene_hash: str) -> None:
     """Refuse to go on with another scene than that of a checkpoint, or the same with other files.
 
     Args:
@@ -255,7 +259,7 @@ def refuse_other(data: dict, scene, files: dict[str, str], scene_hash: str) -> N
         raise SceneError(f"{data['path']}: belongs to another scene than {scene.source}: {_told(keys, named)}")
 
 
-def _check(view: RunView, data: dict) -> None:
+def _check(view: RunView, data: dict[str, Any]) -> None:
     """Refuse what another scene was run to, or at another time step."""
     given, dt = view.model.given, view.clock.dt
     refuse_other(data, given.scene, given.files, given.hash)
@@ -265,14 +269,16 @@ def _check(view: RunView, data: dict) -> None:
         )
 
 
-def _changed(there: dict, here: dict) -> list[str]:
+def _changed(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """Keys whose values differ, those of tables that both have one by one: output.interval."""
     out = []
     for key in {**here, **there}:
         old, new = there.get(key), here.get(key)
         if old != new:
-            both = isinstance(old, dict) and isinstance(new, dict)
-            out += [f"{key}.{inner}" for inner in _changed(old, new)] if both else [key]
+            if isinstance(old, dict) and isinstance(new, dict):
+                out += [f"{key}.{inner}" for inner in _changed(old, new)]
+            else:
+                out.append(key)
     return out
 
 
@@ -288,7 +294,7 @@ def _told(keys: list[str], files: list[str]) -> str:
     return said
 
 
-def restore(run: Run, data: dict) -> None:
+def restore(run: Run, data: dict[str, Any]) -> None:
     """Bring ``run`` to the state that ``data``, as ``read`` gives it, holds.
 
     Raises:

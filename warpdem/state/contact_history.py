@@ -1,5 +1,7 @@
 """Contact history and forces of the last force call: taken out for a checkpoint, and put back."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import warp as wp
 
@@ -10,6 +12,9 @@ from warpdem.kernels.contact.pairs import share_width
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
+
+if TYPE_CHECKING:
+    from warpdem.engine.neighbor_list import NeighborLists
 
 
 def read(view: RunView) -> dict[str, np.ndarray]:
@@ -26,9 +31,11 @@ def _listed(contacts: ListedContacts) -> tuple[np.ndarray, np.ndarray, np.ndarra
     """Ids (lower, higher) of the listed contacts, and their two force slots."""
     if not contacts.contact_count:
         return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    owner, partner, slot_i, slot_j = contacts.owner, contacts.partner, contacts.slot_i, contacts.slot_j
+    assert owner is not None and partner is not None and slot_i is not None and slot_j is not None  # there are contacts
     ids, real = contacts.state.id.numpy(), contacts.real_lanes()
-    pair = np.stack([ids[a.numpy().ravel()[real]] for a in (contacts.owner, contacts.partner)], axis=1)
-    return pair, contacts.slot_i.numpy().ravel()[real], contacts.slot_j.numpy().ravel()[real]
+    pair = np.stack([ids[a.numpy().ravel()[real]] for a in (owner, partner)], axis=1)
+    return pair, slot_i.numpy().ravel()[real], slot_j.numpy().ravel()[real]
 
 
 def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
@@ -39,6 +46,7 @@ def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
     width = max(at.width, 1)
     memory, row = np.zeros((0, width)), np.zeros((0, shares))
     if len(pair):
+        assert contacts.memory is not None and contacts.row is not None
         memory = contacts.memory.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
         row = contacts.row.numpy()
     vectors = springs_width(at)
@@ -46,7 +54,10 @@ def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
     out = {"pair": pair, "pair_memory": springs, "pair_share_i": row[i], "pair_share_j": row[j]}
     out |= {f"pair_own_{name}": memory[:, at.of(name)] for name in at.names if name not in VECTORS}
     if features.measures.energy:
-        entry = contacts.entry.numpy() if len(pair) else np.zeros((0, ENTRY))
+        entry = np.zeros((0, ENTRY))
+        if len(pair):
+            assert contacts.entry is not None  # a copy has none, and is never asked
+            entry = contacts.entry.numpy()
         out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
     return out
 
@@ -68,7 +79,7 @@ def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
     return out
 
 
-def remember(lists, data: dict) -> None:
+def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Take over the memory of contacts, for the first rebuild to carry it to the grains that touch.
 
     Args:
@@ -94,7 +105,7 @@ def remember(lists, data: dict) -> None:
         _put_places(lists, data, n)
 
 
-def restore(lists, data: dict) -> None:
+def restore(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Lists for the present positions with the memory and the forces of a checkpoint."""
     if len(lists.state) == 0:
         return
@@ -104,7 +115,7 @@ def restore(lists, data: dict) -> None:
     _put_forces(lists, data)
 
 
-def _put_places(lists, data: dict, n: int) -> None:
+def _put_places(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
     """Slots that hold the places of a checkpoint, for the rebuild to carry over."""
     grains = np.searchsorted(data["id"], data["place_grain"])
     order = np.argsort(grains, kind="stable")
@@ -119,7 +130,7 @@ def _put_places(lists, data: dict, n: int) -> None:
     lists.rows = rows
 
 
-def _put_forces(lists, data: dict) -> None:
+def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Shares, wall loads and place forces of a checkpoint, at their places in the new lists."""
     state = lists.state
     contacts = lists.view()

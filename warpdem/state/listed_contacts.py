@@ -54,9 +54,11 @@ class ListedContacts:
 
     def real_lanes(self) -> np.ndarray:
         """Numbers of the lanes that hold a contact of grains that are present, shape (contacts,)."""
+        assert self.slot_i is not None and self.row is not None  # there are contacts
         real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
         if len(self.state) < self.state.slots:
             for side in (self.owner, self.partner):
+                assert side is not None
                 real &= self.state.here[side.numpy().ravel()]
         return np.flatnonzero(real)
 
@@ -88,7 +90,7 @@ class ListedContacts:
             take: copies an array, given a name of its own.
             pairs: whether contacts between grains are copied too; else nobody can read them.
         """
-        arrays: dict[str, wp.array | None] = dict.fromkeys(CONTACT_ARRAYS)
+        arrays: dict[str, Any] = dict.fromkeys(CONTACT_ARRAYS)
         constants = self.constants
         if pairs and self.contact_count:
             arrays = {name: take(f"contacts {name}", getattr(self, name)) for name in CONTACT_ARRAYS}

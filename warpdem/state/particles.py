@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,6 +24,7 @@ def changed(array: wp.array) -> Iterator[np.ndarray]:
     """The contents of an array, to be changed in place: on a CPU its memory, else a copy that goes back."""
     values = array.numpy()
     yield values
+    assert array.device is not None
     if not array.device.is_cpu:
         array.assign(values)
 
@@ -50,8 +52,9 @@ class State:
     """
 
     def __init__(
-        self, start, density: np.ndarray, spins: bool, orientation: bool, device, sums: Mapping[str, int] = MappingProxyType({})
-    ) -> None:
+        self, start: InitialGrains, density: np.ndarray, spins: bool, orientation: bool, device: wp.Device,
+        sums: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         self.device = device
         self.spins = spins
         self.sums = sums
@@ -65,13 +68,15 @@ class State:
             record[:, grain.SPIN] = start.spin
         self._Record = grain.build(spins).Record
         self._Inverse = wp.types.vector(2, wp.float64)
-        self.record = wp.array(record, dtype=self._Record, device=device)
+        self.record: wp.array = wp.array(record, dtype=self._Record, device=device)
         inverse = np.stack([1.0 / mass, 2.5 / (mass * start.radius**2)], axis=1).reshape(n, 2)
-        self.inverse = wp.array(inverse, dtype=self._Inverse, device=device)
-        self.id = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
-        self.kind = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
+        self.inverse: wp.array = wp.array(inverse, dtype=self._Inverse, device=device)
+        self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
+        self.kind: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
         self.group = np.asarray(start.group, dtype=np.int32)
-        self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device) if orientation else None
+        self.orientation: wp.array | None = None
+        if orientation:
+            self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device)
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self.next_id = int(start.id.max(initial=-1)) + 1
@@ -131,7 +136,7 @@ class State:
         arrays = {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
         return {name: values[self.rank] for name, values in arrays.items()}
 
-    def add(self, start, density: np.ndarray) -> None:
+    def add(self, start: InitialGrains, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
         more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
         there, n = self.slots, self.slots + more.slots
@@ -142,8 +147,8 @@ class State:
                 room = self._room[name] = wp.empty((n + n // 8 + 64, *array.shape[1:]), dtype=array.dtype, device=self.device)
                 wp.copy(room, array, count=array.size)
             wp.copy(room, new, dest_offset=there * (new.size // len(new)), count=new.size)
-            both = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
-            both._ref = room  # as in Warp's own views: it holds the memory
+            both: wp.array = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
+            both._ref = room  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
             setattr(self, name, both)
         self.next_id = max(self.next_id, more.next_id)
         self.group = np.concatenate([self.group, more.group])
@@ -153,11 +158,12 @@ class State:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put the grains into ``order``: slot s gets what was in slot order[s]; none of those that have left is among them."""
-        index = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
+        index: wp.array = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
         for name in self.names:
             array = getattr(self, name)
             picked = wp.empty((len(order), *array.shape[1:]), dtype=array.dtype, device=self.device)
-            wp.copy(picked, wp.indexedarray(array, [index] + [None] * (array.ndim - 1)))
+            # Warp's stubs know neither an axis that is taken whole nor a copy from such an array
+            wp.copy(picked, wp.indexedarray(array, [index] + [None] * (array.ndim - 1)))  # type: ignore[arg-type, list-item]
             if picked.shape == array.shape:  # in place: launches that were captured find it there
                 wp.copy(array, picked)
             else:
@@ -176,7 +182,7 @@ class State:
         """Columns of the record in ascending order of id, a fresh copy."""
         return self.record.numpy()[self.rank, columns]
 
-    def restore(self, data: dict) -> None:
+    def restore(self, data: dict[str, Any]) -> None:
         """Take over the arrays of a checkpoint, which are in order of id."""
         for name in self.names:
             array = getattr(self, name)

@@ -9,7 +9,7 @@ a contact stay if its law does; those at a wall, if both scenes name it and it h
 import dataclasses
 import hashlib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
 from warpdem.model.past import Past
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
-from warpdem.scene.motion import FixedPlacement
+from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
@@ -30,6 +30,9 @@ from warpdem.state import checkpoint, contact_history
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
+
+if TYPE_CHECKING:
+    from warpdem.engine.neighbor_list import NeighborLists
 
 
 def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()) -> Scene:
@@ -41,6 +44,12 @@ def started_from(scene: Scene, path: str | Path, continues: tuple[str, ...] = ()
     return scene.model_copy(update={"start": start, "grains": [], "access": access})
 
 
+def _start(scene: Scene) -> Start:
+    """What the scene says of its start: it has one."""
+    assert scene.start is not None
+    return scene.start
+
+
 def read(scene: Scene) -> Past:
     """What ``scene`` starts from.
 
@@ -50,7 +59,7 @@ def read(scene: Scene) -> Past:
     """
     key = f"{scene.source}: start.checkpoint"
     try:
-        data = checkpoint.read(scene.resolve(scene.start.checkpoint))
+        data = checkpoint.read(scene.resolve(_start(scene).checkpoint))
     except SceneError as error:
         raise SceneError(f"{key}: {error}") from None
     names = list(data["scene"]["materials"])
@@ -69,14 +78,14 @@ def read(scene: Scene) -> Past:
     memory, notes = _memory(scene, data, redrawn)
     if "orientation" in data:
         memory["orientation"] = data["orientation"]
-    going = "streams" in scene.start.continues
+    going = "streams" in _start(scene).continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
     inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
     return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
 
 
-def _end(data: dict) -> float:
+def _end(data: dict[str, Any]) -> float:
     """Time of a checkpoint [s]."""
     return data["step"] * data["dt"]
 
@@ -94,9 +103,9 @@ def _check_pairs(scene: Scene, present: list[str], key: str) -> None:
 # --- frame, walls, streams ---------------------------------------------------------------------------------------------
 
 
-def _going_on(scene: Scene, data: dict, redrawn: set[str]) -> Scene:
+def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
     """The scene whose frame and walls, but those ``redrawn``, go on from where those of the checkpoint stand."""
-    start, there = scene.start, data["scene"]
+    start, there = _start(scene), data["scene"]
     _check_continues(scene, data)
     ahead = scene.later(_end(data))
     frame = _matrix(data["places"]["frame"])
@@ -120,12 +129,12 @@ def _going_on(scene: Scene, data: dict, redrawn: set[str]) -> Scene:
     return scene.model_copy(update={"frame": motions, "walls": walls, "streams": streams, "start": start})
 
 
-def _geometry(wall: dict, contents: str | None) -> tuple:
+def _geometry(wall: dict[str, Any], contents: str | None) -> tuple[Any, ...]:
     """What a wall's table says of its surface; ``contents`` of its mesh file count, not what that is called."""
     return contents, *(wall.get(key) for key in ("prim", "scale", "translate", "rotate", *SHAPES))
 
 
-def _geometries(scene: Scene, data: dict) -> tuple[dict[str, tuple], dict[str, tuple]]:
+def _geometries(scene: Scene, data: dict[str, Any]) -> tuple[dict[str, tuple[Any, ...]], dict[str, tuple[Any, ...]]]:
     """Geometry of each wall by name, in the scene and in the checkpoint."""
     here = {}
     for wall in scene.walls:
@@ -139,13 +148,13 @@ def _geometries(scene: Scene, data: dict) -> tuple[dict[str, tuple], dict[str, t
     return here, there
 
 
-def _redrawn(scene: Scene, data: dict) -> set[str]:
+def _redrawn(scene: Scene, data: dict[str, Any]) -> set[str]:
     """Names of walls of both whose geometry is not the same."""
     here, there = _geometries(scene, data)
     return {name for name in here if name in there and here[name] != there[name]}
 
 
-def _way(data: dict, name: str) -> str:
+def _way(data: dict[str, Any], name: str) -> str:
     """How far a wall of the checkpoint had moved from where its scene drew it, in words; "" if it had not."""
     place, frame = _matrix(data["places"]["walls"][name]), _matrix(data["places"]["frame"])
     if next(wall["fixed_to"] for wall in data["scene"]["walls"] if wall["name"] == name) == "laboratory":
@@ -159,14 +168,14 @@ def _way(data: dict, name: str) -> str:
     return " and ".join(words)
 
 
-def _notes_on_walls(scene: Scene, data: dict, redrawn: set[str]) -> list[str]:
+def _notes_on_walls(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> list[str]:
     """Which walls do not stand where the run before left one of their name or of their geometry."""
     notes, (here, there) = [], _geometries(scene, data)
     for name in here:
         way = _way(data, name) if name in there else ""
         if name in redrawn and way:
             said = f"start: wall {name!r} has another geometry than in {data['path']}, where it had been {way}"
-            if name in scene.start.continues:
+            if name in _start(scene).continues:
                 notes.append(f"{said}: it goes on from there, since start.continues names it")
             else:
                 notes.append(
@@ -182,15 +191,15 @@ def _notes_on_walls(scene: Scene, data: dict, redrawn: set[str]) -> list[str]:
     return notes
 
 
-def _check_continues(scene: Scene, data: dict) -> None:
+def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
     """Refuse names in ``start.continues`` of what is not there, or is another there."""
     there = data["scene"]
     here = scene.model_dump(mode="json", include={"frame", "streams", "walls"})
     then = {entry["name"]: entry for entry in there["walls"]}
     now = {entry["name"]: entry for entry in here["walls"]}
-    for name in scene.start.continues:
+    for name in _start(scene).continues:
         if name in ("frame", "streams"):
-            pair = here[name], there[name]
+            pair: tuple[Any, ...] = here[name], there[name]
         elif name in now and name in then:
             pair = tuple((entry["motion"], entry["fixed_to"]) for entry in (now[name], then[name]))
         else:
@@ -203,7 +212,9 @@ def _check_continues(scene: Scene, data: dict) -> None:
             )
 
 
-def _continued(motions: tuple | None, resolved: list[dict] | None, given: list[dict] | None, time: float) -> tuple | None:
+def _continued(
+    motions: Motions | None, resolved: list[dict[str, Any]] | None, given: list[dict[str, Any]] | None, time: float
+) -> Motions | None:
     """Motions ``time`` [s] later than those of the checkpoint, which stand there as they were resolved and as given."""
     if resolved is None:
         return motions
@@ -216,7 +227,7 @@ def _continued(motions: tuple | None, resolved: list[dict] | None, given: list[d
     return (*timed, *(FixedPlacement(**entry) for entry in resolved[len(there) :]))
 
 
-def _from(motions: tuple | None, place: np.ndarray) -> tuple | None:
+def _from(motions: Motions | None, place: np.ndarray) -> Motions | None:
     """Motions that begin from ``place``, shape (4, 4)."""
     if np.array_equal(place, np.eye(4)):
         return motions
@@ -232,7 +243,7 @@ def _matrix(rows: list[list[float]]) -> np.ndarray:
 # --- grains ------------------------------------------------------------------------------------------------------------
 
 
-def _grains(scene: Scene, data: dict, material: list[int]) -> InitialGrains:
+def _grains(scene: Scene, data: dict[str, Any], material: list[int]) -> InitialGrains:
     """The grains, their motion relative to the frame as it moves at time 0 of ``scene``."""
     pose: Pose = frame_chain(scene).pose(np.zeros(1))
     spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
@@ -251,7 +262,7 @@ def _grains(scene: Scene, data: dict, material: list[int]) -> InitialGrains:
 # --- springs of contacts -----------------------------------------------------------------------------------------------
 
 
-def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
+def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
     """Memory of contacts for ``Lists.remember``, numbered as the walls of ``scene``, and what was dropped in words."""
     was, now, notes = data["scene"]["contact"], scene.contact, []
     springs, given = Columns(tuple((name, 3) for name in VECTORS)), data["pair_memory"].shape[1]
@@ -289,7 +300,7 @@ def _memory(scene: Scene, data: dict, redrawn: set[str]) -> tuple[dict[str, np.n
 
 
 def _in_new_axes(
-    scene: Scene, data: dict, redrawn: set[str], wall: np.ndarray, point: np.ndarray
+    scene: Scene, data: dict[str, Any], redrawn: set[str], wall: np.ndarray, point: np.ndarray
 ) -> np.ndarray:
     """Points [m], shape (n, 3), in the body axes of their walls of the checkpoint, in those of the same walls of ``scene``."""
     number = {one.name: k for k, one in enumerate(scene.walls)}
@@ -303,7 +314,7 @@ def _in_new_axes(
     return point
 
 
-def _wall_numbers(scene: Scene, data: dict) -> tuple[np.ndarray, list[str]]:
+def _wall_numbers(scene: Scene, data: dict[str, Any]) -> tuple[np.ndarray, list[str]]:
     """Number in ``scene`` of each wall of the checkpoint, -1 for none, and the names of those with springs and without."""
     here = {wall.name: (k, _kind(wall.model_dump(mode="json"))) for k, wall in enumerate(scene.walls)}
     numbers, dropped = [], []
@@ -315,12 +326,12 @@ def _wall_numbers(scene: Scene, data: dict) -> tuple[np.ndarray, list[str]]:
     return np.array(numbers, dtype=np.int64), dropped
 
 
-def _kind(wall: dict) -> str:
+def _kind(wall: dict[str, Any]) -> str:
     """Kind of geometry of a wall's table."""
     return next(key for key in ("mesh", *SHAPES) if wall.get(key) is not None)
 
 
-def take_over(past: Past, state: State, lists: Any, streams: Streams) -> None:
+def take_over(past: Past, state: State, lists: "NeighborLists", streams: Streams) -> None:
     """Give a run at its start the ids, contact history, orientation and random numbers of the run that it starts from.
 
     Args:

@@ -1,6 +1,7 @@
 """Grains that streams insert while a run goes on."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Streams:
     @property
     def notes(self) -> list[str]:
         """What is to be known of the boxes of the streams, for people."""
-        return [note for inlet in self.inlets for note in inlet.walls.notes]
+        return [note for inlet in self.inlets if inlet.walls is not None for note in inlet.walls.notes]
 
     def next_step(self) -> int | None:
         """The next step at which grains may be inserted; None if there is none."""
@@ -82,19 +83,19 @@ class Streams:
         def places(time: float) -> list[tuple[np.ndarray, np.ndarray]]:
             return [(body[:9].reshape(3, 3), body[9:12]) for body in model.schedule.bodies(time)]
 
-        moves = model.schedule.wall_motion < model.schedule.moving
+        moves = (model.schedule.wall_motion < model.schedule.moving).tolist()
         return InletWalls(number, model.scene, model.meshes, places, moves)
 
-    def state(self) -> list[dict]:
+    def state(self) -> list[dict[str, Any]]:
         """What a checkpoint holds of the streams, as JSON."""
         return [inlet.state() for inlet in self.inlets]
 
-    def restore(self, states: list[dict]) -> None:
+    def restore(self, states: list[dict[str, Any]]) -> None:
         """Take over what ``state`` gave."""
         for inlet, state in zip(self.inlets, states, strict=True):
             inlet.restore(state)
 
-    def take_over(self, states: dict[int, dict]) -> None:
+    def take_over(self, states: dict[int, dict[str, Any]]) -> None:
         """Go on with the random numbers of streams of another run, by number; what they inserted there does not count."""
         for number, state in states.items():
             self.inlets[number].restore({**state, "count": 0, "mass": 0.0})
