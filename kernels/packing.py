@@ -19,7 +19,7 @@ from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert,
 wp.set_module_options(MODULE_OPTIONS)
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def insert_grains(
     grids: SizeGrids,
     # grains, read [m]
@@ -31,7 +31,7 @@ def insert_grains(
     insert(grids, i, position[i], radius[i])
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def list_neighbours(
     first: wp.int32,
     grids: SizeGrids,
@@ -80,7 +80,7 @@ def list_neighbours(
     partner_out[i] = partner
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def push_apart(
     first: wp.int32,
     # grains, read [m]; those from number `loose` on are held fast; `growth` scales all radii [-]

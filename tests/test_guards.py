@@ -328,6 +328,26 @@ def test_a_resumed_run_is_judged_as_the_uncut_one(make_scene, tmp_path):
             one.step(2000)
 
 
+@pytest.mark.parametrize("missing", ["energy", "stability", "next_look", "sides"])
+def test_what_an_older_checkpoint_lacks_of_a_guard_begins_anew(make_scene, missing):
+    """The others take over what was kept."""
+    box = {"name": "box", "mesh": BOX}
+    scene = make_scene([[0.5, 0.5, 0.5]], radius=0.01, walls=[box], step=1e-4)
+    old, new = (Simulation(scene, device="cpu", threads=1) for _ in range(2))
+    old.step(300)
+    kept, fresh = old.guards.state(), new.guards.state()
+    assert kept["energy"] != fresh["energy"] and kept["next_look"] == 400
+    data = {"guards": {key: value for key, value in kept.items() if key != missing}}
+    new.guards.restore(data if missing == "sides" else {**data, **old.guards.arrays()})
+    found = new.guards.state()
+    for key in kept.keys() - {missing}:
+        assert found[key] == kept[key], key
+    if missing == "next_look":
+        assert found[missing] == watch.look_after(0)
+    elif missing != "sides":
+        assert found[missing] == fresh[missing]
+
+
 def test_a_bad_state_is_not_saved_over_a_good_checkpoint(make_scene, tmp_path, monkeypatch):
     """A grain gets out of its box between two checkpoints: the one before stays, and the exit code is 3."""
     scene = make_scene([[0.5, 0.5, 0.5]], radius=0.01, walls=[{"name": "box", "mesh": BOX}], step=1e-4)

@@ -1,1 +1,12 @@
-"""Contact between grains: the law that joins the models, and the loops over contacts."""
+"""Contacts between grains: the law that joins normal, tangential and rolling model, and the evaluation of many contacts.
+
+    columns           what the numbers of a contact are, by name: coefficients, constants, contact history
+    normal_law        one form for all normal laws
+    law               force and torque of one contact from the three models
+    history           the contact history of one contact as a vector
+    pairs             contacts between grains, ``lanes`` of them side by side; shares of the two grains
+    thread_contact    the same with one contact per GPU thread
+    dissipation       what each part of the law takes from the grains, for the energy budget
+
+The law is also that of walls; where a grain touches a wall, ``kernels.wall`` says.
+"""

@@ -1,1 +1,11 @@
-"""Neighbor lists: cells, search, numbering, rebuild on the device, and grains that fly along a known path."""
+"""Neighbor lists: which grains may touch, and until when that holds. The order of the kernels: ``warpdem.engine.program``.
+
+    cells           grains on cell grids, one grid per size class
+    neighbors       outer list (skin) and inner list (inner skin)
+    numbering       where the contacts, force slots and wall slots of each grain begin
+    displacement    how far grains have moved since the lists were built
+    rebuild         the parts of an outer list build that only a captured graph needs
+    flight, path    fast grains that fly along known paths, so that the lists of the others hold
+
+What is listed changes no bit of a result.
+"""

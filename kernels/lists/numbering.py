@@ -27,7 +27,7 @@ def capped(sum: wp.int32) -> wp.int32:
     return 2147483647 if sum < 0 else sum
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def sum_blocks(
     first: wp.int32,
     lanes: wp.int32,
@@ -55,7 +55,7 @@ def sum_blocks(
     sums_out[b] = total
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def start_blocks(
     # read and written: sums of each block, replaced by those before it
     sums_out: wp.array[Sums],
@@ -79,7 +79,7 @@ def start_blocks(
     total_out[2] = running[3]
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def start_grains(
     first: wp.int32,
     lanes: wp.int32,

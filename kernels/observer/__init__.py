@@ -1,4 +1,4 @@
-"""Observers: a number that is read off each grain while the run goes on; one file each, as the external fields.
+"""Observers: one number per grain, read while the run goes on, for columns of history.csv; a file each, like the fields.
 
 A file states ``UNIT``, the unit of its number as the header of a column shows it, and ``PARAMETERS`` as a field does (see
 ``kernels.field``). ``build()``, cached, returns

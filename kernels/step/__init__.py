@@ -1,1 +1,15 @@
-"""The time step: loop over steps, phases of a captured graph, motion of a grain, frame terms, borders."""
+"""The time step: forces at t_k, then the integrator takes the grains to t_k+1.
+
+    loop           the step as phases, and ``run``, the kernel that each CPU thread runs for a batch of steps; the readers
+    graph          the same phases with a thread per contact or grain, for a captured graph
+    motion         what acts on one grain, and how far it has gone since the lists were built
+    schedule       what changes with time and is known beforehand, one row per force call
+    frame_terms    apparent accelerations, for integrators with velocities relative to the frame
+    runge_kutta    what ``integrator/rk2`` and ``integrator/rk4`` share
+    orientation    rotation of grains
+    border         periodic images
+    barrier        where the CPU threads meet between phases
+    clock          conditions and counters of a batch of steps
+
+Both compute the same bits on a CPU.
+"""

@@ -1,1 +1,14 @@
-"""Models of the role wall."""
+"""Contacts between grains and walls: where a grain touches a wall, and the forces there.
+
+    plane, revolved, sphere    closest point of an analytic wall (cylinder and cone are ``revolved``)
+    triangle, feature          closest point of a triangle, and of any feature: a triangle or an analytic wall
+    surface                    all features of the walls as kernels see them
+    candidates                 which features a grain may reach until its list is built again
+    places                     from closest points to contact points: each place of a mesh is counted once
+    contact                    forces of the contact points, by the law of ``kernels.contact.law``
+    record                     what a wall contact remembers, and what the last force call made of it
+    images                     walls at their periodic images
+    distance                   signed distance to a mesh
+
+No file here is a model that a scene names: which shapes are compiled follows from the walls that it has.
+"""

@@ -51,15 +51,19 @@ def test_files_that_a_page_names_are_there(page):
         assert (ROOT / name).exists() or (page.parent / name).exists(), name
 
 
-def test_the_tour_visits_each_file_once_and_all_hold_what_it_follows():
+def test_the_tour_visits_each_file_once_and_finds_there_what_it_names():
     page = (ROOT / "kernels" / "README.md").read_text(encoding="utf-8")
     section = page.split("## A tour")[1].split("\n## ")[0]
-    files = re.findall(r"^\d+\. `([\w/.]+)`", section, re.MULTILINE)
-    assert len(files) == len(set(files)) >= 15
+    stops = re.findall(r"^(\d+)\. `([\w/.]+)`: (.+?)\n(?=\d+\. |\n)", section, re.MULTILINE | re.DOTALL)
+    assert [int(number) for number, _, _ in stops] == list(range(1, len(stops) + 1))
+    files = [file for _, file, _ in stops]
+    assert len(files) == len(set(files)) == len(re.findall(r"^\d+\. ", section, re.MULTILINE)) >= 30
     assert files[0].startswith("scenes/") and files[-1].startswith("warpdem/output/")
-    for name in files:
-        text = (ROOT / name).read_text(encoding="utf-8")
-        assert re.search(r"position|friction|load_scene", text), name
+    for _, file, words in stops:
+        names = [name.split(".")[-1] for name in re.findall(r"`([A-Za-z_][\w.]*)(?: = [^`]*)?`", words)]
+        assert names, file
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert not [name for name in names if not re.search(rf"\b{name}\b", text)], file
 
 
 def test_every_public_name_has_an_entry():

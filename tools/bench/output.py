@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from warpdem import Scene
-from warpdem.app.outputs import writer_of
 from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import ContactNetwork, Snapshot
+from warpdem.output.formats import writer_of
 
 TOUCHING = 1.9  # contacts per grain of a settled bed
 

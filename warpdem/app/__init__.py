@@ -1,1 +1,4 @@
-"""The commands: a run with all its files, check, demo, summary, progress."""
+"""The command ``warpdem``: a run with all its files (``run``, ``phases``), ``check``, ``demo``; summaries and warnings.
+
+``cli`` reads the arguments. ``run_folder`` and ``run_record`` are folder and run.json of a run, ``outputs`` calls the writers.
+"""

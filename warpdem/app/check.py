@@ -16,6 +16,7 @@ from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
+from warpdem.output.formats import FORMATS
 from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation
 
@@ -23,7 +24,6 @@ PROBE_SECONDS = 2.0  # wall time of the short run that the run time is estimated
 SETTLED = 2.5  # contacts per grain of a bed at rest under friction, walls included
 GRAIN_SECONDS = 20e-9  # that a grain without contacts costs per step on one core: 11 to 14 ns with 12 000 to 55 000 of them
 FRAME_SECONDS = 3e-6  # that a grain takes in a frame of a format: 55 000 that fly
-FRAME_BYTES = {"vtk": 110, "usd": 110, "vtkhdf": 100}  # of a grain in a frame [B]: 5000 that fly and spin
 CONTACT_SECONDS = 50e-9  # that one more contact costs per step on one core: 43 to 55 ns in scenes/box_bed.toml as it settles
 
 
@@ -91,7 +91,7 @@ def _probed(sim: Simulation, steps: int, console: Console | None) -> dict[str, A
     mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
     settles = any(sim.scene.gravity) and sim.device.is_cpu
     contacts_to_form = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
-    of_a_frame = sum(FRAME_BYTES[name] for name in sim.scene.output.formats)
+    of_a_frame = sum(FORMATS[name].grain_bytes for name in sim.scene.output.formats)
     size += int(of_a_frame * mean)
     frame_seconds += FRAME_SECONDS * len(sim.scene.output.formats) * mean
     output = frames * frame_seconds + rows * row_seconds

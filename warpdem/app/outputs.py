@@ -1,23 +1,21 @@
 """All files of a run but the pictures: rows of history.csv and frames in every format, written beside the steps."""
 
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.run_lock import RunLock
-from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import TurningNumbers
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.background import Background
+from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter
-from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
 
 
@@ -25,39 +23,6 @@ def output_schedule(sim: Simulation, end: float) -> OutputSchedule:
     """When frames and rows of the history are due in a run to ``end`` [s]."""
     output = sim.scene.output
     return OutputSchedule.of(output.interval or end / 50.0, output.history_interval, sim.dt)
-
-
-class FrameWriter(Protocol):
-    """What every format of the results has."""
-
-    def write(self, snapshot: Snapshot) -> None:
-        """Write one frame; when this returns the frame is on disk."""
-
-    def close(self) -> None:
-        """Close the files."""
-
-
-def writer_of(name: str, folder: Path, walls: list[WallMesh], scene: Scene, resume: bool = False) -> FrameWriter:
-    """Writer of a format of ``output.formats``; its libraries are loaded now, not before.
-
-    Args:
-        name: the format.
-        folder: where the files go.
-        walls: the walls to draw, each in its body axes.
-        scene: the scene that is run.
-        resume: keep the frames of an earlier run that come before the first new one.
-    """
-    if name == "usd":
-        from warpdem.output.write_usd import UsdWriter
-
-        return UsdWriter(folder, walls, scene=scene, resume=resume)
-    if name == "vtkhdf":
-        from warpdem.output.write_vtkhdf import VtkhdfWriter
-
-        return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
-    from warpdem.output.write_vtk import VtkWriter
-
-    return VtkWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
 
 
 class Outputs:

@@ -1,4 +1,4 @@
-"""Host side of the grids that find grains near each other, one for each class of sizes (``kernels.size_grids``)."""
+"""Host side of the grids that find grains near each other, one for each class of sizes (``kernels.lists.cells``)."""
 
 import numpy as np
 import warp as wp

@@ -62,6 +62,7 @@ class Guards:
         self.travel, self.overlap, self.energy = TravelGuard(view.model), OverlapGuard(view.model), EnergyGuard(view.model)
         self.sides, self.stability = SideGuard(view), StabilityGuard()
         self._looking = (self.sides, self.stability, self.energy)
+        self._kept = (self.energy, self.stability)  # by checkpoints, besides the arrays of ``sides``
         self.next_look = view.clock.step_number
 
     def notice(self, verdict: Verdict) -> None:
@@ -140,19 +141,21 @@ class Guards:
 
     def state(self) -> dict[str, Any]:
         """What the guards keep between looks besides ``arrays``, fit for JSON."""
-        return {"next_look": self.next_look, "energy": self.energy.state(), "stability": self.stability.state()}
+        return {"next_look": self.next_look, **{guard.NAME: guard.state() for guard in self._kept}}
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What the guards keep of each grain."""
         return self.sides.arrays()
 
     def restore(self, data: dict[str, Any]) -> None:
-        """Take over ``state``, under "guards", and ``arrays`` of a checkpoint; one of an older version has none."""
-        if "guards" not in data:
-            self.next_look = look_after(self.view.clock.step_number)
-            return
-        state = data["guards"]
-        self.next_look = state["next_look"]
-        self.energy.restore(state["energy"])
-        self.stability.restore(state["stability"])
-        self.sides.restore(data)
+        """Take over ``state``, under "guards", and ``arrays`` of a checkpoint.
+
+        What a checkpoint of an older version lacks counts as nothing kept: that guard begins anew.
+        """
+        state = data.get("guards", {})
+        self.next_look = state.get("next_look", look_after(self.view.clock.step_number))
+        for guard in self._kept:
+            if guard.NAME in state:
+                guard.restore(state[guard.NAME])
+        if data.keys() >= self.sides.arrays().keys():
+            self.sides.restore(data)

@@ -15,8 +15,8 @@ the energy, -(1/2) m v_frame^2 being the potential of the centrifugal force: at 
 walls at rest in the frame do not change it.
 
 The kernels add up D, W and J per grain at every step (``kernels.measure.budget``). In the laboratory the frame does no work:
-the walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity and position of
-mid-step, at which the books of its work begin or end.
+the walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity of mid-step and its
+place there, at which the books of its work begin or end.
 """
 
 import numpy as np

@@ -16,6 +16,8 @@ def read_network(view: RunView) -> ContactNetwork:
     """Contacts of a run at the time of the view, from the results of its last force call.
 
     F_n = F . n,  F_t = F - F_n n; a contact slides where |F_t| = mu F_n > 0, to the rounding of the law.
+    That F_n is the Coulomb load of every law without COEFFICIENTS and HISTORY. Another may declare a load of its own
+    (``kernels.contact.normal_law``), which no array keeps: there ``sliding`` still compares with mu F_n.
     """
     contacts = read_contacts(view)
     ids, position = view.state.ids, view.state.by_id(grain.POSITION)

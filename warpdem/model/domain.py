@@ -61,7 +61,7 @@ class Domain:
 
     @property
     def images(self) -> np.ndarray:
-        """Shifts to the images of a place [m], shape (k, 3), numbered as in ``kernels.border``, the first of them 0."""
+        """Shifts to the images of a place [m], shape (k, 3), numbered as in ``kernels.step.border``, the first of them 0."""
         return np.array([*itertools.product(*((0.0, p, -p) if p else (0.0,) for p in self.period))])
 
     def left_by(self, position: np.ndarray) -> np.ndarray:
@@ -91,7 +91,7 @@ class Domain:
         return (beyond & (period > 0.0)).any(axis=1)
 
     def nearest(self, way: np.ndarray) -> np.ndarray:
-        """The shortest of the differences (n, 3) [m] between images, as ``kernels.border`` computes it."""
+        """The shortest of the differences (n, 3) [m] between images, as ``kernels.step.border`` computes it."""
         period = np.array(self.period)
         turns = np.where(way > 0.5 * period, 1.0, np.where(way < -0.5 * period, -1.0, 0.0))
         return way - np.where(period > 0, turns * period, 0.0)

@@ -1,4 +1,4 @@
-"""The tables of ``kernels.schedule`` for a batch of steps: all that is known beforehand about time."""
+"""The tables of ``kernels.step.schedule`` for a batch of steps: all that is known beforehand about time."""
 
 import numpy as np
 

@@ -1,1 +1,4 @@
-"""What changes during a run and what a checkpoint keeps: particles and the history of their contacts."""
+"""What changes during a run: grains, contact history, clock, streams; a checkpoint saves it (``checkpoint``).
+
+``view`` is how all readers (guards, measures, writers) see a run at one time.
+"""

@@ -47,8 +47,8 @@ class State:
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
-        energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape
-            (n, width each).
+        energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
+            width each).
     """
 
     def __init__(
