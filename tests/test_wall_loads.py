@@ -210,7 +210,7 @@ def test_loads_do_not_depend_on_threads_or_lists(box, sim):
 
 
 def test_no_walls_no_loads(box):
-    assert read_loads(Simulation(scene(box, walls=[]), device="cpu", threads=1)) == {}
+    assert read_loads(Simulation(scene(box, walls=[]), device="cpu", threads=1).view) == {}
 
 
 @pytest.fixture(scope="module")
