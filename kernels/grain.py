@@ -8,8 +8,8 @@ Position in frame axes; velocity and spin are absolute, resolved in frame axes, 
 (design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
 friction the record ends after the acceleration.
 
-A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = GONE, where it meets nobody:
-none is carried so far, and a position that moves hits this very number by no chance worth a thought.
+A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = GONE, where no other
+grain is: none is carried so far, and no moving position takes exactly this value.
 """
 
 import functools

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from warpdem.kernels.lists.numbering import starts
 
 from warpdem import Scene, Simulation
 from warpdem.engine.flights import Flights
 from warpdem.engine.host_build import morton_order
-from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes, starts
+from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes
 
 
 def simulate(positions, radii, *, velocities=None, ids=None, skin="auto", threads=1, rolling=0.1, **changes):

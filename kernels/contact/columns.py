@@ -84,7 +84,7 @@ class Columns:
         return Columns(self.sizes + other.sizes)
 
     def vector(self, real) -> type:
-        """Vector that holds them in ``real``; of one number that nobody reads where there is none."""
+        """Vector that holds them in ``real``; of one unused number where there is none."""
         return wp.types.vector(max(self.width, 1), real)
 
 
@@ -124,8 +124,13 @@ def constants(normal: ModuleType) -> Columns:
     return scalars(["stiffness", "damping"]).and_(own_coefficients(normal))
 
 
+def inertia_factor(rolling: ModuleType | None) -> float:
+    """Factor from I to the inertia that a rolling model meets: about the contact point, 3.5 I, for one with a spring [-]."""
+    return 3.5 if rolling is not None and rolling.HISTORY else 1.0
+
+
 def stored_constants(normal: ModuleType, rolling: bool) -> Columns:
-    """What is kept of each contact where it is not computed anew at each step: R* [m] and inertia for a rolling law too."""
+    """What is stored per contact instead of being computed at each step; with a rolling law also R* [m] and the inertia."""
     return constants(normal).and_(scalars(["radius", "inertia"] if rolling else []))
 
 

@@ -55,7 +55,7 @@ def build(
         """Evaluate lane ``k`` of contact batch ``p``; return its overlap ratio [-] and approach speed [m/s]."""
         at_i = slot_i[p, k]
         at_j = slot_j[p, k]
-        if at_i + 1 == row_out.shape[0]:  # a filler of its contact batch
+        if at_i + 1 == row_out.shape[0]:  # an empty lane of its contact batch
             return wp.float64(0.0), wp.float64(0.0)
         i = owner[p, k]
         j = partner[p, k]

@@ -108,7 +108,7 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                         found = found | wp.static(OUTER)
             if travel.outlet_of(q, control.outlet) >= 0:
                 found = found | wp.static(IN_OUTLET)
-            if border.thrown(q):
+            if border.crossed(q):
                 found = found | wp.static(CROSSED)
             if not (wp.isfinite(q[0]) and wp.isfinite(q[1]) and wp.isfinite(q[2])):
                 found = found | wp.static(NOT_FINITE)

@@ -1,12 +1,12 @@
 """Grains in flight: far from all that is not listed with them, for a while known beforehand.
 
-Lists hold as long as every grain is near its reference: a place, for most. One grain that is fast would have them made anew all
+Lists hold as long as every grain is near its reference: a place, for most. One grain that is fast would have them rebuilt all
 the time, though nothing is near it. A grain in flight is near a *path* instead, the parabola of its free fall from the
 place where it was when the path was laid,
 
     P(t) = q + V t + (1/2) a t^2,      |q(t) - P(t)| <= allowance  at every step up to the last of the path,
 
-and the path was laid so that up to there its grain can meet nobody outside of its row in the near list:
+and the path was laid so that up to there its grain can touch no other outside of its row in the near list:
 
     |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too

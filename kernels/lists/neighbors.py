@@ -227,7 +227,7 @@ def build(
     def clear_contacts(
         first: int,
         partner: int,  # a grain that is not grain 0, if there is one
-        filler: int,  # force slot that nobody reads
+        unused_slot: int,  # force slot that belongs to no grain
         # per lane, written
         owner_out: wp.array2d(dtype=wp.int32),
         partner_out: wp.array2d(dtype=wp.int32),
@@ -241,8 +241,8 @@ def build(
         for k in range(wp.static(lanes)):
             owner_out[p, k] = 0
             partner_out[p, k] = partner
-            slot_i_out[p, k] = filler
-            slot_j_out[p, k] = filler
+            slot_i_out[p, k] = unused_slot
+            slot_j_out[p, k] = unused_slot
             if wp.static(table):
                 kind_out[p, k] = 0
             if wp.static(keep_constants):

@@ -9,6 +9,7 @@ Arrays of size 0 stand for what is not asked for. Sums beyond what 32 bits count
 reaches.
 """
 
+import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS
 
@@ -19,6 +20,13 @@ AT_ONCE = 8  # blocks that the one thread reads before it writes: it waits for m
 # of a block: touching and near contacts, rounded up to full batches; force slots; grains beside a wall
 Sums = wp.types.vector(4, wp.int32)
 Chunk = wp.types.matrix((AT_ONCE, 4), wp.int32)
+
+
+def starts(count: np.ndarray) -> np.ndarray:
+    """Exclusive prefix sums of counts (n,) with the total at the end, on the host, shape (n + 1,), int32."""
+    out = np.zeros(len(count) + 1, dtype=np.int32)
+    np.cumsum(count, out=out[1:])
+    return out
 
 
 @wp.func

@@ -8,7 +8,7 @@ Flight = wp.types.vector(12, wp.float64)  # place, velocity, acceleration, allow
 
 @wp.func
 def in_flight(flight: wp.array(dtype=Flight), i: int) -> bool:
-    """Whether the lists count on the path of grain ``i``; an array of size 0: on nobody's."""
+    """Whether the lists count on the path of grain ``i``; of no grain with an array of size 0."""
     flying = bool(False)
     if flight.shape[0] > 0:
         path = flight[i]

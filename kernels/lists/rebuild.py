@@ -1,8 +1,8 @@
 """What takes the place of the outer list in a captured graph, with the grains where they are in memory.
 
 Neighbors are counted first (``neighbors``, ``numbering``), and only where the arrays can hold them the rows are written, beside
-the old ones; then the contact numbers are carried over and the rows replace the old ones: the host, when it is asked, finds
-the old lists whole. The slots beside walls are numbered again, and the contact points move to theirs by way of the generation
+the old ones; then the contact numbers are carried over and the rows replace the old ones: until then the host can still use
+the old lists. The slots beside walls are numbered again, and the contact points move to theirs by way of the generation
 that the next forces will write.
 """
 
@@ -23,7 +23,7 @@ def build(WallContacts):
 
     @kernel
     def ask_outer(clock_out: wp.array(dtype=wp.int32)):
-        """One thread: whether the outer list may be built here, where it is out of date, else the host is asked.
+        """One thread: whether the outer list may be built here, where it is out of date; else control returns to the host.
 
         As it is before step OUTER_NOT_BEFORE: a few fast grains may fly along paths (``flight``).
         """

@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 SPINS = 2000  # about ten microseconds
-YIELDS = 200  # about a hundred microseconds where nobody else wants the core
+YIELDS = 200  # about a hundred microseconds where no other process wants the core
 LONG_YIELD = 20_000  # [ns] one that takes longer gave the core to somebody else
 SLEEPERS = 16  # place of the number of sleeping threads in the array: not in the cache line of the arrivals
 ROOM = SLEEPERS + 1  # numbers in the array

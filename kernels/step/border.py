@@ -106,7 +106,7 @@ def build(period: tuple[float, float, float], lower: tuple[float, float, float])
         return near
 
     @wp.func
-    def thrown(q: wp.vec3d) -> bool:
+    def crossed(q: wp.vec3d) -> bool:
         """Whether a place is beyond a periodic border after the one wrap that each step makes; the rest is for round-off."""
         far = False
         if wp.static(x > 0.0):
@@ -118,5 +118,5 @@ def build(period: tuple[float, float, float], lower: tuple[float, float, float])
         return far
 
     return Built(
-        nearest=nearest, wrapped=wrapped, thrown=thrown, image=image, may_cross=may_cross, within=within, images=len(every)
+        nearest=nearest, wrapped=wrapped, crossed=crossed, image=image, may_cross=may_cross, within=within, images=len(every)
     )

@@ -50,7 +50,7 @@ def build(
         load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
-        orientation: of ``orientation.build``; None when nobody asks how grains are turned.
+        orientation: of ``orientation.build``; None when orientations are not requested.
         budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
         flow: of ``flow.build``; None when the flow through no plane is asked for.
         stages: force calls per step.

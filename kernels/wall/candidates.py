@@ -2,7 +2,7 @@
 
 ``wp.Mesh`` is float32 and only finds triangles: boxes are asked for with a slack for its rounding, in the body axes of the
 wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64. ``travel``
-is how far a grain may go, in the wall's body axes, before the list is made anew. What a candidate is, ``images`` says.
+is how far a grain may go, in the wall's body axes, before the list is rebuilt. What a candidate is, ``images`` says.
 """
 
 import functools

@@ -53,8 +53,7 @@ def public_names() -> dict[str, list[str]]:
     errors = [thing for thing in classes if issubclass(thing, Exception)]
     functions = [thing for thing in found.values() if not inspect.isclass(thing)]
     run = importlib.import_module("warpdem.runner").run_scene
-    kernels = [thing for thing in vars(api).values() if getattr(thing, "__module__", "") == api.__name__]
-    own = [thing for thing in kernels if not thing.__name__.startswith("_") and hasattr(thing, "__qualname__")]
+    own = [getattr(api, name) for name in api.__all__ if name != "Record"]  # a Warp type, which has no docstring
     files = [path for role in ROLES for path in sorted((ROOT / "kernels" / role).glob("[!_]*.py"))]
     return {
         "Scene and Simulation": [*map(full_name, (c for c in classes if c not in errors))],

@@ -76,7 +76,7 @@ def ink_on(background: str) -> str:
 
 
 class Legend:
-    """Writes over one picture after another; only what changes with time is drawn anew."""
+    """Writes over one picture after another; only what changes with time is drawn again."""
 
     def __init__(self, size: tuple[int, int], bars: list[Bar], panes: int, background: str) -> None:
         self._size, self._panes = size, panes

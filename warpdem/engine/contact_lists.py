@@ -80,7 +80,7 @@ class ContactLists:
         touching_start, near_start: (n,) where those contacts begin.
         near_feature: wall features closer than the skin, in the wall slots of their grain.
         grids: cell grids of the grains.
-        row: pair force on one grain in each force slot; the last is read by nobody.
+        row: pair force on one grain in each force slot; the last belongs to no grain.
         entry: energies beside ``row``.
     """
 

@@ -80,13 +80,13 @@ class Flights:
         must = (stray & (INNER | OUTER | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
         self._wait = max(self._wait - 1, 0)
-        nobody = np.zeros(0, dtype=np.int64)
+        none = np.zeros(0, dtype=np.int64)
         if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
-            return stray, nobody
+            return stray, none
         if len(lost) and (self.lists.flight.numpy().reshape(-1, 12)[lost, 10] > self.clock.step_number - LEAST_STEPS).any():
             self._failed += 1  # not free at all
             self._wait = min(2**self._failed, LONGEST_WAIT)
-            return stray, nobody
+            return stray, none
         wanted = np.flatnonzero(stray)
         if not hasty or len(wanted) * (len(wanted) + len(self.slots)) > MAX_PAIRS:
             wanted = np.flatnonzero(must)
@@ -116,9 +116,9 @@ class Flights:
         """
         model, lists, state = self.model, self.lists, self.state
         others = np.setdiff1d(self.slots, wanted)
-        nobody = np.zeros(0, dtype=np.int64)
+        none = np.zeros(0, dtype=np.int64)
         if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
-            return nobody
+            return none
         self.laid += 1
         n = lists.known
         path = np.full((n, 12), -1.0)

@@ -27,7 +27,7 @@ INNER_STEPS = (30, 100)  # steps between two inner lists that the inner skin is 
 OUTER_STEPS = 120  # steps between two outer lists below which the skin grows (if it may)
 INNER_SKINS = (0.02, 0.5)  # bounds of the inner skin over the skin
 KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are rebuilt without the others
-NOBODY = np.zeros(0, dtype=np.int64)
+NO_SLOTS = np.zeros(0, dtype=np.int64)
 BUILDS = 64  # outer lists that a device builds at most before the grains are sorted in memory again
 DISPLACED = INNER_HALF | INNER | OUTER_HALF | OUTER | OFF_PATH
 
@@ -140,7 +140,7 @@ class NeighborLists(ContactLists):
         self._rebuild_outer()
         self._rebuild_inner()
 
-    def _rebuild_outer(self, fast: np.ndarray = NOBODY) -> None:
+    def _rebuild_outer(self, fast: np.ndarray = NO_SLOTS) -> None:
         """Build the outer list; the grains in slots ``fast`` fly if they can."""
         self.before_build()
         self.flights.clear_paths()

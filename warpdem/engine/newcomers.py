@@ -11,8 +11,8 @@ import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists, OuterList
-from warpdem.filling.size_grids import starts
 from warpdem.kernels import grain
+from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 
 ROOM = 0.125  # for those to come, of what is there [-]
@@ -114,9 +114,9 @@ class Newcomers:
         lists, n = self.lists, int(new[-1]) + 1
         whole = grown(self._whole("outer reference", lists.outer_reference), n)
         self._kept["outer reference"], lists.outer_reference = whole, first_rows(whole, n)
-        nobody = wp.zeros(0, dtype=Flight, device=self.model.device)
+        no_flight = wp.zeros(0, dtype=Flight, device=self.model.device)
         self._launch_for(
-            new, self.model.kernels.displacement.save_reference, self.state.record, self.batch.placements, nobody,
+            new, self.model.kernels.displacement.save_reference, self.state.record, self.batch.placements, no_flight,
             lists.outer_reference,
         )  # fmt: skip
 

@@ -202,9 +202,9 @@ class ListBuild:
 
     def _write_inner(self) -> None:
         a, s, k, m = self.lists, self.state, self.kernels.lists, self.model
-        filler = a.row.shape[0] - 1
+        unused_slot = a.row.shape[0] - 1
         lanes = a.owner, a.partner, a.kind, a.constants, a.slot_i, a.slot_j
-        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), filler, *lanes)
+        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), unused_slot, *lanes)
         self.launch(
             k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
             a.outer.start, a.outer.neighbors, a.outer.slot, a.listed, a.touching_start, a.near_start, a.row_start,

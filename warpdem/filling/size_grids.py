@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.lists import cells as kernels
+from warpdem.kernels.lists.numbering import starts
 
 CLASS_RATIO = 2.0
 """Largest over smallest radius of a class of sizes, about [-]."""
@@ -22,13 +23,6 @@ def size_classes(radius: np.ndarray) -> np.ndarray:
 def finest_cell(radius: np.ndarray, classes: np.ndarray, beyond: float) -> float:
     """Width of the cells of the smallest grains [m]; arguments as of ``grids_for``."""
     return 2.0 * float(radius[classes == classes.max()].max()) + beyond
-
-
-def starts(count: np.ndarray) -> np.ndarray:
-    """Exclusive prefix sums with the total at the end, int32."""
-    out = np.zeros(len(count) + 1, dtype=np.int32)
-    np.cumsum(count, out=out[1:])
-    return out
 
 
 def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
@@ -59,7 +53,7 @@ class RowRoom:
         """Start of each row and the end of the last, shape (n + 1,), int32; ``classes`` (n,) of ``size_classes``."""
         missing = int(classes.max()) + 1 - len(self._room)
         self._room = np.pad(self._room, (0, max(missing, 0)), constant_values=self._least)
-        return starts(self._room[classes])
+        return np.asarray(starts(self._room[classes]))
 
     def entries(self, classes: np.ndarray) -> int:
         """Room of all rows together."""

@@ -150,7 +150,7 @@ class Guards:
     def restore(self, data: dict[str, Any]) -> None:
         """Take over ``state``, under "guards", and ``arrays`` of a checkpoint.
 
-        What a checkpoint of an older version lacks counts as nothing kept: that guard begins anew.
+        What a checkpoint of an older version lacks counts as nothing kept: that guard starts without a reference.
         """
         state = data.get("guards", {})
         self.next_look = state.get("next_look", look_after(self.view.clock.step_number))

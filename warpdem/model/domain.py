@@ -84,12 +84,6 @@ class Domain:
         turns = np.floor_divide(position - lower, np.where(period > 0, period, np.inf))
         return position - np.where(period > 0, turns * period, 0.0)
 
-    def thrown(self, position: np.ndarray) -> np.ndarray:
-        """Whether each position (n, 3) [m] is beyond a periodic border after the one wrap that each step makes; shape (n,)."""
-        period, lower = np.array(self.period), np.array(self.lower)
-        beyond = np.abs(position - lower - 0.5 * period) > 0.501 * period  # the rest for round-off
-        return (beyond & (period > 0.0)).any(axis=1)
-
     def nearest(self, way: np.ndarray) -> np.ndarray:
         """The shortest of the differences (n, 3) [m] between images, as ``kernels.step.border`` computes it."""
         period = np.array(self.period)

@@ -76,7 +76,7 @@ class ContactFeatures:
     @cached_property
     def inertia_factor(self) -> float:
         """Factor from I to the inertia that the rolling model meets: about the contact point for one with a spring."""
-        return 3.5 if self.rolling and model("rolling", self.rolling).HISTORY else 1.0
+        return columns.inertia_factor(model("rolling", self.rolling) if self.rolling else None)
 
 
 @dataclass(frozen=True)

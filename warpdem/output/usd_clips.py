@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 PARTS = "result_usd"
 """Folder of the files beside the root layer."""
-# the open chunk is written anew for each frame, so its size bounds the cost of a frame
+# the open chunk is rewritten for each frame, so its size bounds the cost of a frame
 _CHUNK_BYTES = 8e6
 
 

@@ -15,7 +15,8 @@ in the laboratory (default) or in the frame's own axes.
 
 Each frame is a scene: ``warpdem run result.usda --at SECONDS`` takes the grains of that frame in place of those the scene
 began with (``/World/Grains``, switched off in the root layer), from ``primvars:dem:positions``, ``velocities`` and ``spins``
-(frame axes, relative to the frame), ``radii`` and ``types``. Contacts begin anew: only checkpoints keep their history.
+(frame axes, relative to the frame), ``radii`` and ``types``. Contacts start without history, which only
+checkpoints keep.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Save and resume: a resumed run equals the uninterrupted one bit for bit.
 
 HDF5, float64, written beside its place and moved over it. It holds the moving state, and of every contact the memory and
-the forces of the present instant, keyed by grain ids and walls; lists are made anew, which changes no bit of the result.
+the forces of the present instant, keyed by grain ids and walls; lists are rebuilt, which changes no bit of the result.
 What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
 """
 

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpdem.filling.size_grids import starts
 from warpdem.kernels.contact.columns import VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import pair_force_width
+from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView

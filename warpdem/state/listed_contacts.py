@@ -89,7 +89,7 @@ class ListedContacts:
         Args:
             state: copy of the grains.
             take: copies an array, given a name of its own.
-            pairs: whether contacts between grains are copied too; else nobody can read them.
+            pairs: whether contacts between grains are copied too; else they cannot be read.
         """
         arrays: dict[str, Any] = dict.fromkeys(CONTACT_ARRAYS)
         constants = self.constants
@@ -98,7 +98,7 @@ class ListedContacts:
             kept = take("contacts constants", self.constants())
             constants = lambda: kept  # noqa: E731
         walls = None
-        if self.walls is not None:  # before the first grain is inserted there are arrays that nobody has made
+        if self.walls is not None:  # before the first grain is inserted some arrays do not exist yet
             found = {name: getattr(self.walls, name) for name in WALL_ARRAYS}
             walls = SimpleNamespace(**{k: None if a is None else take(f"wall contacts {k}", a) for k, a in found.items()})
         return replace(self, state=state, **arrays, entry=None, constants=constants, walls=walls)

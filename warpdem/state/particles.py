@@ -1,7 +1,7 @@
 """The grains of a run on the device: moving state, constants, and their order in memory.
 
-A grain that has left the domain keeps its slot until the lists are made anew (``kernels.grain``): nobody has to be told where
-the others are now. ``rank`` passes it over, and so does all that is read by it.
+A grain that has left the domain keeps its slot until the lists are rebuilt (``kernels.grain``): the slots of the others
+stay as they are. ``rank`` leaves it out, and so does all that is read by it.
 """
 
 import copy
@@ -46,7 +46,7 @@ class State:
         next_id: least id that no grain has had so far.
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
-        orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when nobody asks for it.
+        orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when it is not requested.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
             width each).
     """

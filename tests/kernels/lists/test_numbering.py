@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from warpdem.kernels.lists import numbering
-from warpdem.kernels.lists.numbering import BLOCK
-
-from warpdem.filling.size_grids import starts
+from warpdem.kernels.lists.numbering import BLOCK, starts
 
 
 def class_starts(touching: np.ndarray, near: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:

@@ -1,0 +1,149 @@
+"""A contact law of model modules, and its kernels in double precision."""
+
+import functools
+from types import ModuleType
+
+import numpy as np
+import warp as wp
+from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels.api.grains import Load, Pair, Record
+from warpdem.kernels.contact import columns, thread_contact
+from warpdem.kernels.contact import law as contact_law
+from warpdem.kernels.contact import pairs as pair_contacts
+from warpdem.kernels.lists import neighbors
+from warpdem.kernels.step import border, motion
+from warpdem.kernels.step.schedule import Placement, Row, slip_time
+from warpdem.kernels.wall import candidates, contact, feature, images, record
+from warpdem.kernels.wall.surface import Surface
+
+
+class ContactLaw:
+    """Contact law of model modules, with its coefficients for each pair of materials.
+
+    Args:
+        normal: module of ``warpdem.kernels.normal``, or one of your own that defines the same.
+        tangential: module of ``warpdem.kernels.tangential``, or None.
+        rolling: module of ``warpdem.kernels.rolling``, or None.
+        materials: what the normal law reads of each material, as attributes: ``young_modulus`` [Pa], ``poisson_ratio`` [-].
+        pairs: by indices (a, b) of two materials what the laws read of the pair, as attributes: ``restitution``, ``friction``,
+            ``rolling_friction``, ``rolling_damping`` [-], and the keys that a law adds. Of the first four all but the
+            restitution are 0 where they are missing.
+        torsion: whether rolling resistance acts on the spin about the normal too.
+        gap: how far beyond contact the normal law acts, at most [m]; 0 for a law of contact only.
+    """
+
+    def __init__(
+        self, normal: ModuleType, tangential: ModuleType | None = None, rolling: ModuleType | None = None, *, materials,
+        pairs, torsion: bool = False, gap: float = 0.0,
+    ) -> None:  # fmt: skip
+        self.models, self.torsion, self.materials, self.gap = (normal, tangential, rolling), torsion, len(materials), gap
+        self.history = columns.history(normal, tangential, rolling).width
+        table = np.full((len(materials), len(materials), columns.coefficients(normal).width), np.nan)
+        for (a, b), pair in pairs.items():
+            of_law = normal.coefficients(materials[a], materials[b], pair)
+            of_pair = {key: getattr(pair, key, 0.0) for key in columns.OF_PAIR}
+            table[a, b] = table[b, a] = columns.coefficient_row(of_law, of_pair)
+        self.table = table.reshape(-1, table.shape[-1])
+
+    def coefficients(self, device) -> wp.array:
+        """Coefficients of the pair (a, b) in row ``a * materials + b``."""
+        return wp.array(self.table, dtype=wp.types.vector(self.table.shape[1], wp.float64), device=device)
+
+
+@functools.cache
+def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
+    """The kernels of a contact law in double precision, over a table of coefficients, and those of grains and walls.
+
+    Args:
+        normal, tangential, rolling, torsion, gap: as of ``ContactLaw``.
+    """
+    real, rolls = wp.float64, rolling is not None
+    shared = {"spins": True, "table": True, "gap": gap}
+    met = {"rolling": rolls, "inertia_factor": columns.inertia_factor(rolling)}
+    remembered, stored = columns.history(normal, tangential, rolling), columns.stored_constants(normal, rolls)
+    kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+    around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
+    pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
+    pair_kernels = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
+    evaluate = thread_contact.build(
+        real, pair_law, pair_law.constants, pair_kernels, around, False, turning_frame=False, **met, **shared
+    )
+    lists = neighbors.build(
+        real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],
+        keep_constants=False, **shared,
+    )  # fmt: skip
+    closest = feature.build(True, False, False, False)
+    seen = images.build(closest, around, repeated=False)
+    WallContacts, evaluate_wall_contacts = contact.build(
+        wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **met, **shared
+    )  # fmt: skip
+    beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
+    load_of = motion.build_load(real, spins=True, walls=False)
+
+    @kernel
+    def pair_forces(
+        record: wp.array(dtype=Record),  # (n,)
+        inverse: wp.array(dtype=Pair),
+        owner: wp.array2d(dtype=wp.int32),  # (contacts, 1)
+        partner: wp.array2d(dtype=wp.int32),
+        pair: wp.array2d(dtype=wp.int32),
+        coefficients: wp.array(dtype=pair_kernels.Coefficients),
+        row: wp.array(dtype=Row),  # (1,)
+        dt: wp.float64,
+        history_of: wp.array3d(dtype=wp.float64),  # (contacts, numbers, 1), read and written
+        slot_i: wp.array2d(dtype=wp.int32),
+        slot_j: wp.array2d(dtype=wp.int32),
+        share_out: wp.array(dtype=pair_kernels.PairForce),  # (2 contacts + 1,)
+        entry_out: wp.array(dtype=pair_kernels.Entry),  # (0,)
+    ):
+        """Evaluate one contact per thread."""
+        t = wp.tid()
+        evaluate(
+            t, 0, record, owner, partner, inverse, pair, coefficients, pair_kernels.Turn(), slip_time(row[0]), dt,
+            history_of,
+            slot_i, slot_j, history_of, share_out, entry_out,
+        )  # fmt: skip
+
+    @kernel
+    def pair_load(
+        start: wp.array(dtype=wp.int32),  # (n + 1,)
+        share: wp.array(dtype=pair_kernels.PairForce),
+        no_walls: wp.array(dtype=wp.int32),
+        none: wp.array(dtype=Load),
+        load_out: wp.array(dtype=Load),  # (n,)
+    ):
+        """Sum over the contacts of each grain, in order of partner."""
+        i = wp.tid()
+        load_out[i] = load_of(i, start, share, no_walls, none)
+
+    @kernel
+    def wall_forces(
+        record: wp.array(dtype=Record),
+        inverse: wp.array(dtype=Pair),
+        material: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=pair_kernels.Coefficients),
+        surface: Surface,
+        wall_contacts: WallContacts,
+        placement: wp.array2d(dtype=Placement),  # (1, 1)
+        row: wp.array(dtype=Row),
+        parity: int,  # of the step
+        dt: wp.float64,
+        load_out: wp.array(dtype=Load),  # (n,), added to
+    ):
+        """Evaluate one grain beside the wall per thread."""
+        r = wp.tid()
+        evaluate_wall_contacts(
+            r, record, inverse, material, materials, coefficients, surface, wall_contacts, placement, 0, 0, row[0],
+            1 - parity, parity,
+            dt,
+        )  # fmt: skip
+        i = wall_contacts.grain[r]
+        load_out[i] = load_out[i] + wall_contacts.load[i]
+
+    return Built(
+        lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
+        pair_load=pair_load,
+        wall_forces=wall_forces, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
+    )  # fmt: skip

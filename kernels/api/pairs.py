@@ -1,0 +1,117 @@
+"""Neighbor list and contacts of grains with each other."""
+
+import functools
+
+import numpy as np
+import warp as wp
+from warpdem.kernels.api.contact_law import ContactLaw
+from warpdem.kernels.api.drift import step_row
+from warpdem.kernels.api.grains import Grains, Load
+from warpdem.kernels.api.listed_grains import ListedGrains
+from warpdem.kernels.lists.cells import SizeGrids
+from warpdem.kernels.lists.numbering import starts
+from warpdem.kernels.lists.path import Flight
+
+EVERYWHERE = 1.0e30  # inner skin within which all partners of the neighbor list are evaluated [m]
+CAPACITY = 16  # partners per grain that the neighbor list can hold to begin with
+
+
+class Pairs(ListedGrains):
+    """Neighbor list and contacts of grains with each other.
+
+    Args:
+        grains: the grains.
+        law: contact law.
+        skin: gap up to which a pair is in the list [m]; the list is made again once a grain has moved by half of it. No bit of
+            the result depends on it.
+
+    Attributes:
+        start: where the row of each grain begins in ``neighbor``, ``wp.array`` of int32, shape (n + 1,).
+        count: neighbors of each grain, ``wp.array`` of int32, shape (n,).
+        neighbor: indices of the neighbors, each row ascending, ``wp.array`` of int32.
+        owner: the grain of lower index of each listed pair, ``wp.array`` of int32, shape (pairs, 1).
+        partner: the other one, ``wp.array`` of int32, shape (pairs, 1).
+        history: contact history of each listed pair, columns as in ``contact.columns.history``: tangential spring [m],
+            rolling spring [rad], the normal law's own, as far as there are any; ``wp.array`` of float64, shape
+            (pairs, numbers, 1), at least one number.
+        rebuilds: how often the list was made.
+    """
+
+    def __init__(self, grains: Grains, law: ContactLaw, skin: float) -> None:
+        super().__init__(grains, law, skin)
+        self._capacity = CAPACITY
+        self._old: list | None = None
+        self._no_walls, self._no_load = self.ints(0), wp.zeros(0, dtype=Load, device=grains.device)
+        self._no_entry = wp.zeros(0, dtype=self.kernels.pair_kernels.Entry, device=grains.device)
+        self.history = wp.zeros((0, max(law.history, 1), 1), dtype=wp.float64, device=grains.device)
+        if len(grains) < 2:
+            self.owner = self.partner = self.ints((0, 1))
+            self.start = self._row_start = self.ints(len(grains) + 1)
+            self._share = wp.zeros(1, dtype=self.kernels.pair_kernels.PairForce, device=grains.device)
+
+    def apply(self, dt: float) -> None:
+        """Write the sum of the contact forces and torques on each grain to ``grains.load``, for a step of ``dt`` [s]."""
+        g, k = self.grains, self.kernels
+        if len(g) > 1:
+            self.update()
+        row = step_row(dt, (0.0, 0.0, 0.0), g.steps == 0, g.device.alias)
+        if len(self.owner):
+            self.launch(k.pair_forces, len(self.owner), [
+                g.record, g.inverse, self.owner, self.partner, self._pair, self._table, row, dt, self.history,
+                self._slot_i, self._slot_j, self._share, self._no_entry,
+            ])  # fmt: skip
+        self.launch(k.pair_load, len(g), [self._row_start, self._share, self._no_walls, self._no_load, g.load])
+
+    def _grid(self) -> SizeGrids:
+        """One grid of cells as wide as two of the largest grains and the skin."""
+        g, position = self.grains, self.grains.position.numpy()
+        largest = float(g.radius.numpy().max())
+        width = 2.0 * largest + self.law.gap + self.skin
+        cells = np.minimum(np.ptp(position, axis=0) / width + 1.0, 256.0).astype(np.int32)
+        grid = SizeGrids()
+        grid.largest = wp.array([largest], dtype=wp.float64, device=g.device)
+        grid.per_length = wp.array([1.0 / width], dtype=wp.float64, device=g.device)
+        grid.cells = wp.array(cells[None], dtype=wp.vec3i, device=g.device)
+        grid.first = self.ints(1)
+        grid.head = self.ints(int(cells.prod()))
+        grid.next = self.ints(len(g))
+        return grid
+
+    def _make(self) -> None:
+        g, lists, n = self.grains, self.kernels.lists, len(self.grains)
+        grid = self._grid()
+        self.launch(lists.insert_grains, n, [0, grid, g.record])
+        count = self.ints(n)
+        while True:
+            start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
+            slot = self.ints(n * self._capacity)
+            self.launch(lists.find_neighbors, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
+            longest = int(count.numpy().max())
+            if longest <= self._capacity:
+                break
+            self._capacity = longest + longest // 4
+        contact = self.ints(slot.shape, -1)
+        if self._old is not None:
+            self.launch(lists.carry_contacts, n, [0, g.id, start, count, slot, self.ints(0), g.id, *self._old, contact])
+        listed, touching, apart, width = self.ints(slot.shape), self.ints(n), self.ints(n), self.ints(n)
+        flight = wp.zeros(0, dtype=Flight, device=g.device)
+        self.launch(lists.select_contacts, n, [
+            0, g.record, g.id, start, count, slot, EVERYWHERE, flight, listed, touching, apart, width
+        ])  # fmt: skip
+        first = starts(touching.numpy() + apart.numpy())
+        row_start = starts(width.numpy())
+        contacts, second = int(first[-1]), first[:-1] + touching.numpy()
+        owner, partner, pair, slot_i, slot_j = (self.ints((contacts, 1)) for _ in range(5))
+        history = wp.zeros((contacts, max(self.law.history, 1), 1), dtype=wp.float64, device=g.device)
+        constants = wp.zeros((0, 1, 1), dtype=wp.float64, device=g.device)
+        upload = functools.partial(wp.array, dtype=wp.int32, device=g.device)
+        self._row_start = upload(row_start)
+        self.launch(lists.fill_contacts, n, [
+            0, g.record, g.inverse, g.material, self.law.materials, self._table, g.id, start, count, slot, listed,
+            upload(first[:-1]), upload(second), self._row_start, self.history, contact, owner, partner, pair, constants,
+            slot_i, slot_j, history,
+        ])  # fmt: skip
+        self.start, self.count, self.neighbor = start, count, slot
+        self.owner, self.partner, self.history = owner, partner, history
+        self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, [start, count, slot, contact]
+        self._share = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)
