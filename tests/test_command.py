@@ -10,18 +10,12 @@ import time
 
 import pytest
 
+from scene_text import GLASS
 from warpdem.core import interrupts
 from warpdem.core.command import UNNAMED, run_command
 from warpdem.errors import OutputError, SceneError
 
-SCENE = """
-[materials.glass]
-density = 2500
-young_modulus = "10 MPa"
-poisson_ratio = 0.3
-[[pairs]]
-materials = ["glass", "glass"]
-restitution = 0.6
+SCENE = f"""{GLASS}
 [[grains]]
 material = "glass"
 positions = [[0, 0, 0], [0, 0, 0.003]]
