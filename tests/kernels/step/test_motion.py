@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import warp as wp
-
 from warpdem.kernels import MODULE_OPTIONS
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.motion import build_load, vec6
@@ -40,7 +39,9 @@ def test_load_is_summed_in_order(device, real, kind, spins, walls):
         if walls and candidates[i]:
             wanted[i] += wall_load[i]
     out = wp.zeros(n, dtype=vec6, device=device)
-    inputs = [wp.array(start, dtype=wp.int32, device=device), wp.array(row, dtype=PairForce, device=device),
-              wp.array(candidates, dtype=wp.int32, device=device), wp.array(wall_load, dtype=vec6, device=device), out]  # fmt: skip
-    wp.launch(sums, n, inputs, device=device)
+    inputs = [
+        wp.array(values, dtype=dtype, device=device)
+        for values, dtype in ((start, wp.int32), (row, PairForce), (candidates, wp.int32), (wall_load, vec6))
+    ]
+    wp.launch(sums, n, [*inputs, out], device=device)
     assert out.numpy().tobytes() == wanted.tobytes()
