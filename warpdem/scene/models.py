@@ -113,7 +113,8 @@ def user_pair_keys(file: str) -> dict[str, PairKey]:
     """
     module = _imported(file, _read(file))
     _check_pair_keys(file, module)
-    return columns.pair_keys(module)
+    keys: dict[str, PairKey] = columns.pair_keys(module)
+    return keys
 
 
 def quantity(entry: PairKey) -> Quantity:
