@@ -6,7 +6,7 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
-from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
+from warpdem.kernels.lists import displacement, flight, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
@@ -42,6 +42,18 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
     return built
+
+
+def step_kernels(kernels: Built) -> list[wp.Kernel]:
+    """Kernels that the steps and the lists of a CPU launch in any run, the step itself first: it takes longest to compile.
+
+    Args:
+        kernels: of ``compile_kernels``.
+    """
+    groups = [vars(group).values() for group in (kernels.lists, kernels.displacement, kernels.walls, numbering)
+              if group is not None]  # fmt: skip
+    step = kernels.loop.run, kernels.loop.read, kernels.loop.read_budget
+    return [thing for thing in (*step, *(one for group in groups for one in group)) if isinstance(thing, wp.Kernel)]
 
 
 def compile_observers(scene: Scene, device: wp.Device) -> None:
