@@ -278,7 +278,7 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
 
 
 RESERVED = {*columns.OF_NORMAL_LAW, *columns.OF_PAIR, *columns.VECTORS, *record.GEOMETRY.names, *record.RESULT.names,
-            "radius", "inertia", "grain"}  # fmt: skip
+            "radius", "inertia", "grain", columns.LOAD}  # fmt: skip
 """Names that a law cannot give numbers of its own."""
 
 
