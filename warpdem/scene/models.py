@@ -113,7 +113,8 @@ def user_pair_keys(file: str) -> dict[str, PairKey]:
     """
     module = _imported(file, _read(file))
     _check_pair_keys(file, module)
-    return columns.pair_keys(module)
+    keys: dict[str, PairKey] = columns.pair_keys(module)
+    return keys
 
 
 def quantity(entry: PairKey) -> Quantity:
@@ -277,7 +278,7 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
 
 
 RESERVED = {*columns.OF_NORMAL_LAW, *columns.OF_PAIR, *columns.VECTORS, *record.GEOMETRY.names, *record.RESULT.names,
-            "radius", "inertia", "grain"}  # fmt: skip
+            "radius", "inertia", "grain", columns.LOAD}  # fmt: skip
 """Names that a law cannot give numbers of its own."""
 
 
