@@ -22,6 +22,8 @@ OF_NORMAL_LAW = {"stiffness": "of the law", "damping": "of the law", "shear": "-
 gamma_t/gamma_n."""
 OF_PAIR = {"friction": "-", "rolling_friction": "-", "rolling_damping": "-"}
 """Keys of ``[[pairs]]`` that are coefficients of every scene."""
+OF_CONTACT = ("stiffness", "damping", "inverse_mass")
+"""Constants of one contact under any normal law: what its ``constants`` returns first, and 1/m* [1/kg]."""
 VECTORS = {"spring": "m", "angle": "rad"}
 """Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
 
@@ -120,8 +122,8 @@ def coefficients(normal: ModuleType) -> Columns:
 
 
 def constants(normal: ModuleType) -> Columns:
-    """What does not change of one contact, for its normal law."""
-    return scalars(["stiffness", "damping"]).and_(own_coefficients(normal))
+    """What does not change of one contact, for its normal law: ``OF_CONTACT``, then the law's own."""
+    return scalars(OF_CONTACT).and_(own_coefficients(normal))
 
 
 def inertia_factor(rolling: ModuleType | None) -> float:

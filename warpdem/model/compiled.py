@@ -65,10 +65,11 @@ def _built(features: Features) -> Built:
         model("tangential", laws.tangential) if laws.tangential else None,
         model("rolling", laws.rolling) if laws.rolling else None,
     )
-    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
-    pair_law = law.build(backend.real, *models, laws.torsion)
-    pair_parts = dissipation.build(backend.real, *models, laws.torsion)[0] if measures.energy else None
-    wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
+    predicted = getattr(backend.scheme, "PREDICTED", False)
+    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True, predicted=predicted)
+    pair_law = law.build(backend.real, *models, laws.torsion, predicted=predicted)
+    pair_parts = dissipation.build(backend.real, *models, laws.torsion, predicted)[0] if measures.energy else None
+    wall_parts = dissipation.build(wp.float64, *models, laws.torsion, predicted) if measures.energy else None
     spins = {"spins": laws.spins}
     shared = {**spins, "table": laws.table, "gap": laws.gap}
     met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
