@@ -58,7 +58,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
     first = len(columns.OF_CONTACT)
     half_tangent = 0.5 * getattr(normal, "TANGENT", 1.0)
 
-    if not hasattr(normal, "COEFFICIENTS") and not hasattr(normal, "HISTORY"):
+    if not columns.declares_own(normal):
 
         @wp.func
         def constants(c: Coefficients, radius: real, mass: real) -> Constants:
