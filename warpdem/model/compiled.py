@@ -11,8 +11,9 @@ from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
-from warpdem.kernels.wall import candidates, contact, feature
+from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
+from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
@@ -84,10 +85,14 @@ def _built(features: Features) -> Built:
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
-    WallContacts, evaluate_wall_contacts = contact.build(
-        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
-        moving_frame=shifting, meshes=meshes, moving=walls.moving,
-    )  # fmt: skip
+    one = contact.build(
+        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turning, moving_frame=shifting, moving=walls.moving
+    )
+    wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
+    WallContacts = wall_kernels.WallContacts
+    walls_swept = None
+    if not backend.resident and walls.present:
+        walls_swept = wall_sweep.build(one, wall_kernels, 8, laws.table)
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
     sums = None
@@ -104,7 +109,8 @@ def _built(features: Features) -> Built:
     )  # fmt: skip
     step = loop.build(
         pair_kernels,
-        evaluate_wall_contacts,
+        wall_kernels.evaluate,
+        walls_swept,
         WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
@@ -145,12 +151,12 @@ def _built(features: Features) -> Built:
     )
     graph = again = None
     if backend.resident:
-        evaluate = thread_contact.build(
+        of_thread = thread_contact.build(
             backend.real, pair_law, wall_law.constants, pair_kernels, images, pair_parts is not None, **shared, **met,
             turning_frame=turning,
         )  # fmt: skip
         graph = captured.build(
-            step, pair_kernels, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+            step, pair_kernels, of_thread, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
         )
         again = rebuild.build(WallContacts)
     return Built(
