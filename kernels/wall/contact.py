@@ -5,7 +5,7 @@ contact point and this one: order 2 for a grain that rolls over a turning wall (
 and the slip of a grain that rests in a turning body is exactly zero. The torque arm is the distance to the contact point; the
 slip takes that of mid-step.
 
-``contact`` is straight-line code for one contact; a CPU does it in lanes (``sweep``), a GPU thread for each contact of its grain
+``contact`` is straight-line code for one contact; a CPU does it in lanes (``sweep``), a GPU thread contact by contact
 (``evaluate``).
 """
 
@@ -93,20 +93,25 @@ def build(
     @wp.func
     def wall_entry(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
-        normal_force = n * p[0]
-        tangential_force = wp.vec3d(p[1], p[2], p[3])
-        sliding_force = tangential_force * p[4]
+        normal_force = n * p[wp.static(PARTS_AT.damping)]
+        tangential_force = wp.vec3d(
+            p[wp.static(PARTS_AT.tangential)], p[wp.static(PARTS_AT.tangential + 1)], p[wp.static(PARTS_AT.tangential + 2)]
+        )
+        sliding_force = tangential_force * p[wp.static(PARTS_AT.slides)]
         sticking_force = tangential_force - sliding_force
         sliding_torque = wp.cross(sliding_force, n) * distance
         sticking_torque = wp.cross(sticking_force, n) * distance
-        rolling_torque = wp.vec3d(p[5], p[6], p[7])
+        rolling_torque = wp.vec3d(
+            p[wp.static(PARTS_AT.rolling)], p[wp.static(PARTS_AT.rolling + 1)], p[wp.static(PARTS_AT.rolling + 2)]
+        )
         return WallEntry(
             normal_force[0], normal_force[1], normal_force[2], sticking_force[0], sticking_force[1],
             sticking_force[2], sticking_torque[0], sticking_torque[1],
             sticking_torque[2], sliding_force[0], sliding_force[1], sliding_force[2], sliding_torque[0],
             sliding_torque[1], sliding_torque[2], rolling_torque[0], rolling_torque[1],
             rolling_torque[2], wp.dot(normal_force, u), wp.dot(sticking_force, u), wp.dot(sliding_force, u),
-            wp.dot(rolling_torque, w), p[8], p[9], -p[11],
+            wp.dot(rolling_torque, w), p[wp.static(PARTS_AT.cut_spring)], p[wp.static(PARTS_AT.cut_angle)],
+            -p[wp.static(PARTS_AT.springs_now)],
         )  # fmt: skip
 
     @wp.func
@@ -217,7 +222,7 @@ def build(
         return memory, load, moment, overlap / radius, -wp.dot(velocity, n), entry, power
 
     return Built(
-        contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in, at=at, has_parts=parts is not None,
-        spins=spins, rolling=rolling, moving=moving, Memory=Memory, Result=record.result_type(rolling),
-        Coefficients=Coefficients, Record=g.Record,
+        contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in, at=at,
+        has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
+        Result=record.result_type(rolling), Coefficients=Coefficients, Record=g.Record,
     )  # fmt: skip

@@ -13,9 +13,9 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, WallEntry
 from warpdem.kernels.step.schedule import Placement, Row
-from warpdem.kernels.wall import places, record
+from warpdem.kernels.wall import places
 from warpdem.kernels.wall.contact import Inverse, vec6
 from warpdem.kernels.wall.places import SHARED, TAKEN, Hit, point_of
 from warpdem.kernels.wall.record import FOUND, Found
@@ -137,7 +137,7 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
             entry = WallEntry()
             if wp.static(one.in_springs is not None):
                 # over all of them: one contact point may pass its springs on to several, or to none
-                entry[24] = in_springs(
+                entry[wp.static(WALL_ENTRY_AT.rescaled)] = in_springs(
                     i, old, radius, inverse[i], kind, materials, coefficients, surface, wall_contacts, dt
                 )
             wall_contacts.entry[i] = entry

@@ -132,10 +132,9 @@ class State:
         """Names of the device arrays."""
         return ["record", "inverse", "id", "kind"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
 
-    def by_rank(self) -> dict[str, np.ndarray]:
-        """All arrays by name, in ascending order of id: what ``restore`` takes back."""
-        arrays = {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
-        return {name: values[self.rank] for name, values in arrays.items()}
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name, in memory order: in ascending order of id, as ``rank`` gives it, ``restore`` takes them back."""
+        return {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
 
     def add(self, start: InitialGrains, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
