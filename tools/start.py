@@ -25,17 +25,20 @@ def call(*command: str | Path) -> None:
         sys.exit(done.returncode)
 
 
-def install() -> None:
-    """Make .venv with warpdem and what its tests need, unless it is there and up to date."""
-    wanted = (ROOT / "pyproject.toml").read_text()
-    if STAMP.exists() and STAMP.read_text() == wanted:
+def install(tests: bool) -> None:
+    """Make .venv with warpdem, and with what its tests need if asked, unless it is there and up to date.
+
+    Nothing is compiled to bytecode beforehand: Python does that for the few files that are used, when they are.
+    """
+    plain = (ROOT / "pyproject.toml").read_text()
+    complete = plain + "# with the tests\n"
+    if STAMP.exists() and STAMP.read_text() in ((complete,) if tests else (plain, complete)):
         return
     if not (BIN / "python").exists():
         venv.create(VENV, with_pip=True)
-    pip = [BIN / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    call(*pip, "--upgrade", "pip")
-    call(*pip, "--editable", ".[test]")
-    STAMP.write_text(wanted)
+    pip = [BIN / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-compile"]
+    call(*pip, "--editable", ".[test]" if tests else ".")
+    STAMP.write_text(complete if tests else plain)
 
 
 def main() -> None:
@@ -44,7 +47,7 @@ def main() -> None:
         sys.exit(f"warpdem needs Python >= 3.11, this is {sys.version.split()[0]}")
     if len(sys.argv) < 2 or sys.argv[1] not in ("run", "test"):
         sys.exit(__doc__)
-    install()
+    install(tests=sys.argv[1] == "test")
     more = sys.argv[2:]
     if sys.argv[1] == "run":
         call(BIN / "warpdem", "run", "scenes/hourglass.toml", "--out", "out/hourglass", "--overwrite", *more)
