@@ -13,6 +13,7 @@ from warpdem.kernels.contact.columns import LOAD
 from warpdem.kernels.measure import readings as kernels
 from warpdem.measure.sums import Reader
 from warpdem.model.impact import own_constants, own_of, stiffness
+from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
 
 
@@ -25,10 +26,11 @@ class ContactColumns:
         view: the run.
         reader: launches on its device.
         since: steps since that force call.
+        listed: the contacts of its lists, where the reader has asked for them already.
     """
 
-    def __init__(self, view: RunView, reader: Reader, since: int = 0) -> None:
-        self._view, self._lists, self._since = view, view.contacts, since
+    def __init__(self, view: RunView, reader: Reader, since: int = 0, listed: ListedContacts | None = None) -> None:
+        self._view, self._lists, self._since = view, listed or view.contacts, since
         self._law, self._state = view.model.features.contact, view.state
         self._record, self._ids = view.state.record.numpy(), view.state.id.numpy()
         self._find_pairs(reader)
@@ -45,7 +47,8 @@ class ContactColumns:
         owner, partner, slot = (reader.flat(k, getattr(lists, k)) for k in ("owner", "partner", "slot_i"))
         count, record = owner.shape[0], reader.plain("record", self._state.record)
         overlap, normal = reader.buffer("overlap", (count,), wp.float64), reader.buffer("normal", (count,), wp.vec3d)
-        inputs = owner, partner, slot, lists.row.shape[0] - 1, wp.vec3d(*model.domain.period), overlap, normal
+        period = self._view.kept.setdefault("period", wp.vec3d(*model.domain.period))  # the same for each launch
+        inputs = owner, partner, slot, lists.row.shape[0] - 1, period, overlap, normal
         reader.each(kernels.pair_overlaps, count, record, *inputs)
         overlaps = overlap.numpy()
         self._lane = np.flatnonzero(overlaps > -self._law.gap)

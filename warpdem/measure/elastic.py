@@ -1,13 +1,17 @@
 """Energy and stiffness of contacts under the scene's laws."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
+from warpdem.model.features import ContactFeatures
 from warpdem.model.impact import elastic_energy, secant
 from warpdem.scene.models import model
 from warpdem.state.view import RunView
 
+SPRINGS = ("normal", "tangential", "rolling")
+"""What holds energy in a contact."""
 LEAST_OVERLAP = 1.0e-100  # [m]: a law that acts beyond contact has contacts of none; its square is not yet zero
 
 
@@ -58,19 +62,31 @@ def elastic_energies(view: RunView, contacts: ElasticState) -> dict[str, np.ndar
     it, as ``rolling.spring`` does.
     """
     law = view.model.features.contact
-    at = law.coefficients
+    at, there = law.coefficients, springs(law)
     normal = normal_energy(law.normal, contacts.overlap, contacts)
-    out: dict[str, np.ndarray | None] = {"normal": normal, "tangential": None, "rolling": None}
-    if "spring" in law.history:
+    out: dict[str, np.ndarray | None] = {**dict.fromkeys(SPRINGS), "normal": normal}
+    if there["tangential"]:
         k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
         table = contacts.coefficients
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * contacts.spring_square
-        bent = None
-        if law.rolling is not None and "angle" in law.history:
-            bent = getattr(model("rolling", law.rolling), "energy", None)
-        if bent is not None:
+        if there["rolling"]:
+            bent = _rolling_energy(law)
+            assert bent is not None
             out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
     return out
+
+
+def springs(law: ContactFeatures) -> dict[str, bool]:
+    """Which energies the contacts of a scene have, by the names of ``SPRINGS``."""
+    tangential = "spring" in law.history
+    return {"normal": True, "tangential": tangential, "rolling": tangential and _rolling_energy(law) is not None}
+
+
+def _rolling_energy(law: ContactFeatures) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+    """Energy of rolling springs by the law's file; None if it has none."""
+    if law.rolling is None or "angle" not in law.history:
+        return None
+    return getattr(model("rolling", law.rolling), "energy", None)
 
 
 def normal_energy(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:

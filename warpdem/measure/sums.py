@@ -17,6 +17,11 @@ SPREAD = 64  # rows of sums on a GPU, so that few threads meet in the same numbe
 LEAST = 512  # indices below which one thread does it
 
 
+def load_readers(device: wp.Device | str) -> None:
+    """Load the kernels that read, compiled where Warp's cache lacks them; else the first reading does."""
+    wp.load_module(kernels.rounded_sums.module, device=device)
+
+
 class Reader:
     """Launches on one device; what it launches only reads.
 
@@ -35,6 +40,7 @@ class Reader:
         self._spread = self.rows if device.is_cuda else 1
         self._kept: dict[str, tuple[Any, wp.array]] = {}
         self._values: dict[str, np.ndarray] = {}
+        self._commands: dict[tuple[wp.Kernel, int], tuple[Any, list[Any]]] = {}
         self._nothing: wp.array = wp.zeros((0, 0), dtype=wp.float64, device=device)
 
     def plain(self, name: str, array: wp.array) -> wp.array:
@@ -77,13 +83,29 @@ class Reader:
         """What has been added up, one float64 a column; the sums are zero again."""
         columns = sums.shape[1]
         value = self.buffer(f"{columns} values", (columns,), wp.float64)
-        wp.launch(kernels.rounded_sums, columns, inputs=[self.rows, sums, value], device=self._device)
+        self._command(kernels.rounded_sums, 0, columns, [self.rows, sums, value])()
         if not self._device.is_cpu:
             return value.numpy()
         name = f"{columns} values"
         if name not in self._values:
             self._values[name] = value.numpy()
         return self._values[name].copy()
+
+    def uploaded(self, name: str, *values: np.ndarray) -> wp.array:
+        """Columns of float64 side by side in an array of at least so many rows, kept under ``name``; shape (rows, columns)."""
+        count, columns = len(values[0]), len(values)
+        key, (found, array) = ("columns", columns), self._kept.get(name, (None, self._nothing))
+        if found != key or array.shape[0] < count:
+            array = wp.empty((count + count // 2 + 64, columns), dtype=wp.float64, device=self._device)
+            self._kept[name] = key, array
+            if self._device.is_cpu:
+                self._values[name] = array.numpy()
+        there = self._values[name] if self._device.is_cpu else np.empty((count, columns))
+        for column, numbers in enumerate(values):
+            there[:count, column] = numbers
+        if not self._device.is_cpu:
+            wp.copy(array, wp.array(there, dtype=wp.float64, device=self._device), count=there.size)
+        return array
 
     def column_sums(self, *arrays: np.ndarray | wp.array, present: wp.array | None = None) -> list[np.ndarray]:
         """Sums of the columns of each array over its rows, shapes (width,).
@@ -94,26 +116,41 @@ class Reader:
         """
         widths = [1 if array.ndim == 1 else array.shape[1] for array in arrays]
         starts, sums = np.concatenate([[0], np.cumsum(widths)]).tolist(), self.sums(sum(widths))
-        record = self._nothing if present is None else present
         for array, width, start in zip(arrays, widths, starts, strict=False):
             if array.shape[0] and width:
                 if isinstance(array, np.ndarray):
                     array = wp.array(np.ascontiguousarray(array, dtype=np.float64), dtype=wp.float64, device=self._device)
-                values = array.reshape((array.shape[0], width))
-                self.add(kernels.column_sums, array.shape[0], values, record, start, sums)
+                self.add_columns(array.reshape((array.shape[0], width)), array.shape[0], start, sums, present)
         found = self.rounded(sums)
         return [found[start : start + width] for start, width in zip(starts, widths, strict=False)]
+
+    def add_columns(
+        self, values: wp.array, count: int, start: int, sums: wp.array, present: wp.array | None = None
+    ) -> None:
+        """Add the first ``count`` rows of ``values`` (rows, columns) to ``sums``, from column ``start`` on."""
+        self.add(kernels.column_sums, count, values, self._nothing if present is None else present, start, sums)
 
     def _launch(self, kernel: wp.Kernel, count: int, inputs: Callable[[int, int], list[Any]]) -> None:
         if count == 0:
             return
         if self._threads is None or self._threads.count == 1 or count < LEAST:
-            wp.launch(kernel, count, inputs=inputs(0, 0), device=self._device)
+            self._command(kernel, 0, count, inputs(0, 0))()
             return
-        wp.load_module(kernel.module, device=self._device)  # loading is not safe from several threads
+        parts = enumerate(ranges(count, self._threads.count))
+        self._threads.together([self._command(kernel, row, end - first, inputs(first, row)) for row, (first, end) in parts])
 
-        def job(row: int, first: int, last: int) -> Callable[[], None]:
-            given = inputs(first, row)
-            return lambda: wp.launch(kernel, last - first, inputs=given, device=self._device)
+    def _command(self, kernel: wp.Kernel, row: int, count: int, inputs: list[Any]) -> Callable[[], None]:
+        """The launch, as recorded when it was last made, or recorded now: that takes several times as long."""
+        found = self._commands.get((kernel, row))
+        if found is None or len(found[1]) != len(inputs) or not all(map(_same, found[1], inputs)):
+            # loads the module, too: that is not safe from several threads
+            command = wp.launch(kernel, count, inputs=inputs, device=self._device, record_cmd=True)
+            found = self._commands[kernel, row] = command, inputs
+        command = found[0]
+        command.set_dim(count)
+        return command.launch
 
-        self._threads.together([job(row, *part) for row, part in enumerate(ranges(count, self._threads.count))])
+
+def _same(first: Any, second: Any) -> bool:
+    """Whether two arguments of a launch are the same: the same array, or equal numbers."""
+    return first is second or (isinstance(first, int) and isinstance(second, int) and first == second)

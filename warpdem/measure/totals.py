@@ -7,8 +7,9 @@ They are exact and rounded once (``kernels.measure.exact_sum``): the same bits f
 Sums are taken in frame axes about the frame's origin; what is rotated and shifted from there is the few numbers that come out.
 """
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,7 +21,12 @@ from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.sums import Reader
 from warpdem.model.features import field_numbers
 from warpdem.scene.models import model
+from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
+
+Thing = TypeVar("Thing")
+SPRINGS = len(elastic.SPRINGS)
+ABSOLUTE = kernels.Motion()
 
 
 def reader_of(view: RunView) -> Reader:
@@ -39,33 +45,85 @@ class Totals:
     def __init__(self, view: RunView) -> None:
         self.view = view
 
+    def made(self) -> "Totals":
+        """The same, all of it made now: it may be read when the run has gone on."""
+        for name in ("pose", "bodies", "_sums", "fields", *(["added_up"] if self.view.totals is not None else [])):
+            getattr(self, name)
+        for name in ("contacts", "listed"):  # arrays of the run, which goes on
+            vars(self).pop(name, None)
+        return self
+
     @cached_property
     def pose(self) -> FramePose:
         """The frame."""
-        return self.view.model.schedule.pose(self.view.clock.time)
+        view = self.view
+        return self._still("pose", view.model.features.frame.moves, lambda: view.model.schedule.pose(view.clock.time))
 
     @cached_property
     def bodies(self) -> np.ndarray:
         """Placements of the walls, shape (w, 18)."""
-        return self.view.model.schedule.bodies(self.view.clock.time)
+        view, schedule = self.view, self.view.model.schedule
+        return self._still("bodies", schedule.moving > 0 or schedule.shifting, lambda: schedule.bodies(view.clock.time))
+
+    def _still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
+        """What ``read`` gives, once for all times if it never moves."""
+        if moves:
+            return read()
+        if name not in self.view.kept:
+            self.view.kept[name] = read()
+        kept: Thing = self.view.kept[name]
+        return kept
+
+    @cached_property
+    def listed(self) -> ListedContacts:
+        """The contacts of the lists."""
+        return self.view.contacts
+
+    @cached_property
+    def _sums(self) -> np.ndarray:
+        """All sums over grains, walls and springs, in one go: each takes longer to ask for than to add up for a few grains."""
+        view, reader, state = self.view, reader_of(self.view), self.view.state
+        if not len(state):
+            return np.zeros(self._first_spring + SPRINGS)
+        sums = reader.sums(self._first_spring + SPRINGS)
+        _, velocity, spin = view.reader.read()
+        record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
+        moving = velocity, spin, self._axes, int(state.spins)
+        reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
+        if self._walls and self.listed.row_count:
+            of, parity = self.listed.walls, view.clock.step_number & 1
+            place, result = reader.plain("place", of.place), reader.plain("result", of.result)
+            points = of.grain, of.first, of.place_count, place, result, parity
+            reader.add(kernels.wall_sums, self.listed.row_count, record, *points, GRAIN_SUMS.width, sums)
+        if len(self.contacts):
+            found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
+            reader.add_columns(reader.uploaded("springs", *found), len(self.contacts), self._first_spring, sums)
+        return reader.rounded(sums)
+
+    @property
+    def _walls(self) -> int:
+        """Walls of the scene."""
+        return len(self.view.model.scene.walls)
+
+    @property
+    def _first_spring(self) -> int:
+        """Column of the sums from which on elastic energies stand."""
+        return GRAIN_SUMS.width + self._walls * WALL_SUMS.width
+
+    @property
+    def _axes(self) -> Any:
+        """Motion that the integrator holds velocities relative to."""
+        view = self.view
+        if not view.model.features.backend.scheme.RELATIVE:
+            return ABSOLUTE
+        return kernels.Motion(*view.model.schedule.frames(view.clock.step_number, 0)[0][12:18])
 
     # -- grains ---------------------------------------------------------------------------------
 
     @cached_property
     def grains(self) -> dict[str, Any]:
         """``GRAIN_SUMS`` by name, vectors in frame axes."""
-        view, reader, state = self.view, reader_of(self.view), self.view.state
-        sums = reader.sums(GRAIN_SUMS.width)
-        if len(state):
-            _, velocity, spin = view.reader.read()
-            axes = np.zeros(6)
-            if view.model.features.backend.scheme.RELATIVE:
-                axes = view.model.schedule.frames(view.clock.step_number, 0)[0][12:18]
-            record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
-            inputs = record, inverse, velocity, spin, kernels.Motion(*axes), int(state.spins), sums
-            reader.add(kernels.grain_sums, state.slots, *inputs)
-        found = reader.rounded(sums)
-        return {name: found[GRAIN_SUMS.of(name)] for name in GRAIN_SUMS.names}
+        return {name: self._sums[GRAIN_SUMS.of(name)] for name in GRAIN_SUMS.names}
 
     @property
     def mass(self) -> float:
@@ -80,7 +138,7 @@ class Totals:
     @property
     def center_of_mass(self) -> np.ndarray:
         """Center of mass of all grains [m], shape (3,); nan without grains."""
-        return self.moment / self.mass if len(self.view.state) else np.full(3, np.nan)
+        return self.moment / self.mass if self.mass > 0.0 else np.full(3, np.nan)
 
     @property
     def momentum(self) -> np.ndarray:
@@ -100,16 +158,14 @@ class Totals:
     @cached_property
     def contacts(self) -> ContactColumns:
         """The contacts, in the order of the lists."""
-        return ContactColumns(self.view, reader_of(self.view))
+        return ContactColumns(self.view, reader_of(self.view), listed=self.listed)
 
     @cached_property
     def elastic(self) -> dict[str, float]:
         """Energy in the normal contacts, the tangential and the rolling springs [J]."""
-        reader = reader_of(self.view)
-        found = elastic.elastic_energies(self.view, self.contacts)
-        some = {name: values for name, values in found.items() if values is not None}
-        sums = reader.column_sums(*some.values())
-        return dict.fromkeys(found, 0.0) | {name: float(total[0]) for name, total in zip(some, sums, strict=True)}
+        names = [name for name, there in elastic.springs(self.view.model.features.contact).items() if there]
+        found = self._sums[self._first_spring :].tolist()
+        return dict.fromkeys(elastic.SPRINGS, 0.0) | dict(zip(names, found, strict=False))
 
     @cached_property
     def fields(self) -> float | None:
@@ -147,17 +203,7 @@ class Totals:
     @cached_property
     def walls(self) -> np.ndarray:
         """``WALL_SUMS`` of each wall of the scene, in frame axes, shape (w, 9)."""
-        view, walls = self.view, len(self.view.model.scene.walls)
-        lists = view.contacts
-        if not (walls and len(view.state) and lists.row_count):
-            return np.zeros((walls, WALL_SUMS.width))
-        reader, of = reader_of(view), lists.walls
-        sums = reader.sums(walls * WALL_SUMS.width)
-        place, result = reader.plain("place", of.place), reader.plain("result", of.result)
-        record, parity = reader.plain("record", view.state.record), view.clock.step_number & 1
-        inputs = record, of.grain, of.first, of.place_count, place, result, parity, 0, sums
-        reader.add(kernels.wall_sums, lists.row_count, *inputs)
-        return reader.rounded(sums).reshape(walls, WALL_SUMS.width)
+        return self._sums[GRAIN_SUMS.width : self._first_spring].reshape(self._walls, WALL_SUMS.width)
 
     # -- what the steps have added up -----------------------------------------------------------
 

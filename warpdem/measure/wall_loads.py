@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels.measure.readings import WALL_SUMS
 from warpdem.measure.totals import Totals
@@ -39,10 +40,11 @@ def torque_point(scene: Scene, number: int) -> np.ndarray:
 
 def read_loads(view: RunView, lab: bool = False) -> dict[str, WallLoad]:
     """Load on each wall at the time of the view, by name; vectors in frame axes, or in the laboratory."""
-    loads = total_loads(Totals(view))
+    now = Totals(view)
+    loads = total_loads(now)
     if loads and view.model.meshes:
         _add_triangles(view, loads)
-    return _in_laboratory(view, loads) if lab else loads
+    return _in_laboratory(now.pose, loads) if lab else loads
 
 
 def total_loads(now: Totals, lab: bool = False) -> dict[str, WallLoad]:
@@ -63,7 +65,7 @@ def total_loads(now: Totals, lab: bool = False) -> dict[str, WallLoad]:
             triangle_force=np.zeros((0, 3)),
             pressure=np.zeros(0),
         )
-    return _in_laboratory(now.view, loads) if lab else loads
+    return _in_laboratory(now.pose, loads) if lab else loads
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -72,8 +74,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
-def _in_laboratory(view: RunView, loads: dict[str, WallLoad]) -> dict[str, WallLoad]:
-    pose = view.model.schedule.pose(view.clock.time)
+def _in_laboratory(pose: FramePose, loads: dict[str, WallLoad]) -> dict[str, WallLoad]:
     return {name: load.in_laboratory(pose) for name, load in loads.items()}
 
 
