@@ -98,23 +98,12 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                             n = add(c, fill, at, n, feature_out)
         count_out[i] = n
 
-    @kernel
-    def close_features(
-        first: int,
-        grains: wp.array(dtype=g.Record),
-        travel: wp.float64,
-        surface: Surface,
-        placements: wp.array(dtype=Placement),
-        near_feature: wp.array(dtype=wp.int32),
-        flight: wp.array(dtype=Flight),
-        wall_contacts: WallContacts,
-    ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
-
-        All that are near one in flight.
-        """
-        i = first + wp.tid()
-        state = grains[i]
+    @wp.func
+    def select_features(
+        i: int, state: g.Record, travel: wp.float64, surface: Surface, placements: wp.array(dtype=Placement),
+        near_feature: wp.array(dtype=wp.int32), flight: wp.array(dtype=Flight), wall_contacts: WallContacts,
+    ):  # fmt: skip
+        """As ``close_features``, of grain ``i``."""
         q = g.position(state)
         radius = state[3]
         at = wall_contacts.first[i]
@@ -137,6 +126,24 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             wall_contacts.place_count[1, i] = 0
 
     @kernel
+    def close_features(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        travel: wp.float64,
+        surface: Surface,
+        placements: wp.array(dtype=Placement),
+        near_feature: wp.array(dtype=wp.int32),
+        flight: wp.array(dtype=Flight),
+        wall_contacts: WallContacts,
+    ):
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
+
+        All that are near one in flight.
+        """
+        i = first + wp.tid()
+        select_features(i, grains[i], travel, surface, placements, near_feature, flight, wall_contacts)
+
+    @kernel
     def carry_wall_contacts(
         first: int,
         parity: int,
@@ -156,4 +163,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts)
+    return Built(
+        near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts,
+        select_features=select_features,
+    )  # fmt: skip

@@ -79,7 +79,7 @@ class Flights:
         """
         must = (stray & (INNER | OUTER | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
-        self._wait = max(self._wait - 1, 0)
+        self.list_built()
         none = np.zeros(0, dtype=np.int64)
         if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
             return stray, none
@@ -97,6 +97,10 @@ class Flights:
         self._failed = 0 if helped else self._failed + 1
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, np.flatnonzero(must)
+
+    def list_built(self) -> None:
+        """Count a list build: after some of them another try may help."""
+        self._wait = max(self._wait - 1, 0)
 
     def reassign_paths(self, wanted: np.ndarray) -> None:
         """Assign paths again after a rebuild, unless that has not helped lately."""

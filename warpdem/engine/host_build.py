@@ -4,6 +4,8 @@ The host sorts the grains in memory and gives the arrays their length; ``program
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +15,7 @@ from warpdem.core.threads import Threads
 from warpdem.engine.batch import Batch
 from warpdem.engine.buffers import LONGEST, BufferPool
 from warpdem.engine.contact_lists import ContactLists, NewOuterList
+from warpdem.engine.list_structs import put
 from warpdem.engine.program import ListBuild
 from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
@@ -42,6 +45,24 @@ class HostLaunch:
     def once(self, kernel: wp.Kernel, *inputs: Any) -> None:
         """As ``program.Launch``."""
         wp.launch(kernel, dim=1, inputs=inputs, device=self._device)
+
+    def on_each(self, kernel: wp.Kernel, threads: int, *inputs: Any) -> None:
+        """One launch on each of ``threads`` threads at the same time; first arguments: number of the thread, and of all."""
+        self._threads.load(kernel, self._device)
+        launches = [partial(wp.launch, kernel, 1, [t, threads, *inputs], device=self._device) for t in range(threads)]
+        self._threads.together(launches)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a check of the lists has found (``kernels.lists.displacement``)."""
+
+    all: int
+    """Of all grains: the bits of each."""
+    of_grain: np.ndarray
+    """(slots,) of each grain."""
+    inner_built: bool = False
+    """Only the inner list was out of date, and it was built."""
 
 
 class Storage(Protocol):
@@ -101,12 +122,18 @@ class HostBuild:
         self._row_capacity = RowRoom(LEAST_CAPACITY)
         self._classes = np.zeros(0, dtype=np.int64)
 
-    def check(self, outer_limit: float) -> np.ndarray:
-        """What has become of each grain (``kernels.lists.displacement``), shape (slots,)."""
+    def check(self, outer_limit: float, inner_skin: float | None = None) -> Found:
+        """What has become of each grain.
+
+        Args:
+            outer_limit: displacement that the outer list allows [m].
+            inner_skin: skin of the inner list [m], if it may be built at once where it alone is out of date.
+        """
         found = self.storage.pool.buffer("found", (self.state.slots,), wp.int32)
         self.batch.set_time()
         self.program.check(found, outer_limit)
-        return found.numpy()
+        of_grain = found.numpy()
+        return Found(int(np.bitwise_or.reduce(of_grain, initial=0)), of_grain)
 
     # -- outer list -----------------------------------------------------------------------------
 
@@ -197,6 +224,12 @@ class HostBuild:
 
     def inner(self) -> None:
         """Build the inner list."""
+        self.size_by_grains()
+        self.program.build_inner()
+        self.lists.inner_built()
+
+    def size_by_grains(self) -> None:
+        """Give the arrays of the inner list that have an entry per grain their length."""
         a, n, buffer = self.lists, self.state.slots, self.storage.pool.buffer
         a.listed = self.storage.selection(a.outer.slot.shape[0])
         for name in ("touching", "near", "width", "touching_start", "near_start"):
@@ -204,16 +237,18 @@ class HostBuild:
         a.row_start = buffer("row start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         if a.wall_contacts is not None:
-            a.wall_contacts.grain = buffer("wall grain", (n,), wp.int32)
-        self.program.build_inner()
-        a.refreshes += 1
-        a.version += 1
+            put(a.wall_contacts, grain=buffer("wall grain", (n,), wp.int32))
 
     def inner_fits(self, write: Callable[[], None]) -> None:
         """As ``program.Decisions``: give the arrays the length that the list has."""
+        self.lists.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
+        self.size_by_contacts()
+        write()
+
+    def size_by_contacts(self) -> None:
+        """Give the arrays of the inner list that have an entry per contact the length that ``lists.totals`` asks for."""
         a, features, pool = self.lists, self.model.features, self.storage.pool
         law, width = features.contact, features.backend.lanes
-        a.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(law.memory, 1), width)
         a.row = self.storage.force_slots((slots + 1, pair_force_width(law.spins)), history, a.outer.slot.shape[0], a.real)
@@ -227,7 +262,6 @@ class HostBuild:
             "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )
         a.next_history = self.storage.next_history(history, a.version, a.real)
-        write()
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""

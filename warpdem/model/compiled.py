@@ -6,7 +6,7 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
+from warpdem.kernels.lists import displacement, flight, inner, neighbors, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.step import border, loop, motion, orientation
@@ -26,7 +26,8 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
 
     Returns:
         Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
-        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``WallContacts``.
+        ``displacement``, ``inner`` (the inner list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains
+        in flight), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -143,6 +144,9 @@ def _built(features: Features) -> Built:
     moved = displacement.build(
         travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
     )
+    on_threads = inner.build(
+        lists, moved, wall_lists, step.Control, WallContacts, **spins, lanes=backend.lanes, stages=stages
+    )
     graph = again = None
     if backend.resident:
         evaluate = thread_contact.build(
@@ -156,5 +160,5 @@ def _built(features: Features) -> Built:
     return Built(
         loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
         pairs=pair_kernels, paths=paths,
-        displacement=moved,
+        displacement=moved, inner=on_threads,
     )  # fmt: skip
