@@ -49,7 +49,7 @@ def build(WallContacts):
     @kernel
     def replace_outer(
         first: int,
-        new: NeighborRows,
+        rows: NeighborRows,  # the new ones
         # replaced
         rows_out: NeighborRows,
         flight_out: wp.array(dtype=Flight),  # (n,), or of size 0
@@ -60,13 +60,13 @@ def build(WallContacts):
             path = flight_out[i]
             path[11] = wp.float64(-1.0)
             flight_out[i] = path
-        rows_out.start[i] = new.start[i]
-        if i + 1 == new.count.shape[0]:
-            rows_out.start[i + 1] = new.start[i + 1]
-        rows_out.count[i] = new.count[i]
-        for e in range(new.start[i], new.start[i] + new.count[i]):
-            rows_out.slot[e] = new.slot[e]
-            rows_out.contact[e] = new.contact[e]
+        rows_out.start[i] = rows.start[i]
+        if i + 1 == rows.count.shape[0]:
+            rows_out.start[i + 1] = rows.start[i + 1]
+        rows_out.count[i] = rows.count[i]
+        for e in range(rows.start[i], rows.start[i] + rows.count[i]):
+            rows_out.slot[e] = rows.slot[e]
+            rows_out.contact[e] = rows.contact[e]
 
     @kernel
     def move_wall_contacts(

@@ -147,13 +147,15 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
     def carry_wall_contacts(
         first: int,
         parity: int,
-        old_slot: wp.array(dtype=wp.int32),  # its slot in the lists that are being replaced, -1 if it is new
+        old_slot: wp.array(dtype=wp.int32),  # slot in the lists that are being replaced, -1 if it is new; of size 0: the same
         before: WallContacts,
         now: WallContacts,
     ):
         """Copy the contact points of the last force call to the new slots of the grain."""
         i = first + wp.tid()
-        o = old_slot[i]
+        o = int(i)
+        if old_slot.shape[0] > 0:
+            o = old_slot[i]
         n = int(0)
         if o >= 0:
             n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])

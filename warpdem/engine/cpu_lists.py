@@ -35,6 +35,7 @@ class ThreadedBuild(HostBuild):
         self._surface = model.walls.surface if model.walls is not None else Surface()
         self._no_wall_contacts, no_feature = model.kernels.WallContacts(), storage.pool.zeros(0, wp.int32)
         lists.near_feature = no_feature
+        self._sized_for, self._sized_walls = (-1, -1), None
         self.size_by_grains()
         self.size_by_contacts()
 
@@ -43,8 +44,7 @@ class ThreadedBuild(HostBuild):
         mode = CHECK
         if inner_skin is not None:
             mode = CHECK | BUILD
-            self.size_by_grains()
-            self.size_by_contacts()
+            self._give_arrays_length()
         self._run(mode, inner_skin or 0.0, outer_limit)
         built = bool(self._read[CHOSEN])
         if built:
@@ -55,10 +55,19 @@ class ThreadedBuild(HostBuild):
 
     def inner(self) -> None:
         """As ``HostBuild``."""
-        self.size_by_grains()
-        self.size_by_contacts()
+        self._give_arrays_length()
         self._run(BUILD, self.lists.inner_skin, 0.0)
         self._take_over(self.lists.inner_skin)
+
+    def _give_arrays_length(self) -> None:
+        """Give the arrays their length where it is another than that of the list before."""
+        a = self.lists
+        sized_for = self.state.slots, a.outer.slot.shape[0]
+        if sized_for != self._sized_for or a.wall_contacts is not self._sized_walls:
+            self.size_by_grains()
+            self._sized_for, self._sized_walls = sized_for, a.wall_contacts
+        shape = a.owner.shape[0], a.next_history.shape[1], a.owner.shape[1]
+        a.next_history = self.storage.next_history(shape, a.version, a.real)
 
     def _run(self, mode: int, inner_skin: float, outer_limit: float) -> None:
         """Launch the kernel; arguments as there."""
@@ -79,7 +88,7 @@ class ThreadedBuild(HostBuild):
         """Let the list that was built be the inner list; longer arrays first where those there were too short."""
         a = self.lists
         a.set_totals(self._read[TOTALS].tolist())
-        if not self._read[FILLED]:
+        if not self._read[FILLED]:  # too short
             self.size_by_contacts()
             self._run(BUILD, inner_skin, 0.0)
         self.storage.adopt_history(a)

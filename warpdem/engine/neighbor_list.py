@@ -159,15 +159,15 @@ class NeighborLists(ContactLists):
         """Build both lists for the present positions."""
         self._batch.set_time()
         self._last_refresh = self._last_rebuild = self.clock.step_number
-        self._rebuild_outer()
+        self._rebuild_outer(sort=True)
         self._rebuild_inner()
 
-    def _rebuild_outer(self, fast: np.ndarray = NO_SLOTS) -> None:
-        """Build the outer list; the grains in slots ``fast`` fly if they can."""
+    def _rebuild_outer(self, fast: np.ndarray = NO_SLOTS, sort: bool = False) -> None:
+        """Build the outer list; the grains in slots ``fast`` fly if they can. ``sort``: as of ``HostBuild.outer``."""
         self.before_build()
         self.flights.clear_paths()
         with self._timers.measure("lists"):
-            order = self.build.outer()
+            order = self.build.outer(sort)
             if order is not None and len(fast):
                 self.flights.reassign_paths(np.flatnonzero(np.isin(order, fast)))
 

@@ -70,8 +70,7 @@ class Structs:
         lane, lane_int = model.kernels.pairs.Lane, model.kernels.pairs.LaneInt
         several_stages = len(features.backend.scheme.STAGES) > 1
         fields = {name: self._view(name, getattr(lists, name), lane_int) for name in ("owner", "partner", "slot_i", "slot_j")}
-        # two arrays that the history goes back and forth between
-        history = self._view(f"history {lists.history.ptr}", lists.history, lane)
+        history = self._view(f"history {lists.version & 1}", lists.history, lane)  # goes back and forth between two arrays
         trial = self._view("trial", lists.trial, lane) if several_stages else history
         put(
             self._contacts, **fields, constants=self._view("constants", lists.constants, lane), history=history, trial=trial
