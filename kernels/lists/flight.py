@@ -6,7 +6,7 @@ place where it was when the path was laid,
 
     P(t) = q + V t + (1/2) a t^2,      |q(t) - P(t)| <= allowance  at every step up to the last of the path,
 
-and the path was laid so that up to there its grain can touch no other outside of its row in the near list:
+and the path was laid so that up to there its grain can touch no other outside of its row in the outer list:
 
     |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
@@ -27,6 +27,7 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.lists.displacement import Watched
+from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
@@ -227,20 +228,18 @@ def build(
         return time
 
     @kernel
-    def lay(
+    def steps_of_paths(
         first: int,
-        wanted: wp.array(dtype=wp.int32),  # slots of the grains whose paths are laid
+        wanted: wp.array(dtype=wp.int32),  # (k,) slots of the grains whose paths are looked at
         flyer: wp.array(dtype=wp.int32),  # of all in flight, those among them
         now: wp.float64,  # present step
         longest: int,  # steps to look ahead
-        grains: wp.array(dtype=g.Record),
-        reference: wp.array2d(dtype=wp.vec3d),  # of the near list
-        flight: wp.array(dtype=Flight),
-        low: wp.array(dtype=wp.vec3d),
+        grains: wp.array(dtype=g.Record),  # (n,)
+        reference: wp.array2d(dtype=wp.vec3d),  # (n, 1 + motions) of the outer list
+        flight: wp.array(dtype=Flight),  # (n,)
+        low: wp.array(dtype=wp.vec3d),  # (blocks,) of ``enclose``
         high: wp.array(dtype=wp.vec3d),
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
+        rows: NeighborRows,  # the outer list
         skin: wp.float64,
         wall_contacts: WallContacts,
         near_feature: wp.array(dtype=wp.int32),
@@ -252,7 +251,7 @@ def build(
         swiftest: wp.array(dtype=wp.vec2d),  # of each motion: largest speed at the origin [m/s] and spin [rad/s]
         watched: Watched,
         dt: wp.float64,
-        steps_out: wp.array(dtype=wp.int32),
+        steps_out: wp.array(dtype=wp.int32),  # (k,)
     ):
         """Steps from now on for which each path holds."""
         t = first + wp.tid()
@@ -264,8 +263,8 @@ def build(
                     return
         path = flight[f]
         radius = grains[f][3]
-        at = start[f]
-        own = count[f]
+        at = rows.start[f]
+        own = rows.count[f]
         base = radius + wp.float64(wp.static(gap)) + path[9]
         steps = int(longest)
         for n in range(flyer.shape[0]):
@@ -275,7 +274,7 @@ def build(
                 until = until_meeting(path, other, now, dt, base + grains[j][3] + other[9]) / dt
                 # a path that ends before does not count beyond its end: a new one will be laid against this one
                 if until < wp.float64(steps) and until < other[11] - now:
-                    if not is_listed(j, at, own, slot):
+                    if not is_listed(j, at, own, rows.slot):
                         steps = int(until)
         k = int(0)
         look = int(0)
@@ -300,11 +299,11 @@ def build(
                     wall_contacts, near_feature,
                 )  # fmt: skip
             half = wp.float64(0.5) * skin
-            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)
+            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, rows.slot, low, high)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)
             k += int(go)
         steps_out[t] = k
 
-    return Built(enclose=enclose, lay=lay)
+    return Built(enclose=enclose, steps_of_paths=steps_of_paths)

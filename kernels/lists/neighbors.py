@@ -140,9 +140,9 @@ def build(
                                 while j >= 0:
                                     other = grains[j]
                                     there = g.position(other)
-                                    way = border.nearest(g.position(me) - there)
+                                    separation = border.nearest(g.position(me) - there)
                                     far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # so it is the same seen from j
-                                    near = wp.dot(way, way) < far * far and j != i
+                                    near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(border.images > 1):  # a cell may be seen from several images
                                         seen = place - there
                                         near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
@@ -197,8 +197,8 @@ def build(
         for e in range(rows.start[i], rows.start[i] + rows.count[i]):
             j = rows.slot[e]
             other = grains.record[j]
-            way = border.nearest(g.position(me) - g.position(other))
-            square = wp.dot(way, way)
+            separation = border.nearest(g.position(me) - g.position(other))
+            square = wp.dot(separation, separation)
             cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
             far = cutoff + inner_skin
             entry = int(-1)

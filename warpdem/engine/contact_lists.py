@@ -176,7 +176,7 @@ class ContactLists:
 
     def view(self) -> ListedContacts:
         """The contacts of the inner list, to be read."""
-        arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
         for name in ("owner", "partner", "slot_i", "slot_j", "history"):
             if arrays[name] is not None:  # before the first list there are none
                 arrays[name] = self._used(arrays[name])

@@ -13,6 +13,7 @@ import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.list_structs import rows_of
 from warpdem.engine.program import Launch
 from warpdem.kernels import grain
 from warpdem.kernels.lists.displacement import INNER, OFF_PATH, OUTER
@@ -131,16 +132,16 @@ class Flights:
         path[: lists.flight.shape[0]] = lists.flight.numpy().reshape(-1, 12)  # it has no row for newcomers yet
         path[wanted] = self._from_here(wanted)
         lists.flight = wp.array(path, dtype=Flight, device=model.device)
-        lay = self._lay_from_here()
+        steps_of = self._steps_of_paths()
         needed = wanted[must[wanted]] if must is not None else none
         if 0 < len(needed) < len(wanted):
-            found = lay(needed, np.union1d(wanted, others))
+            found = steps_of(needed, np.union1d(wanted, others))
             if (found < LEAST_STEPS).any() or (1.0 / found).sum() > MAX_PATH_ENDS_PER_STEP:
                 path[wanted, 11] = -1.0  # without these it is no use: the others need not be looked at
                 wanted = none
         found = none
         for _ in range(ROUNDS if len(wanted) else 0):
-            found = lay(wanted, np.union1d(wanted, others))
+            found = steps_of(wanted, np.union1d(wanted, others))
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
             if ends > MAX_PATH_ENDS_PER_STEP or (must is not None and must[wanted[~good]].any()):
@@ -162,7 +163,7 @@ class Flights:
         self.drop_reference()
         return wanted
 
-    def _lay_from_here(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    def _steps_of_paths(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """Gives steps for which the paths of some grains hold from now on, from their slots and those of all in flight."""
         model, lists, record, kernels = self.model, self.lists, self.state.record, self.model.kernels.paths
         blocks = -(-lists.known // BLOCK)
@@ -175,18 +176,18 @@ class Flights:
             walls = [model.walls.surface, *model.walls.mesh_arrays[:2]]
             wall_contacts, beside = lists.wall_contacts, lists.near_feature
 
-        def lay(some: np.ndarray, flying: np.ndarray) -> np.ndarray:
+        def steps_of(some: np.ndarray, flying: np.ndarray) -> np.ndarray:
             self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
             slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (some, flying))
             steps = self.pool.zeros(len(some), wp.int32)
             self.launch(
-                kernels.lay, len(some), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight, low, high,
-                *lists.outer[:3], lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row, swiftest,
-                self.batch.watched, model.dt, steps,
+                kernels.steps_of_paths, len(some), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight,
+                low, high, rows_of(lists.outer), lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row,
+                swiftest, self.batch.watched, model.dt, steps,
             )  # fmt: skip
             return steps.numpy()
 
-        return lay
+        return steps_of
 
     def _from_here(self, slots: np.ndarray) -> np.ndarray:
         """Paths of free fall, without end, shape (k, 12)."""

@@ -30,7 +30,7 @@ LEAST_CAPACITY = 12  # of a row of the outer list to begin with
 
 
 BUILDS_IN_ORDER = 8
-"""Outer lists that a CPU builds before it sorts the grains in memory again: until then each has moved by a few radii at most."""
+"""Outer lists that a CPU builds before it sorts the grains in memory again: until then they move by a few radii at most."""
 
 
 class HostLaunch:

@@ -24,6 +24,12 @@ def put(struct: Any, **fields: Any) -> Any:
     return struct
 
 
+def rows_of(rows: OuterList, struct: Any = None) -> Any:
+    """``NeighborRows`` of an outer list, in ``struct`` if there is one."""
+    struct = NeighborRows() if struct is None else struct
+    return put(struct, start=rows.start, count=rows.neighbors, slot=rows.slot, contact=rows.contact)
+
+
 class ListStructs:
     """Structs of the kernels in ``kernels.lists`` over the present arrays."""
 
@@ -41,15 +47,11 @@ class ListStructs:
 
     def outer(self) -> Any:
         """``NeighborRows`` of the outer list."""
-        return self._rows(self._outer, self._lists.outer)
+        return rows_of(self._lists.outer, self._outer)
 
     def new(self) -> Any:
         """``NeighborRows`` of the outer list that is being built."""
-        return self._rows(self._new, self._lists.new.rows)
-
-    @staticmethod
-    def _rows(struct: Any, rows: OuterList) -> Any:
-        return put(struct, start=rows.start, count=rows.neighbors, slot=rows.slot, contact=rows.contact)
+        return rows_of(self._lists.new.rows, self._new)
 
     def references(self, inner_limit: float, outer_limit: float) -> Any:
         """``References``; displacements that the lists allow [m]."""

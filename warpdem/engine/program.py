@@ -15,8 +15,8 @@
 
 Two executors run it. ``graph`` captures these launches: the device decides at the capacity checks. On a CPU the host decides
 (``host_build``), each launch is split over threads (``cpu``), and the launches of a step are fused into one kernel per thread,
-``kernels.step.loop.run``, in the same order; so are those of the check and of the inner list, ``kernels.lists.inner``. What each launch computes is said where its kernel stands: ``kernels/lists``,
-``kernels/step``.
+``kernels.step.loop.run``, in the same order; so are those of the check and of the inner list, ``kernels.lists.inner``. What
+each launch computes is said where its kernel stands: ``kernels/lists``, ``kernels/step``.
 """
 
 import functools

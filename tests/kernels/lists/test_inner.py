@@ -16,7 +16,7 @@ def layers(materials: int = 1, speed: float = 0.0) -> Scene:
     """1000 grains in layers upon each other on a plane: some touch, some are near, some neither."""
     rng = np.random.default_rng(3)
     grid = np.stack(np.meshgrid(*[np.arange(10)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    positions = (grid + [0.5, 0.5, 0.5]) * 2.0 * RADIUS + rng.normal(0.0, 0.02 * RADIUS, (1000, 3))
+    positions = (grid + 0.5) * 2.0 * RADIUS + rng.normal(0.0, 0.02 * RADIUS, (1000, 3))
     ids, names = rng.permutation(1000), ["glass", "steel"][:materials]
     stuff = {"density": 2500, "young_modulus": 5e6, "poisson_ratio": 0.3}
     pairs = [[a, b] for k, a in enumerate(names) for b in names[k:]]
@@ -49,6 +49,8 @@ def listed(sim: Simulation) -> dict[str, np.ndarray]:
     out = {name: getattr(lists, name).numpy().copy() for name in PER_GRAIN}
     out |= {name: getattr(lists, name).numpy()[:batches].copy() for name in PER_BATCH}
     real = lists.slot_i.numpy()[:batches] < lists.row.shape[0] - 1
+    for name in ("slot_i", "slot_j"):  # that of no grain goes by the length of the arrays
+        out[name] = np.where(real, out[name], -1)
     out["history"] = np.where(real[:, None, :], lists.history.numpy()[:batches], 0.0)
     out["candidates"] = lists.wall_contacts.candidates.numpy().copy()
     out["wall grains"] = lists.wall_contacts.grain.numpy()[: lists.row_count].copy()
