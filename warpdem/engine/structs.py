@@ -66,15 +66,10 @@ class Structs:
         return grains
 
     def _contacts_now(self) -> Any:
-        model, features, lists = self._model, self._model.features, self._lists
-        lane, lane_int = model.kernels.pairs.Lane, model.kernels.pairs.LaneInt
-        several_stages = len(features.backend.scheme.STAGES) > 1
-        fields = {name: self._view(name, getattr(lists, name), lane_int) for name in ("owner", "partner", "slot_i", "slot_j")}
-        history = self._view(f"history {lists.version & 1}", lists.history, lane)  # goes back and forth between two arrays
-        trial = self._view("trial", lists.trial, lane) if several_stages else history
-        put(
-            self._contacts, **fields, constants=self._view("constants", lists.constants, lane), history=history, trial=trial
-        )
+        features, lists = self._model.features, self._lists
+        fields = {name: getattr(lists, name) for name in ("owner", "partner", "slot_i", "slot_j", "constants", "history")}
+        trial = lists.trial if len(features.backend.scheme.STAGES) > 1 else lists.history
+        put(self._contacts, **fields, trial=trial)
         if features.contact.table:
-            put(self._contacts, kind=self._view("kind", lists.kind, lane_int))
+            put(self._contacts, kind=lists.kind)
         return self._contacts

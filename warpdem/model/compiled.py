@@ -1,18 +1,21 @@
 """From the features of a scene to its kernels: imports only the chosen models and builds each once."""
 
 import functools
+from contextlib import suppress
 
 import warp as wp
 
 from warpdem.kernels import Built
-from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import displacement, flight, inner, neighbors, rebuild
+from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
+from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
+from warpdem.kernels.simd.translate import NotStraight
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
-from warpdem.kernels.wall import candidates, contact, feature
+from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
+from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
@@ -44,6 +47,19 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     return built
 
 
+def step_kernels(kernels: Built) -> list[wp.Kernel]:
+    """Kernels that the steps and the lists of a CPU launch in any run, the step itself first: it takes longest to compile.
+
+    Args:
+        kernels: of ``compile_kernels``.
+    """
+    lists, walls = kernels.lists, kernels.walls
+    step = kernels.loop.run, kernels.inner.build_inner, kernels.loop.read, kernels.loop.read_budget
+    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
+    beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
+    return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
+
+
 def compile_observers(scene: Scene, device: wp.Device) -> None:
     """Compile the observers that are files of the user, so that their mistakes come before the run.
 
@@ -56,6 +72,33 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
                 wp.load_module(build_each(model("observer", name).build()).module, device=device)
 
 
+def turning(features: Features) -> bool:
+    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    return features.frame.rotates and not features.backend.scheme.RELATIVE
+
+
+def of_pairs(features: Features) -> Built:
+    """Namespace of ``pairs.build``."""
+    laws, domain, real = features.contact, features.domain, features.backend.real
+    tangential = model("tangential", laws.tangential) if laws.tangential else None
+    rolling = model("rolling", laws.rolling) if laws.rolling else None
+    models = model("normal", laws.normal), tangential, rolling
+    predicted = getattr(features.backend.scheme, "PREDICTED", False)
+    pair_law = law.build(real, *models, laws.torsion, predicted=predicted)
+    parts = dissipation.build(real, *models, laws.torsion, predicted)[0] if features.measures.energy else None
+    images = border.build(domain.period, domain.lower)
+    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap)
+
+
+def no_lanes(features: Features) -> str:
+    """Why contacts between grains cannot be evaluated side by side; empty if they can."""
+    try:
+        sweep.translated(of_pairs(features), turning(features))
+    except NotStraight as error:
+        return str(error)
+    return ""
+
+
 @functools.cache
 def _built(features: Features) -> Built:
     """Kernels and array structs of the chosen features, each built once."""
@@ -66,29 +109,35 @@ def _built(features: Features) -> Built:
         model("tangential", laws.tangential) if laws.tangential else None,
         model("rolling", laws.rolling) if laws.rolling else None,
     )
-    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
-    pair_law = law.build(backend.real, *models, laws.torsion)
-    pair_parts = dissipation.build(backend.real, *models, laws.torsion)[0] if measures.energy else None
-    wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
+    predicted = getattr(backend.scheme, "PREDICTED", False)
+    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True, predicted=predicted)
+    wall_parts = dissipation.build(wp.float64, *models, laws.torsion, predicted) if measures.energy else None
     spins = {"spins": laws.spins}
     shared = {**spins, "table": laws.table, "gap": laws.gap}
     met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
     scheme = backend.scheme
-    # a scheme with frame-relative velocities sees contacts as if the frame were at rest
-    turning = frame.rotates and not scheme.RELATIVE
+    turns = turning(features)
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
-    pair_kernels = pairs.build(
-        backend.real, pair_law, pair_parts, images, backend.lanes, **shared, stored=laws.constants, turning_frame=turning
-    )
+    pair_kernels = of_pairs(features)
+    seen = {"turning_frame": turns, "table": laws.table}
+    by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
+    swept = None
+    if backend.lanes > 1 and not backend.resident:
+        swept = sweep.build(pair_kernels, backend.lanes, stored=laws.constants, **seen)
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
-    WallContacts, evaluate_wall_contacts = contact.build(
-        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
-        moving_frame=shifting, meshes=meshes, moving=walls.moving,
-    )  # fmt: skip
+    one = contact.build(
+        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving
+    )
+    wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
+    WallContacts = wall_kernels.WallContacts
+    walls_swept = None
+    if swept is not None and walls.present:
+        with suppress(NotStraight):  # then one by one
+            walls_swept = wall_sweep.build(one, wall_kernels, backend.lanes, laws.table)
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
     sums = None
@@ -105,14 +154,18 @@ def _built(features: Features) -> Built:
     )  # fmt: skip
     step = loop.build(
         pair_kernels,
-        evaluate_wall_contacts,
+        by_lane,
+        swept,
+        backend.lanes,
+        wall_kernels.evaluate,
+        walls_swept,
         WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
         travel,
         scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves),
         images,
-        orientation.build(turning_axes=turning) if measures.orientation else None,
+        orientation.build(turning_axes=turns) if measures.orientation else None,
         sums,
         flow.build(moving_frame=frame.moves) if measures.flows else None,
         **spins,
@@ -149,12 +202,8 @@ def _built(features: Features) -> Built:
     )
     graph = again = None
     if backend.resident:
-        evaluate = thread_contact.build(
-            backend.real, pair_law, wall_law.constants, pair_kernels, images, pair_parts is not None, **shared, **met,
-            turning_frame=turning,
-        )  # fmt: skip
         graph = captured.build(
-            step, pair_kernels, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+            step, pair_kernels, by_lane, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
         )
         again = rebuild.build(WallContacts)
     return Built(
