@@ -90,7 +90,12 @@ def everything(folder: Path) -> Scene:
                 {"name": "a-b", "material": "steel", "plane": {"point": [0, 0, -1], "normal": [1, 2, 3]}},
                 {
                     "name": "a_b", "material": "steel", "cone": {"apex": [0, 0, -1], "axis": [0, 0, 1], "half_angle": "30 deg"},
-                    "motion": [{"velocity": [0, 0, 0]}, {"axis": [1, 1, 0], "table": [[0.0, 1.0], [0.5, 2.0], [1.0, -1.0]]}],
+                    "motion": [
+                        {"velocity": [0, 0, 0]}, {"axis": [1, 1, 0], "table": [[0.0, 1.0], [0.5, 2.0], [1.0, -1.0]]},
+                        {"schedule": [{"until": 0.2, "velocity": [[0, 0, 0], [0, 0, 1]]}, {"velocity": [0, 0, 1]}]},
+                        {"table": [[0.0, 0, 0, 1], [1.0, 0, 0.1, 0]], "start": 0.1, "until": 0.9},
+                        {"axis": [0, 0, 1], "rate": 1, "pitch": "5 mm"},
+                    ],
                 },
             ],
             "frame": [
