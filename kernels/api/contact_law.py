@@ -65,9 +65,9 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     around = border.build((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
     pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
-    pair_kernels = pair_contacts.build(real, pair_law, None, around, 1, stored=stored, turning_frame=False, **shared)
+    pair_kernels = pair_contacts.build(real, pair_law, None, around, spins=True, gap=gap)
     evaluate = thread_contact.build(
-        real, pair_law, pair_law.constants, pair_kernels, around, False, turning_frame=False, **met, **shared
+        pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
     )
     lists = neighbors.build(
         real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],

@@ -22,6 +22,9 @@ OF_NORMAL_LAW = {"stiffness": "of the law", "damping": "of the law", "shear": "-
 gamma_t/gamma_n."""
 OF_PAIR = {"friction": "-", "rolling_friction": "-", "rolling_damping": "-"}
 """Keys of ``[[pairs]]`` that are coefficients of every scene."""
+LOAD = "load"
+"""Column of the contact history that keeps the Coulomb load [N] of the last force call, for readers: where the normal law may
+have a load of its own, and there is friction that goes by it."""
 VECTORS = {"spring": "m", "angle": "rad"}
 """Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
 
@@ -134,11 +137,17 @@ def stored_constants(normal: ModuleType, rolling: bool) -> Columns:
     return constants(normal).and_(scalars(["radius", "inertia"] if rolling else []))
 
 
+def declares_own(normal: ModuleType) -> bool:
+    """Whether a normal law declares numbers of its own: then it also says what its Coulomb load is."""
+    return hasattr(normal, "COEFFICIENTS") or hasattr(normal, "HISTORY")
+
+
 def history(normal: ModuleType, tangential: ModuleType | None, rolling: ModuleType | None) -> Columns:
-    """Contact history: the springs of the laws that have one, then the normal law's own scalars."""
+    """Contact history: the springs of the laws that have one, ``LOAD``, then the normal law's own scalars."""
     rolls = rolling is not None and bool(rolling.HISTORY)
     vectors = VECTORS if rolls else ["spring"] if tangential is not None else []
-    return Columns(tuple((name, 3) for name in vectors)).and_(own_history(normal))
+    load = [LOAD] if declares_own(normal) and tangential is not None else []
+    return Columns(tuple((name, 3) for name in vectors)).and_(scalars(load)).and_(own_history(normal))
 
 
 def pair_keys(module: ModuleType | None) -> Mapping[str, PairKey]:

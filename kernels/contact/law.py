@@ -115,7 +115,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
             )
             torque = moment
             angle = limited_angle
-        return total, torque, past.joined(spring, angle, own)
+        return total, torque, past.joined(spring, angle, load, own)
 
     return Built(
         force=force, constants=of_normal.constants, Coefficients=Coefficients, Constants=Constants, History=History,

@@ -31,7 +31,7 @@ def build(real, normal: ModuleType):
     History = columns.own_history(normal).vector(real)
     constants_of_law, force_of_law = normal.build(real)
 
-    if not hasattr(normal, "COEFFICIENTS") and not hasattr(normal, "HISTORY"):
+    if not columns.declares_own(normal):
 
         @wp.func
         def constants(c: Coefficients, radius: real, mass: real) -> Constants:

@@ -1,16 +1,12 @@
-"""Grain-grain contacts: a contact batch of ``lanes`` contacts side by side.
+"""One contact of two grains: geometry and motion from their records, the law, what each of them gets.
 
-A contact is too long a chain of dependent operations for one core to overlap two of them, so a plain loop waits for
-latencies. Here the same scalar law is written out for ``lanes`` contacts and the results are stored next to each other:
-the compiler's SLP vectoriser then makes one SIMD operation of each four (measured: 225 -> 75 ns per grain and step on an
-AVX2 core for the full law; no intrinsics). A GPU thread takes one lane (``thread_contact``). IEEE operations give the
-same bits in any lane, so a contact's result does not depend on its place.
+A pair force is the force (3) [N] and, with spins, the torque (3) [N m] on one grain; it is written to the force slots of both
+grains, where the summation reads them one after the other (with one slot per contact the summation waited for memory: 60
+against 30 ns per grain and step). i is the grain of the lower id. Torque arms R - overlap/2 add up to the distance of the
+centres, so angular momentum is conserved to round-off.
 
-A block of batches is computed into a scratch array that stays in the first-level cache. Then the pair force of each contact
-is copied to the force slots of its two grains, where the summation reads them one after the other (with one slot per
-contact the summation waited for memory: 60 against 30 ns per grain and step). A pair force is the force (3) [N] and, with
-spins, the torque (3) [N m] on one grain. i is the grain of the lower id. Torque arms R - overlap/2 add up to the distance of
-the centres, so angular momentum is conserved to round-off.
+On a CPU ``sweep`` evaluates contacts in the lanes of registers, on a GPU each thread one (``thread_contact``). IEEE operations
+give the same bits in any lane, so a contact's result does not depend on its place.
 """
 
 import functools
@@ -19,20 +15,6 @@ import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT
-
-BLOCK = 16  # contact batches computed before their forces are copied to the force slots
-
-PREFETCH = """
-#if !defined(__CUDA_ARCH__)
-    for (wp::int32 k = 0; k < wp::int32(sizeof(partner.data[p].c) / sizeof(partner.data[p].c[0])); ++k) {
-        const char* record = reinterpret_cast<const char*>(grains.data + partner.data[p].c[k]);
-        __builtin_prefetch(record);
-        __builtin_prefetch(record + 64);
-        __builtin_prefetch(row.data + slot_i.data[p].c[k], 1);
-        __builtin_prefetch(row.data + slot_j.data[p].c[k], 1);
-    }
-#endif
-"""
 
 
 def pair_force_width(spins: bool) -> int:
@@ -44,47 +26,27 @@ RESULT_AT = Columns((("force", 3), ("torque_i", 3), ("torque_j", 3)))
 """What a contact gives its two grains: force on i [N], the opposite on j, and the torques on both [N m]."""
 
 
-def result_width(spins: bool) -> int:
-    """Numbers computed per contact: force, and both torques."""
-    return RESULT_AT.width if spins else 3
-
-
 @functools.cache
-def build(
-    real, law, parts, border, lanes: int, *, spins: bool, stored: Columns, turning_frame: bool, table: bool, gap: float
-):
-    """Return ``evaluate_batch`` and ``scatter_forces`` (copy to the force slots); ``contact`` evaluates one lane.
+def build(real, law, parts, border, *, spins: bool, gap: float):
+    """Return ``contact``, which evaluates one, and the types of what it is given and gives.
 
     Args:
         real: precision of the law, its results and the contact history; geometry and motion are always float64.
         law: namespace of ``law.build`` for pairs of grains.
         parts: function of ``dissipation.build`` when energies are added up, else None.
         border: periodic images, of ``border.build``.
-        lanes: contacts side by side.
         spins: grains spin (there is a tangential or rolling model).
-        stored: columns of the constants that are kept of each contact.
-        turning_frame: the axes turn, and the contact history with them.
-        table: coefficients differ between contacts.
         gap: how far beyond contact the law acts [m].
     """
     g = grain.build(spins)
-    past = law.history
-    remembers, width = past.at.width, result_width(spins)
-    Lane = wp.types.vector(lanes, real)
-    LaneInt = wp.types.vector(lanes, wp.int32)
     vec3 = wp.types.vector(3, real)
     vec3d = wp.vec3d
     Coefficients = law.at.vector(wp.float64)
-    Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, past.Rotation
+    Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, law.history.Rotation
     Result = RESULT_AT.vector(real)
-    HistoryBatch = wp.types.matrix((max(remembers, 1), lanes), real)
-    ResultBatch = wp.types.matrix((width, lanes), real)
     PairForce = wp.types.vector(pair_force_width(spins), real)
     Parts = PARTS_AT.vector(real)
     Entry = ENTRY_AT.vector(real)
-    ConstantsBatch = wp.types.matrix((stored.width, lanes), real)
-    law_constants_width, with_radius = Constants._length_, "radius" in stored
-    radius_at, inertia_at = (stored.radius, stored.inertia) if with_radius else (0, 0)
 
     @wp.func
     def cast_vector(v: vec3d) -> vec3:
@@ -188,137 +150,19 @@ def build(
         return result, now, ratio, approach, for_i, for_j
 
     @wp.func
-    def evaluate_batch(
-        p: int,
-        # state, read
-        grains: wp.array(dtype=g.Record),
-        owner: wp.array(dtype=LaneInt),
-        partner: wp.array(dtype=LaneInt),
-        constants: wp.array2d(dtype=Lane),
-        # coefficients
-        kind: wp.array(dtype=LaneInt),
-        coefficients: wp.array(dtype=Coefficients),
-        turn_rate: Turn,
-        slip_time: wp.float64,
-        dt: wp.float64,
-        history_in: wp.array2d(dtype=Lane),  # of the step before
-        # written
-        history_out: wp.array2d(dtype=Lane),  # may be the same array
-        scratch_out: wp.array2d(dtype=Lane),
-        at: int,
-        slot_i: wp.array(dtype=LaneInt),
-        slot_j: wp.array(dtype=LaneInt),
-        entry_out: wp.array(dtype=Entry),
-    ):
-        """Evaluate contact batch ``p`` into row ``at`` of the scratch; return largest overlap ratio [-] and approach speed."""
-        i = owner[p]
-        j = partner[p]
-        # largest cutoff^2 - distance^2 of the lanes; 0 where energies are added up, since the energy that a contact loses
-        # when it opens is found in the step after its last one
-        squared_margin = wp.float64(wp.static(0.0 if parts else -1.0))
-        for k in range(wp.static(lanes)):
-            gi = grains[i[k]]
-            gj = grains[j[k]]
-            across = border.nearest(g.position(gi) - g.position(gj))
-            cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
-            squared_margin = wp.max(squared_margin, cutoff * cutoff * wp.float64(1.000001) - wp.dot(across, across))
-        if squared_margin < wp.float64(0.0):  # all pairs are beyond the cutoff by more than round-off: the law gives zero
-            for f in range(wp.static(width)):
-                scratch_out[at, f] = Lane()
-            for f in range(wp.static(remembers)):
-                history_out[p, f] = Lane()
-            return wp.float64(0.0), wp.float64(0.0)
-        histories = HistoryBatch()
-        for f in range(wp.static(remembers)):
-            histories[f] = history_in[p, f]
-        kept = ConstantsBatch()
-        for f in range(wp.static(stored.width)):
-            kept[f] = constants[p, f]
-        coefficients_64 = coefficients[0]
-        results = ResultBatch()
-        ratios = Lane()
-        approach = Lane()
-        for k in range(wp.static(lanes)):
-            gi = grains[i[k]]
-            gj = grains[j[k]]
-            if wp.static(table):
-                coefficients_64 = coefficients[kind[p][k]]
-            numbers = Constants()
-            for f in range(wp.static(law_constants_width)):
-                numbers[f] = kept[f, k]
-            # every law is given R*; the compiler removes it where no law uses it
-            radius = real(gi[3] * gj[3] / (gi[3] + gj[3]))
-            inertia = real(0.0)
-            if wp.static(with_radius):
-                radius = kept[wp.static(radius_at), k]
-                inertia = kept[wp.static(inertia_at), k]
-            history = History()
-            for f in range(wp.static(remembers)):
-                history[f] = histories[f, k]
-            if wp.static(turning_frame):
-                history = past.rotated(history, turn_rate)
-            result, now, ratio, speed, for_i, for_j = contact(
-                gi, gj, numbers, radius, inertia, cast_coefficients(coefficients_64), history, slip_time, dt
-            )
-            if wp.static(parts is not None):
-                entry_out[slot_i[p][k]] = for_i
-                entry_out[slot_j[p][k]] = for_j
-            for f in range(wp.static(width)):
-                results[f, k] = result[f]
-            for f in range(wp.static(remembers)):
-                histories[f, k] = now[f]
-            ratios[k] = ratio
-            approach[k] = speed
-        for f in range(wp.static(width)):
-            scratch_out[at, f] = results[f]
-        for f in range(wp.static(remembers)):
-            history_out[p, f] = histories[f]
-        return wp.float64(wp.max(ratios)), wp.float64(wp.max(approach))
+    def margin(gi: g.Record, gj: g.Record) -> wp.float64:
+        """Cutoff^2 - distance^2 of two grains [m2]; negative where they are out of reach, by more than round-off."""
+        across = border.nearest(g.position(gi) - g.position(gj))
+        cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
+        return cutoff * cutoff * wp.float64(1.000001) - wp.dot(across, across)
 
     @wp.func
-    def scatter_forces(
-        p: int,
-        scratch: wp.array2d(dtype=Lane),
-        at: int,
-        slot_i: wp.array(dtype=LaneInt),
-        slot_j: wp.array(dtype=LaneInt),
-        row_out: wp.array(dtype=PairForce),
-    ):
-        """Copy the results of contact batch ``p`` from row ``at`` of the scratch to the force slots of its grains."""
-        i = slot_i[p]
-        j = slot_j[p]
-        fx = scratch[at, 0]
-        fy = scratch[at, 1]
-        fz = scratch[at, 2]
-        if wp.static(spins):
-            ix = scratch[at, 3]
-            iy = scratch[at, 4]
-            iz = scratch[at, 5]
-            jx = scratch[at, 6]
-            jy = scratch[at, 7]
-            jz = scratch[at, 8]
-            for k in range(wp.static(lanes)):
-                row_out[i[k]] = PairForce(fx[k], fy[k], fz[k], ix[k], iy[k], iz[k])
-                row_out[j[k]] = PairForce(-fx[k], -fy[k], -fz[k], jx[k], jy[k], jz[k])
-        else:
-            for k in range(wp.static(lanes)):
-                row_out[i[k]] = PairForce(fx[k], fy[k], fz[k])
-                row_out[j[k]] = PairForce(-fx[k], -fy[k], -fz[k])
-
-    @wp.func_native(PREFETCH)
-    def prefetch(
-        p: int,
-        grains: wp.array(dtype=g.Record),
-        partner: wp.array(dtype=LaneInt),
-        slot_i: wp.array(dtype=LaneInt),
-        slot_j: wp.array(dtype=LaneInt),
-        row: wp.array(dtype=PairForce),
-    ):
-        """Prefetch the data of contact batch ``p``: its partners are too scattered for the hardware prefetcher."""
-        ...
+    def reduced_radius(gi: g.Record, gj: g.Record) -> wp.float64:
+        """R* [m]."""
+        return gi[3] * gj[3] / (gi[3] + gj[3])
 
     return Built(
-        evaluate_batch=evaluate_batch, scatter_forces=scatter_forces, prefetch=prefetch, contact=contact,
-        cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, PairForce=PairForce, Entry=Entry,
-        Lane=Lane, LaneInt=LaneInt, Coefficients=Coefficients, Numbers=Numbers, Turn=Turn,
+        contact=contact, margin=margin, reduced_radius=reduced_radius, cast_rotation=cast_rotation,
+        cast_coefficients=cast_coefficients, law=law, real=real, has_parts=parts is not None, spins=spins,
+        PairForce=PairForce, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
     )  # fmt: skip

@@ -1,10 +1,9 @@
-"""One grain-grain contact per GPU thread: the law of one lane, its forces written directly to the force slots of its grains.
+"""One lane of a contact batch by itself: what a GPU thread does, and a CPU with a law that has no lanes (``sweep``).
 
 A GPU hides latencies by its many threads and needs no scratch: the results stay in registers until they are written. With
 contact batches as wide as a warp the threads of a warp read and write neighbouring memory, and since a batch holds one class
 (touching or near), a warp either computes or skips. The constants of a contact are computed again from the radii and masses
-of its grains: a GPU computes faster than it reads. Bits are those of ``pairs.evaluate_batch``: the law gives zero beyond the
-cutoff.
+of its grains: a GPU computes faster than it reads. Bits are those of ``sweep``: the law gives zero beyond the cutoff.
 """
 
 import functools
@@ -14,16 +13,18 @@ from warpdem.kernels import grain
 
 
 @functools.cache
-def build(
-    real, law, constants, pairs, border, parts: bool, *, spins: bool, rolling: bool, turning_frame: bool, table: bool,
-    gap: float, inertia_factor: float,
-):  # fmt: skip
+def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float):
     """Return ``evaluate``.
 
-    Arguments as in ``pairs.build``, its namespace as ``pairs``, and whether it has ``parts``; ``constants`` of ``law.build`` in
-    float64; ``rolling``: there is a rolling model, which meets the inertia of the grains times ``inertia_factor``.
+    Args:
+        pairs: namespace of ``pairs.build``.
+        constants: of ``law.build`` in float64.
+        spins: grains spin.
+        rolling: there is a rolling model, which meets the inertia of the grains times ``inertia_factor``.
+        turning_frame: the axes turn, and the contact history with them.
+        table: coefficients differ between contacts.
     """
-    g = grain.build(spins)
+    g, real, law, parts = grain.build(spins), pairs.real, pairs.law, pairs.has_parts
     past, remembers = law.history, law.history.at.width
     Constants, History = law.Constants, law.History
     PairForce, Entry = pairs.PairForce, pairs.Entry
@@ -61,10 +62,9 @@ def build(
         j = partner[p, k]
         gi = grains[i]
         gj = grains[j]
-        if wp.static(not parts):  # the energy that a contact loses when it opens is found in the step after its last one
-            across = border.nearest(g.position(gi) - g.position(gj))
-            cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
-            if cutoff * cutoff * wp.float64(1.000001) < wp.dot(across, across):
+        # the energy that a contact loses when it opens is found in the step after its last one
+        if wp.static(not parts):
+            if pairs.margin(gi, gj) < wp.float64(0.0):
                 row_out[at_i] = PairForce()
                 row_out[at_j] = PairForce()
                 for f in range(wp.static(remembers)):
@@ -75,7 +75,7 @@ def build(
             coefficients_64 = coefficients[kind[p, k]]
         inv_i = inverse[i]
         inv_j = inverse[j]
-        radius = gi[3] * gj[3] / (gi[3] + gj[3])
+        radius = pairs.reduced_radius(gi, gj)
         constants_64 = constants(coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
         numbers = Constants()
         for f in range(wp.static(Constants._length_)):

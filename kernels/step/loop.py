@@ -13,7 +13,6 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
-from warpdem.kernels.contact.pairs import BLOCK
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Energies, Momenta
@@ -23,7 +22,6 @@ from warpdem.kernels.step.motion import LEFT, Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
-AHEAD = 6  # contact batches between the prefetch of a contact batch and its use
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
 
 
@@ -33,10 +31,16 @@ def too_deep(extreme: wp.array(dtype=wp.float64), at: int, max_overlap: wp.array
     return wp.max(extreme[at], extreme[at + 2]) > max_overlap[0]
 
 
+@wp.func_native("return false;")
+def never() -> bool:
+    """False, but not to Warp: what follows is translated, and its types checked, but nothing of it is compiled."""
+    ...
+
+
 @functools.cache
 def build(
-    pairs, evaluate_wall_contacts, WallContacts, load, acceleration, travel, integrator, border, orientation, budget,
-    flow, *,
+    pairs, evaluate_lane, sweep, lanes: int, evaluate_wall_contacts, WallContacts, load, acceleration, travel,
+    integrator, border, orientation, budget, flow, *,
     stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
@@ -46,6 +50,9 @@ def build(
 
     Args:
         pairs: namespace of ``pairs.build``.
+        evaluate_lane: contact law of one lane, of ``thread_contact.build``.
+        sweep: of ``contact.sweep.build``; None where the law is evaluated lane by lane.
+        lanes: contacts per contact batch.
         evaluate_wall_contacts: wall function of ``wall.contact.build``, and ``WallContacts``, its struct.
         load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
@@ -59,6 +66,7 @@ def build(
         leave: grains may leave the domain.
     """
     advance, reading = integrator
+    real = pairs.real
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
@@ -88,14 +96,14 @@ def build(
     class ContactBatches:
         """Grain-grain contacts in batches of SIMD lanes."""
 
-        owner: wp.array(dtype=pairs.LaneInt)
-        partner: wp.array(dtype=pairs.LaneInt)
-        kind: wp.array(dtype=pairs.LaneInt)
-        constants: wp.array2d(dtype=pairs.Lane)
-        history: wp.array2d(dtype=pairs.Lane)
-        trial: wp.array2d(dtype=pairs.Lane)  # history after a stage within the step; it is discarded
-        slot_i: wp.array(dtype=pairs.LaneInt)
-        slot_j: wp.array(dtype=pairs.LaneInt)
+        owner: wp.array2d(dtype=wp.int32)  # (batches, lanes)
+        partner: wp.array2d(dtype=wp.int32)
+        kind: wp.array2d(dtype=wp.int32)
+        constants: wp.array3d(dtype=real)  # (batches, numbers, lanes)
+        history: wp.array3d(dtype=real)
+        trial: wp.array3d(dtype=real)  # history after a stage within the step; it is discarded
+        slot_i: wp.array2d(dtype=wp.int32)
+        slot_j: wp.array2d(dtype=wp.int32)
 
     @wp.struct
     class Control:
@@ -114,50 +122,52 @@ def build(
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap ratio [-], approach speed [m/s], by pairs and walls
         max_overlap: wp.array(dtype=wp.float64)  # [1]: largest allowed overlap over the radius [-]
-        scratch: wp.array2d(dtype=pairs.Lane)  # per thread: results of a block of contact batches
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
         wait_modes: wp.array(dtype=wp.uint64)  # how a thread waits at the barrier, of ``barrier.wait_modes``
 
     @wp.func
+    def pair_phase_by_lane(
+        first: int, last: int, stride: int, row: Row, history_out: wp.array3d(dtype=real), grains: Grains,
+        contacts: ContactBatches, control: Control, coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64,
+        at: int,
+    ):  # fmt: skip
+        turn = pairs.cast_rotation(past_turn(row))
+        overlap_ratio = control.extreme[at]
+        approach = control.extreme[at + 1]
+        for p in range(first, last, stride):
+            for k in range(wp.static(lanes)):
+                a, b = evaluate_lane(
+                    p, k, grains.record, contacts.owner, contacts.partner, grains.inverse, contacts.kind, coefficients,
+                    turn, slip_time(row), dt, contacts.history, contacts.slot_i, contacts.slot_j, history_out, grains.row,
+                    grains.entry,
+                )  # fmt: skip
+                overlap_ratio = wp.max(overlap_ratio, a)
+                approach = wp.max(approach, b)
+        control.extreme[at] = overlap_ratio
+        control.extreme[at + 1] = approach
+
+    @wp.func
     def pair_phase(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, contacts: ContactBatches,
-        control: Control,
-        coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64, at: int,
+        control: Control, coefficients: wp.array(dtype=pairs.Coefficients), dt: wp.float64, at: int,
     ):  # fmt: skip
-        state = control.row[s * wp.static(stages) + stage]
+        row = control.row[s * wp.static(stages) + stage]
         history_out = contacts.history
         if stage > 0:
             history_out = contacts.trial
-        turn = pairs.cast_rotation(past_turn(state))
-        slip_dt = slip_time(state)
-        overlap_ratio = control.extreme[at]
-        approach = control.extreme[at + 1]
-        scratch = (at // wp.static(SPAN)) * wp.static(BLOCK)
-        for block in range(first, last, stride * wp.static(BLOCK)):
-            end = wp.min(block + stride * wp.static(BLOCK), last)
-            row = int(scratch)
-            for p in range(block, end, stride):
-                pairs.prefetch(
-                    wp.min(p + wp.static(AHEAD), last - 1), grains.record, contacts.partner, contacts.slot_i,
-                    contacts.slot_j,
-                    grains.row,
-                )  # fmt: skip
-                a, b = pairs.evaluate_batch(
-                    p, grains.record, contacts.owner, contacts.partner, contacts.constants, contacts.kind,
-                    coefficients, turn,
-                    slip_dt, dt, contacts.history, history_out, control.scratch, row, contacts.slot_i,
-                    contacts.slot_j, grains.entry,
-                )  # fmt: skip
-                row += 1
-                overlap_ratio = wp.max(overlap_ratio, a)
-                approach = wp.max(approach, b)
-            row = scratch
-            for p in range(block, end, stride):
-                pairs.scatter_forces(p, control.scratch, row, contacts.slot_i, contacts.slot_j, grains.row)
-                row += 1
-        control.extreme[at] = overlap_ratio
-        control.extreme[at + 1] = approach
+        if wp.static(sweep is not None):
+            sweep(
+                first, last, stride, grains.record, contacts.owner, contacts.partner, contacts.constants, contacts.kind,
+                coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), dt, contacts.history, contacts.slot_i,
+                contacts.slot_j, history_out, grains.row, grains.entry, control.extreme, at,
+            )  # fmt: skip
+            if never():
+                pair_phase_by_lane(
+                    first, last, stride, row, history_out, grains, contacts, control, coefficients, dt, at
+                )
+        else:
+            pair_phase_by_lane(first, last, stride, row, history_out, grains, contacts, control, coefficients, dt, at)
 
     @wp.func
     def wall_forces_of_grain(

@@ -18,7 +18,7 @@ import functools
 import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.contact.dissipation import PARTS_AT
-from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, WallEntry
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -139,20 +139,25 @@ def build(
     @wp.func
     def wall_entry(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
-        normal_force = n * p[0]
-        tangential_force = wp.vec3d(p[1], p[2], p[3])
-        sliding_force = tangential_force * p[4]
+        normal_force = n * p[wp.static(PARTS_AT.damping)]
+        tangential_force = wp.vec3d(
+            p[wp.static(PARTS_AT.tangential)], p[wp.static(PARTS_AT.tangential + 1)], p[wp.static(PARTS_AT.tangential + 2)]
+        )
+        sliding_force = tangential_force * p[wp.static(PARTS_AT.slides)]
         sticking_force = tangential_force - sliding_force
         sliding_torque = wp.cross(sliding_force, n) * distance
         sticking_torque = wp.cross(sticking_force, n) * distance
-        rolling_torque = wp.vec3d(p[5], p[6], p[7])
+        rolling_torque = wp.vec3d(
+            p[wp.static(PARTS_AT.rolling)], p[wp.static(PARTS_AT.rolling + 1)], p[wp.static(PARTS_AT.rolling + 2)]
+        )
         return WallEntry(
             normal_force[0], normal_force[1], normal_force[2], sticking_force[0], sticking_force[1],
             sticking_force[2], sticking_torque[0], sticking_torque[1],
             sticking_torque[2], sliding_force[0], sliding_force[1], sliding_force[2], sliding_torque[0],
             sliding_torque[1], sliding_torque[2], rolling_torque[0], rolling_torque[1],
             rolling_torque[2], wp.dot(normal_force, u), wp.dot(sticking_force, u), wp.dot(sliding_force, u),
-            wp.dot(rolling_torque, w), p[8], p[9], -p[11],
+            wp.dot(rolling_torque, w), p[wp.static(PARTS_AT.cut_spring)], p[wp.static(PARTS_AT.cut_angle)],
+            -p[wp.static(PARTS_AT.springs_now)],
         )  # fmt: skip
 
     @wp.func
@@ -206,7 +211,9 @@ def build(
                 wall_contacts.power[i, wall] = wp.float64(0.0)
             if wp.static(remembers > 0):
                 # over all of them: one contact point may pass its springs on to several, or to none
-                entry[24] = in_springs(i, old, radius, inv, kind, materials, coefficients, surface, wall_contacts, dt)
+                entry[wp.static(WALL_ENTRY_AT.rescaled)] = in_springs(
+                    i, old, radius, inv, kind, materials, coefficients, surface, wall_contacts, dt
+                )
         if find_contact_points(i, q, radius, surface, wall_contacts, placements, now_row) == 0:
             if wp.static(parts is not None):
                 wall_contacts.entry[i] = entry

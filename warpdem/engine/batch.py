@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.timers import Timers
-from warpdem.kernels.contact.pairs import BLOCK as PAIR_BLOCK
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.lists.displacement import Watched
@@ -73,7 +72,6 @@ class Batch:
         control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
         control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
-        control.scratch = wp.zeros((threads * PAIR_BLOCK, 9), dtype=kernels.pairs.Lane, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
         control.outlet = wp.array(model.domain.boxes, dtype=Box, device=device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state

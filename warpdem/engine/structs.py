@@ -57,13 +57,11 @@ class Structs:
         return grains
 
     def _contact_batches(self) -> Any:
-        model, features, lists = self._model, self._model.features, self._lists
-        lane, lane_int = model.kernels.pairs.Lane, model.kernels.pairs.LaneInt
-        contacts = model.kernels.loop.ContactBatches()
-        contacts.owner, contacts.partner = packed(lists.owner, lane_int), packed(lists.partner, lane_int)
-        contacts.slot_i, contacts.slot_j = packed(lists.slot_i, lane_int), packed(lists.slot_j, lane_int)
-        contacts.constants, contacts.history = packed(lists.constants, lane), packed(lists.history, lane)
-        contacts.trial = packed(lists.trial, lane) if len(features.backend.scheme.STAGES) > 1 else contacts.history
+        features, lists = self._model.features, self._lists
+        contacts = self._model.kernels.loop.ContactBatches()
+        for name in ("owner", "partner", "slot_i", "slot_j", "constants", "history"):
+            setattr(contacts, name, getattr(lists, name))
+        contacts.trial = lists.trial if len(features.backend.scheme.STAGES) > 1 else lists.history
         if features.contact.table:
-            contacts.kind = packed(lists.kind, lane_int)
+            contacts.kind = lists.kind
         return contacts

@@ -7,6 +7,7 @@ import warp as wp
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.kernels.contact.columns import LOAD
 from warpdem.model.features import field_numbers
 from warpdem.model.impact import elastic_energy, own_constants, own_of, secant, stiffness
 from warpdem.model.model import Model
@@ -166,6 +167,8 @@ class Contacts:
     """R* [m], the grain's at a wall, shape (c,)."""
     weight: np.ndarray
     """Fraction of a full contact, below 1 where neighboring facets of a wall carry a grain together [-], shape (c,)."""
+    load: np.ndarray
+    """Coulomb load of the force call, which friction is limited by [N], shape (c,)."""
     own: dict[str, np.ndarray]
     """The normal law's own constants and history by name [of the law], each of shape (c,)."""
 
@@ -207,7 +210,7 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
                 history.get("spring", np.zeros((len(a), 3))),
                 position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
                 constants[:, plan.contact.constants.stiffness], history.get("angle", np.zeros((len(a), 3))),
-                radius[a] * radius[b] / (radius[a] + radius[b]), np.ones(len(a)),
+                radius[a] * radius[b] / (radius[a] + radius[b]), np.ones(len(a)), history.get(LOAD, np.zeros(len(a))),
                 *(constants[:, plan.contact.constants.of(name)] for name in plan.contact.own_constants),
                 *(history[name] for name in plan.contact.own_history),
             )
@@ -230,6 +233,7 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
                 ids[g], -1 - wall, overlap, normal, place["force"], spring,
                 position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
                 place.get("angle", np.zeros((len(g), 3))), radius[g], place["weight"],
+                place[LOAD] * place["weight"] if LOAD in place else np.zeros(len(g)),
                 *(own[name] for name in plan.contact.own_constants), *(place[name] for name in plan.contact.own_history),
             )
         )  # fmt: skip
@@ -238,14 +242,16 @@ def read_contacts(view: RunView, since: int = 0) -> Contacts:
         empty, vectors = np.zeros(0), np.zeros((0, 3))
         return Contacts(
             np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty, vectors, vectors, vectors, vectors, empty,
-            empty, vectors, empty, empty, dict.fromkeys(names, empty),
+            empty, vectors, empty, empty, empty, dict.fromkeys(names, empty),
         )  # fmt: skip
     columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     order = np.lexsort((columns[1], columns[0], columns[1] < 0))  # stable: the places of a grain on a wall keep theirs
     columns = [column[order] for column in columns]
-    i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, *of_law = columns
+    i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, load, *of_law = columns
+    if LOAD not in plan.contact.history:  # a law without numbers of its own
+        load = np.maximum(np.einsum("ij,ij->i", force, normal), 0.0)
     own = dict(zip(names, of_law, strict=True))
-    return Contacts(i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, own)
+    return Contacts(i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, load, own)
 
 
 def energy(view: RunView) -> dict[str, float]:

@@ -5,10 +5,11 @@ import functools
 import warp as wp
 
 from warpdem.kernels import Built
-from warpdem.kernels.contact import dissipation, law, pairs, thread_contact
-from warpdem.kernels.lists import displacement, flight, neighbors, rebuild
+from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
+from warpdem.kernels.lists import displacement, flight, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
+from warpdem.kernels.simd.translate import NotStraight
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, feature
@@ -43,6 +44,18 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     return built
 
 
+def step_kernels(kernels: Built) -> list[wp.Kernel]:
+    """Kernels that the steps and the lists of a CPU launch in any run, the step itself first: it takes longest to compile.
+
+    Args:
+        kernels: of ``compile_kernels``.
+    """
+    groups = [vars(group).values() for group in (kernels.lists, kernels.displacement, kernels.walls, numbering)
+              if group is not None]  # fmt: skip
+    step = kernels.loop.run, kernels.loop.read, kernels.loop.read_budget
+    return [thing for thing in (*step, *(one for group in groups for one in group)) if isinstance(thing, wp.Kernel)]
+
+
 def compile_observers(scene: Scene, device: wp.Device) -> None:
     """Compile the observers that are files of the user, so that their mistakes come before the run.
 
@@ -53,6 +66,32 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
         if is_file(name):
             with using([name]):
                 wp.load_module(build_each(model("observer", name).build()).module, device=device)
+
+
+def turning(features: Features) -> bool:
+    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    return features.frame.rotates and not features.backend.scheme.RELATIVE
+
+
+def of_pairs(features: Features) -> Built:
+    """Namespace of ``pairs.build``."""
+    laws, domain, real = features.contact, features.domain, features.backend.real
+    tangential = model("tangential", laws.tangential) if laws.tangential else None
+    rolling = model("rolling", laws.rolling) if laws.rolling else None
+    models = model("normal", laws.normal), tangential, rolling
+    pair_law = law.build(real, *models, laws.torsion)
+    parts = dissipation.build(real, *models, laws.torsion)[0] if features.measures.energy else None
+    images = border.build(domain.period, domain.lower)
+    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap)
+
+
+def no_lanes(features: Features) -> str:
+    """Why contacts between grains cannot be evaluated side by side; empty if they can."""
+    try:
+        sweep.translated(of_pairs(features), turning(features))
+    except NotStraight as error:
+        return str(error)
+    return ""
 
 
 @functools.cache
@@ -66,26 +105,26 @@ def _built(features: Features) -> Built:
         model("rolling", laws.rolling) if laws.rolling else None,
     )
     wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
-    pair_law = law.build(backend.real, *models, laws.torsion)
-    pair_parts = dissipation.build(backend.real, *models, laws.torsion)[0] if measures.energy else None
     wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
     spins = {"spins": laws.spins}
     shared = {**spins, "table": laws.table, "gap": laws.gap}
     met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
     scheme = backend.scheme
-    # a scheme with frame-relative velocities sees contacts as if the frame were at rest
-    turning = frame.rotates and not scheme.RELATIVE
+    turns = turning(features)
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
-    pair_kernels = pairs.build(
-        backend.real, pair_law, pair_parts, images, backend.lanes, **shared, stored=laws.constants, turning_frame=turning
-    )
+    pair_kernels = of_pairs(features)
+    seen = {"turning_frame": turns, "table": laws.table}
+    by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
+    swept = None
+    if backend.lanes > 1 and not backend.resident:
+        swept = sweep.build(pair_kernels, backend.lanes, stored=laws.constants, **seen)
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     WallContacts, evaluate_wall_contacts = contact.build(
-        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turning,
+        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turns,
         moving_frame=shifting, meshes=meshes, moving=walls.moving,
     )  # fmt: skip
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
@@ -104,6 +143,9 @@ def _built(features: Features) -> Built:
     )  # fmt: skip
     step = loop.build(
         pair_kernels,
+        by_lane,
+        swept,
+        backend.lanes,
         evaluate_wall_contacts,
         WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
@@ -111,7 +153,7 @@ def _built(features: Features) -> Built:
         travel,
         scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves),
         images,
-        orientation.build(turning_axes=turning) if measures.orientation else None,
+        orientation.build(turning_axes=turns) if measures.orientation else None,
         sums,
         flow.build(moving_frame=frame.moves) if measures.flows else None,
         **spins,
@@ -145,12 +187,8 @@ def _built(features: Features) -> Built:
     )
     graph = again = None
     if backend.resident:
-        evaluate = thread_contact.build(
-            backend.real, pair_law, wall_law.constants, pair_kernels, images, pair_parts is not None, **shared, **met,
-            turning_frame=turning,
-        )  # fmt: skip
         graph = captured.build(
-            step, pair_kernels, evaluate, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
+            step, pair_kernels, by_lane, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
         )
         again = rebuild.build(WallContacts)
     return Built(

@@ -13,7 +13,8 @@ from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import domain, needs, time_step
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
-from warpdem.model.features import SIMD_LANES, WARP_LANES, Features, choose_features, coefficient_table
+from warpdem.model.features import WARP_LANES, Features, choose_features, coefficient_table
+from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.model import Model
 from warpdem.model.past import Past
 from warpdem.model.schedule import Schedule
@@ -76,10 +77,11 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         moving=schedule.moving,
         resting=len(schedule.motions) - schedule.moving,
         images=images is not None,
-        lanes=WARP_LANES if resident else SIMD_LANES,
+        lanes=WARP_LANES if resident else simd_lanes(len(start) + sum(needs.grains_to_come(scene))),
         resident=resident,
         largest=float(expected.radius.max(initial=0.0)),
     )
+    features = as_the_law_allows(features)
     domain.check(scene, start, schedule.frame, features.contact.gap)
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)

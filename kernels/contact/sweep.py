@@ -1,0 +1,185 @@
+"""The contacts of a CPU core: a contact batch in the lanes of its registers.
+
+The law is that of ``pairs.contact``, translated by ``simd.translate``; written here in C++ is only how numbers come in and go
+out. Records of ``lanes`` grains are read and transposed, so that a register holds one number of every contact, and the pair
+forces are transposed back into the force slots of the grains. Of a batch out of reach only the places are read. Partners lie
+too scattered in memory for the hardware to foresee, so a batch is announced some batches ahead.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built, grain
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.contact.pairs import RESULT_AT
+from warpdem.kernels.simd import rows
+from warpdem.kernels.simd.lane_types import LANE, NUMBER, declarations
+from warpdem.kernels.simd.translate import Translator
+
+AHEAD = {4: 6, 8: 4}  # contact batches between the prefetch of a contact batch and its use, by lanes
+
+
+@functools.cache
+def translated(pairs, turning_frame: bool) -> Built:
+    """The functions of one contact in C++, as ``text``, and their names.
+
+    Args:
+        pairs: namespace of ``pairs.build``.
+        turning_frame: the axes turn, and the contact history with them.
+
+    Raises:
+        NotStraight: the law cannot be evaluated in lanes; the message says where.
+    """
+    law = Translator()
+    functions = {name: getattr(pairs, name) for name in ("contact", "margin", "reduced_radius", "cast_coefficients")}
+    if turning_frame and pairs.law.history.at.width:
+        functions["rotated"] = pairs.law.history.rotated
+    names = {name: law.add(function).name for name, function in functions.items()}
+    return Built(text=law.text, **names)
+
+
+def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool) -> str:
+    """C++ of the sweep; arguments as in ``build``."""
+    law, of = translated(pairs, turning_frame), pairs.law
+    real = pairs.real
+    lane, number, width = LANE[real], NUMBER[real], grain.WIDTH[pairs.spins]
+    remembers, coefficients, own = of.history.at.width, of.at.width, of.Constants._length_
+    near = [at for at in rows.starts(width, lanes) if at < 4]  # parts of the record with position and radius
+    far = rows.starts(width, lanes, near[-1] + lanes)
+    sides = ("i", "owner"), ("j", "partner")
+
+    def read(parts: list[int]) -> str:
+        call = "        batch::read(records + {at}, {width}, {name}.data + p * {lanes}, g{side}.c + {at});\n".format
+        return "".join(
+            call(at=at, width=width, name=name, lanes=lanes, side=side) for at in parts for side, name in sides
+        )
+
+    def lines(form: str, count: int, indent: int = 8) -> str:
+        return "".join(f"{indent * ' '}{form.format(f=f)}\n" for f in range(count))
+
+    constant = f"batch::load(constants.data + (p * {stored.width} + {{f}}) * {lanes})"
+    radius, inertia = f"__builtin_convertvector(batch::{law.reduced_radius}(gi, gj), {lane})", f"{lane}(0)"
+    if "radius" in stored:
+        radius, inertia = constant.format(f=stored.radius), constant.format(f=stored.inertia)
+    history_in, history_out = (f"history_{way}.data + (p * {remembers} + {{f}}) * {lanes}" for way in ("in", "out"))
+    rotated = f"        remembered = batch::{law.rotated}(remembered, turn);\n" if hasattr(law, "rotated") else ""
+    chosen = ""
+    if table:
+        by_kind = f"coefficients.data[kind.data[p * {lanes} + k]].c[f]"
+        chosen = f"        for (int k = 0; k < {lanes}; ++k) for (int f = 0; f < {coefficients}; ++f) c.c[f][k] = {by_kind};\n"
+    places = [f"slot_{side}.data[p * {lanes} + k]" for side, _ in sides]
+    idle = ""
+    if not pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
+        idle = f"""        if (!__builtin_reduce_or(batch::{law.margin}(gi, gj) >= f64(0.0))) {{  // the law gives zero
+            for (int k = 0; k < {lanes}; ++k) row.data[{places[0]}] = row.data[{places[1]}] = {{}};
+{lines(f"batch::store({history_out}, {lane}(0));", remembers, 12)}\
+            worst = worst < {lane}(0) ? {lane}(0) : worst;
+            fastest = fastest < {lane}(0) ? {lane}(0) : fastest;
+            continue;
+        }}
+"""
+    return f"""{declarations(lanes)}
+    struct batch {{
+        enum {{ LANES = {lanes} }};
+{rows.helpers(real, lanes)}{rows.helpers(wp.float64, lanes) if real is not wp.float64 else ""}{law.text}    }};
+    const double* const records = grains.data[0].c;
+    wp::mat_t<3, 3, {lane}> turn;
+    for (int f = 0; f < 9; ++f) turn.data[f / 3][f % 3] = turn_rate.data[f / 3][f % 3];
+    wp::vec_t<{coefficients}, f64> c;
+    for (int f = 0; f < {coefficients}; ++f) c.c[f] = coefficients.data[0].c[f];
+    {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
+    for (wp::int32 p = first; p < last; p += stride) {{
+        const wp::int32 ahead = p + {AHEAD.get(lanes, 4)} * stride < last ? p + {AHEAD.get(lanes, 4)} * stride : p;
+        for (int k = ahead * {lanes}; k < (ahead + 1) * {lanes}; ++k) {{
+            const char* record = (const char*)(grains.data + partner.data[k]);
+            __builtin_prefetch(record);
+            __builtin_prefetch(record + 64);
+            __builtin_prefetch(row.data + slot_i.data[k], 1);
+            __builtin_prefetch(row.data + slot_j.data[k], 1);
+        }}
+        wp::vec_t<{width}, f64> gi, gj;
+{read(near)}{idle}{read(far)}\
+        wp::vec_t<{own}, {lane}> numbers;
+{lines(f"numbers.c[{{f}}] = {constant};", own)}\
+        wp::vec_t<{max(remembers, 1)}, {lane}> remembered;
+{lines(f"remembered.c[{{f}}] = batch::load({history_in});", remembers)}{rotated}{chosen}\
+        const auto o = batch::{law.contact}(
+            gi, gj, numbers, {radius}, {inertia}, batch::{law.cast_coefficients}(c), remembered, f64(slip_time), f64(dt));
+{lines(f"batch::store({history_out}, o.r1.c[{{f}}]);", remembers)}\
+        worst = worst < o.r2 ? o.r2 : worst;
+        fastest = fastest < o.r3 ? o.r3 : fastest;
+{_given(pairs, lanes, places)}\
+    }}
+    for (int k = 0; k < {lanes}; ++k) {{
+        extreme.data[at] = wp::max(extreme.data[at], double(worst[k]));
+        extreme.data[at + 1] = wp::max(extreme.data[at + 1], double(fastest[k]));
+    }}
+"""
+
+
+def _given(pairs, lanes: int, places: list[str]) -> str:
+    """What writes the results to the force slots ``places`` of i and j."""
+    at = RESULT_AT
+    force = [f"o.r0.c[{at.force + f}]" for f in range(3)]
+    on_i, on_j = list(force), [f"wp::neg({text})" for text in force]
+    if pairs.spins:
+        on_i += [f"o.r0.c[{at.torque_i + f}]" for f in range(3)]
+        on_j += [f"o.r0.c[{at.torque_j + f}]" for f in range(3)]
+    text = rows.write(
+        pairs.real, lanes, "batch", [(f"row.data[{k}].c", on) for k, on in zip(places, (on_i, on_j), strict=True)]
+    )
+    if pairs.has_parts:
+        entries = [
+            (f"entry.data[{k}].c", [f"o.r{r}.c[{f}]" for f in range(ENTRY)])
+            for k, r in zip(places, (4, 5), strict=True)
+        ]
+        text += rows.write(pairs.real, lanes, "batch", entries)
+    return text
+
+
+@functools.cache
+def build(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool):
+    """Return ``sweep``: evaluates the contact batches ``first`` to ``last``.
+
+    Args:
+        pairs: namespace of ``pairs.build``.
+        lanes: contacts of a batch, a power of two up to 16.
+        stored: columns of the constants that are kept of each contact.
+        turning_frame: the axes turn, and the contact history with them.
+        table: coefficients differ between contacts.
+
+    Raises:
+        NotStraight: the law cannot be evaluated in lanes.
+    """
+    g = grain.build(pairs.spins)
+    real = pairs.real
+
+    @wp.func_native(source(pairs, lanes, stored=stored, turning_frame=turning_frame, table=table))
+    def sweep(
+        first: int, last: int, stride: int,
+        # state, read
+        grains: wp.array(dtype=g.Record),
+        owner: wp.array2d(dtype=wp.int32),  # (batches, lanes)
+        partner: wp.array2d(dtype=wp.int32),
+        constants: wp.array3d(dtype=real),  # (batches, numbers, lanes)
+        # coefficients
+        kind: wp.array2d(dtype=wp.int32),
+        coefficients: wp.array(dtype=pairs.Coefficients),
+        turn_rate: pairs.Turn,
+        slip_time: wp.float64,
+        dt: wp.float64,
+        history_in: wp.array3d(dtype=real),  # (batches, numbers, lanes), of the step before
+        slot_i: wp.array2d(dtype=wp.int32),
+        slot_j: wp.array2d(dtype=wp.int32),
+        # written
+        history_out: wp.array3d(dtype=real),  # may be the same array
+        row: wp.array(dtype=pairs.PairForce),
+        entry: wp.array(dtype=pairs.Entry),  # beside row, when energies are added up
+        extreme: wp.array(dtype=wp.float64),  # from ``at``: largest overlap ratio [-] and approach speed [m/s]
+        at: int,
+    ):  # fmt: skip
+        """Evaluate contact batches; what is out of reach gets zeros."""
+        ...
+
+    return sweep

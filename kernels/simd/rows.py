@@ -1,0 +1,80 @@
+"""Numbers that lie in rows of memory, one row per contact, to registers that hold one column of all lanes, and back.
+
+A row is read ``lanes`` numbers at a time; ``lanes`` of such parts are a square that is transposed in registers. That takes a
+few shuffles; a gather of each column would take an instruction per number.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from warpdem.kernels.simd.lane_types import INLINE, LANE, NUMBER
+
+
+def starts(width: int, lanes: int, first: int = 0) -> list[int]:
+    """Where the parts of ``lanes`` columns begin that hold the columns ``first`` to ``width``; the last may overlap another."""
+    return [min(at, width - lanes) for at in range(first, width, lanes)]
+
+
+def helpers(scalar: Any, lanes: int) -> str:
+    """Members of the local struct that ``read`` and ``write`` call for numbers ``scalar``."""
+    lane, number = LANE[scalar], NUMBER[scalar]
+    steps, block = "", 1
+    while block < lanes:  # blocks of 1, 2, 4 ... numbers change places across the diagonal
+        upper = [k if not k & block else lanes + (k ^ block) for k in range(lanes)]
+        lower = [k | block if not k & block else lanes + k for k in range(lanes)]
+        for i in (i for i in range(lanes) if not i & block):
+            a, b = f"r[{i}]", f"r[{i | block}]"
+            new = [f"__builtin_shufflevector({a}, {b}, {', '.join(map(str, order))})" for order in (upper, lower)]
+            steps += f"            {{ {lane} a = {new[0]}, b = {new[1]}; {a} = a; {b} = b; }}\n"
+        block *= 2
+    parts, size = "", lanes
+    while size > 1:
+        vector = f"__attribute__((ext_vector_type({size}), aligned(sizeof({number}))))"
+        parts += f"        typedef {number} {lane}_part{size} {vector};\n"
+        size //= 2
+    whole = f"{lane}_part{lanes}"
+    return f"""{parts}        {INLINE} void transpose({lane}* r) {{
+{steps}        }}
+        {INLINE} {lane} load(const {number}* from) {{ {lane} out = *(const {whole}*)from; return out; }}
+        {INLINE} void store({number}* to, {lane} value) {{ *({whole}*)to = value; }}
+        {INLINE} void read(const {number}* rows, int width, const wp::int32* index, {lane}* out) {{
+            {lane} r[{lanes}];
+            for (int k = 0; k < {lanes}; ++k) r[k] = load(rows + index[k] * width);
+            transpose(r);
+            for (int k = 0; k < {lanes}; ++k) out[k] = r[k];
+        }}
+"""
+
+
+def write(scalar: Any, lanes: int, struct: str, rows: Sequence[tuple[str, Sequence[str]]]) -> str:
+    """Statements that write registers to rows.
+
+    Args:
+        scalar: type of the numbers.
+        lanes: how many lanes.
+        struct: name of the local struct with ``helpers``.
+        rows: of each row of a lane the address of its first number, as an expression in the lane ``k``, and its numbers, as
+            expressions of a register. Rows follow each other in the squares that are transposed.
+    """
+    lane = LANE[scalar]
+    placed = [(address, n, value) for address, values in rows for n, value in enumerate(values)]
+    text = ""
+    for first in range(0, len(placed), lanes):
+        square = placed[first : first + lanes]
+        values = [value for _, _, value in square] + [f"{lane}(0)"] * (lanes - len(square))
+        text += f"        {{\n            {lane} r[{lanes}] = {{{', '.join(values)}}};\n            {struct}::transpose(r);\n"
+        text += f"            for (int k = 0; k < {lanes}; ++k) {{\n"
+        at = 0
+        while at < len(square):
+            address, column, _ = square[at]
+            together = sum(1 for other, *_ in square[at:] if other == address)
+            count = 1 << (together.bit_length() - 1)  # powers of two
+            if count == 1:
+                text += f"                {address}[{column}] = r[k][{at}];\n"
+            else:
+                picked = ", ".join(str(at + n) for n in range(count))
+                part = "r[k]" if count == lanes else f"__builtin_shufflevector(r[k], r[k], {picked})"
+                text += f"                *({struct}::{lane}_part{count}*)({address} + {column}) = {part};\n"
+            at += count
+        text += "            }\n        }\n"
+    return text

@@ -1,0 +1,40 @@
+"""How many contacts between grains a CPU core evaluates side by side: what its registers, its caches and the law allow.
+
+No bit of a result depends on it: a number has the same bits in any lane, and contacts are summed by grain.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from warpdem.model.compiled import no_lanes
+from warpdem.model.features import SIMD_LANES, Features
+
+WIDE_LANES = 8  # eight doubles fill an AVX-512 register
+IN_CACHE = 60_000
+"""Grains up to which wide batches pay: their records, force slots and histories stay in the last cache (measured)."""
+
+
+@cache
+def wide_registers() -> bool:
+    """Whether the processor has registers of 512 bits (AVX-512)."""
+    found: list[str] = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
+    return any(name.startswith(("AVX512", "X86_V4")) for name in found)
+
+
+def simd_lanes(grains: int) -> int:
+    """Contacts side by side for so many grains."""
+    return WIDE_LANES if wide_registers() and grains <= IN_CACHE else SIMD_LANES
+
+
+def as_the_law_allows(features: Features) -> Features:
+    """The same features, with one lane where the law cannot be evaluated in several."""
+    backend = features.backend
+    if backend.resident or backend.lanes == 1:
+        return features
+    why = no_lanes(features)
+    if not why:
+        return features
+    left_out = features.left_out | {"contacts side by side": why}
+    return replace(features, backend=replace(backend, lanes=1), left_out=left_out)
