@@ -55,6 +55,11 @@ class Wall(SceneModel):
         None,
         description="Motion of the wall relative to what it is fixed to: one motion, or a list, outermost first; default none.",
     )
+    driven: StrictBool = Field(
+        False,
+        description="Whether a program gives the wall other motions in a live run, by sim.set_motion of Python, default false. "
+        "Until then it moves as motion says.",
+    )
     torque_about: Point | None = Field(
         None,
         description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "

@@ -205,6 +205,11 @@ def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
         else:
             known = ", ".join(["frame", "streams", *(wall for wall in now if wall in then)])
             raise SceneError(f'{scene.source}: start.continues: "{name}" is not in both scenes; allowed: {known}')
+        if name in data.get("driven", {}):
+            raise SceneError(
+                f'{scene.source}: start.continues: "{name}" moves in {data["path"]} as set_motion said, not as its scene does; '
+                "give its motion in this scene"
+            )
         if pair[0] != pair[1]:
             raise SceneError(
                 f'{scene.source}: start.continues: "{name}" is not what it was in {data["path"]}; only what has not changed '
