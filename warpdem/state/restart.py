@@ -131,7 +131,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
 
 def _geometry(wall: dict[str, Any], contents: str | None) -> tuple[Any, ...]:
     """What a wall's table says of its surface; ``contents`` of its mesh file count, not what that is called."""
-    return contents, *(wall.get(key) for key in ("prim", "scale", "translate", "rotate", *SHAPES))
+    return contents, *(wall.get(key) for key in ("prim", "part", "scale", "translate", "rotate", *SHAPES))
 
 
 def _geometries(scene: Scene, data: dict[str, Any]) -> tuple[dict[str, tuple[Any, ...]], dict[str, tuple[Any, ...]]]:
