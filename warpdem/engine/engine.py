@@ -100,6 +100,11 @@ class Engine:
         """Let batches go on whatever the overlaps."""
         self.batch.control.max_overlap.fill_(np.inf)
 
+    def motion_changed(self) -> None:
+        """A wall moves otherwise than the schedule said, from the present step on."""
+        self.batch.forget_schedule()
+        self.lists.flights.end_paths()
+
     def restore(self, extreme: np.ndarray) -> None:
         """Take over the extremes of a checkpoint; schedule and structs are made again."""
         values = self.batch.control.extreme.numpy()

@@ -217,6 +217,13 @@ class Flights:
             speeds[:moving, 1] = spin.max(axis=0, initial=0.0) / dt
         return longest, wp.array(1.001 * speeds, dtype=wp.vec2d, device=self.model.device)
 
+    def end_paths(self) -> None:
+        """All paths end with the present step: what they were checked against moves otherwise from now on."""
+        if len(self.slots):
+            path = self.lists.flight.numpy().reshape(-1, 12).copy()
+            path[self.slots, 11] = float(self.clock.step_number)
+            self.lists.flight.assign(path)
+
     def drop_reference(self) -> None:
         """Grains in flight have a path instead of a reference position."""
         lists, slots = self.lists, self.slots
