@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem.core.pose import FramePose
-from warpdem.drawing.camera import looking, picture_axes, placed, upright
+from warpdem.drawing.camera import camera_of, picture_axes, upright, view_axes
 from warpdem.drawing.style import PictureStyle
 
 REST = FramePose(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
@@ -14,7 +14,7 @@ EARTH, UP_Y = np.array([0.0, 0.0, -9.81]), np.array([0.0, -9.81, 0.0])
 
 def seen(camera, gravity, pose=REST):
     """Right, up and forward direction of a picture."""
-    return looking(PictureStyle(camera=camera), pose, upright(gravity))
+    return view_axes(PictureStyle(camera=camera), pose, upright(gravity))
 
 
 @pytest.mark.parametrize("gravity", [None, np.zeros(3), EARTH, np.array([np.nan, 0.0, 0.0])])
@@ -82,7 +82,7 @@ def test_auto_looks_along_the_axis_of_the_frame_unless_it_is_upright(axis, gravi
 def test_a_camera_with_a_place_of_its_own_has_the_way_up():
     style = PictureStyle(position=(0.0, 0.0, 5.0), focus=(0.0, 0.0, 0.0))
     turn = upright(UP_Y)
-    axes = looking(style, REST, turn)
-    camera = placed(style, turn, axes, -np.ones(3), np.ones(3), 1.0)
+    axes = view_axes(style, REST, turn)
+    camera = camera_of(style, turn, axes, -np.ones(3), np.ones(3), 1.0)
     np.testing.assert_allclose(camera.up, Y, rtol=0, atol=1e-15)
     np.testing.assert_allclose(camera.axes, picture_axes(-Z, Y), rtol=0, atol=1e-15)

@@ -1,5 +1,6 @@
 """Checkpoints: what is saved comes back, damage is seen before anything changes, a resumed run goes on bit for bit."""
 
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -10,7 +11,7 @@ import trimesh
 from warpdem import Scene, SceneError, Simulation
 from warpdem.errors import OutputError
 from warpdem.scene.file import load_scene
-from warpdem.state import checkpoint
+from warpdem.state import blocks, checkpoint
 
 HOURGLASS = Path(__file__).resolve().parent.parent / "scenes" / "hourglass.toml"
 
@@ -271,3 +272,50 @@ def test_hourglass_resumes_from_random_moments_on_any_number_of_threads(tmp_path
             again = Simulation.from_checkpoint(tmp_path / f"{moment}.h5", device="cpu", threads=threads)
             again.step(end - moment)
             assert again.state_hash() == whole.state_hash(), f"saved at step {moment}, {threads} threads"
+
+
+def test_arrays_are_written_block_by_block(run, saved, tmp_path, monkeypatch):
+    """Blocks of one row and of some rows hold what one block holds, and the digest goes over all of them."""
+    whole = checkpoint.read(saved)
+    for size in (1, 1000):
+        monkeypatch.setattr(blocks, "BLOCK", size)
+        run.save_checkpoint(tmp_path / "blocks.h5")
+        found = checkpoint.read(tmp_path / "blocks.h5")
+        assert found.keys() == whole.keys()
+        for name, values in whole.items():
+            np.testing.assert_array_equal(found[name], tmp_path / "blocks.h5" if name == "path" else values, err_msg=name)
+
+
+def test_saving_takes_little_memory(tmp_path):
+    """Less than half of what the file holds: neither the arrays in order nor the file are made as a whole."""
+    place = np.stack(np.meshgrid(*[np.arange(40.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    data = scene("box.stl").model_dump(mode="json", exclude={"walls", "frame", "source", "base"})
+    data["grains"] = [{"material": "glass", "positions": 2.1e-3 * place, "radius": RADIUS}]
+    sim = Simulation(Scene.model_validate(data), device="cpu", threads=1)
+    sim.save_checkpoint(tmp_path / "saved.h5")
+    tracemalloc.start()
+    try:
+        sim.save_checkpoint(tmp_path / "saved.h5")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    size = (tmp_path / "saved.h5").stat().st_size
+    assert size > 12e6 and peak < 0.5 * size, (peak, size)
+
+
+def test_contacts_that_the_lists_do_not_hold_any_more_are_left_out(run, saved):
+    """Forces come back by pairs of ids: pairs of the file in any order, and one that no list has."""
+    straight, data = Simulation.from_checkpoint(saved, device="cpu", threads=1), checkpoint.read(saved)
+    there = {tuple(pair) for pair in data["pair"].tolist()}
+    apart = next((a, b) for a in data["id"] for b in data["id"][::-1] if a < b and (a, b) not in there)
+    order = np.random.default_rng(2).permutation(len(data["pair"]) + 1)
+    for name in [name for name in data if name.startswith("pair")]:
+        extra = [apart] if name == "pair" else np.ones((1, *data[name].shape[1:]))
+        data[name] = np.concatenate([data[name], np.array(extra, dtype=data[name].dtype)])[order]
+    again = Simulation(checkpoint.scene_of(data), device="cpu", threads=1)
+    checkpoint.restore(again, data)
+    assert_equal_readings(straight, again)
+    for sim in (straight, again):
+        sim.step(100)
+    assert straight.state_hash() == again.state_hash()
+    assert run.step_number == 801

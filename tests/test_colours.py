@@ -9,7 +9,7 @@ from warpdem.drawing.colours import Field, Scale
 def scale(*frames, name="speed", array="v", component="", given=None):
     made = Scale(Field(name, array, component), None, given)
     for values in frames:
-        made.meet(np.array(values))
+        made.include(np.array(values))
     return made
 
 

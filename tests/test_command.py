@@ -1,5 +1,6 @@
 """The command as a process: signals at any moment, an output that cannot be written; words and exit codes, no traceback."""
 
+import functools
 import json
 import os
 import shutil
@@ -10,18 +11,12 @@ import time
 
 import pytest
 
+from scene_text import GLASS
 from warpdem.core import interrupts
 from warpdem.core.command import UNNAMED, run_command
 from warpdem.errors import OutputError, SceneError
 
-SCENE = """
-[materials.glass]
-density = 2500
-young_modulus = "10 MPa"
-poisson_ratio = 0.3
-[[pairs]]
-materials = ["glass", "glass"]
-restitution = 0.6
+SCENE = f"""{GLASS}
 [[grains]]
 material = "glass"
 positions = [[0, 0, 0], [0, 0, 0.003]]
@@ -130,7 +125,9 @@ def test_a_signal_before_the_first_step_is_answered_in_a_line(folder, name):
 def test_ctrl_c_at_the_very_start_is_answered(folder):
     """Before the first library of the command is imported, where Python's own answer is a traceback."""
     code = "import os, signal, warpdem.__main__; os.kill(os.getpid(), signal.SIGINT)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60)
+    heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell ignores it for jobs in the background
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, preexec_fn=heard)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 

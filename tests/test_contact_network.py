@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from warpdem import Scene, SceneError, Simulation
 from warpdem.measure.contact_network import read_network
 from warpdem.output.write_vtk import VtkWriter
+from warpdem.scene.file import scene_from_dict
 
 R, MU = 1e-3, 0.4
 
@@ -90,6 +91,69 @@ def test_a_grain_pushed_over_the_floor_slides(speed, sliding):
     network = read_network(sim.view)
     assert (network.i, network.j, network.wall, network.sliding) == ([0], [-1], [1], [sliding])
     assert_allclose(network.friction_force[0], [0, -MU * network.normal_force[0] * sliding, 0], rtol=0, atol=1e-15)
+
+
+PLASTIC = '''
+import functools, numpy as np, warp as wp
+PAIR = {"stiffness": ("N/m", None, "stiffness")}
+COEFFICIENTS = {"pull": "N"}
+
+def coefficients(a, b, pair):
+    return pair.stiffness, 0.0, 1.0, 0.0, 0.02
+
+def energy(overlap, stiffness, pull):
+    return 0.5 * stiffness * overlap**2 - pull * overlap
+
+@functools.cache
+def build(real):
+    Own = wp.types.vector(1, real)
+
+    @wp.func
+    def constants(base: real, damping: real, own: Own, radius: real, mass: real):
+        return base, damping, own
+
+    @wp.func
+    def force(overlap: real, before: real, speed: real, stiffness: real, damping: real, own: Own, history: Own):
+        touching = real(1.0) if overlap > real(0.0) else real(0.0)
+        load = touching * stiffness * overlap
+        return load - touching * own[0], load, touching * stiffness, real(0.0), overlap, before, history
+
+    return constants, force
+'''
+"""A law that pulls with 0.02 N while grains touch; friction goes by the spring alone."""
+
+
+@pytest.mark.parametrize(("slip", "sliding"), [(0.5, 0), (0.9, 0), (2.0, 1)], ids=["stick", "nearly", "slide"])
+@pytest.mark.parametrize("partner", ["wall", "grain"])
+def test_what_slides_follows_the_coulomb_load_that_the_law_declares(tmp_path, slip, sliding, partner):
+    """Pressed by 0.05 N less the pull of 0.02 N: |F_t| of 0.5 and of 0.9 mu L is over or near mu F_n, and does not slide."""
+    (tmp_path / "pulls.py").write_text(PLASTIC)
+    stiffness, dt, steps = 1000.0, 2e-6, 4
+    overlap = 0.05 / stiffness
+    reach = MU * 0.05 / stiffness  # the slip at which the spring reaches the limit [m]
+    speed = slip * reach / (dt * steps)
+    there = [[0.01, 0, R - overlap]] if partner == "wall" else [[0.01, 0, 0.1], [0.01, 0, 0.1 + 2 * R - overlap]]
+    moving = [[0, speed, 0]] if partner == "wall" else [[0, -0.5 * speed, 0], [0, 0.5 * speed, 0]]
+    data = {
+        "gravity": [0, 0, 0],
+        "materials": {"g": {"density": 2.5e9, "young_modulus": 5e6, "poisson_ratio": 0.3}},  # so heavy that nothing else moves
+        "contact": {"normal": "pulls.py", "rolling": "none"},
+        "pairs": [{"materials": ["g", "g"], "restitution": 1.0, "friction": MU, "stiffness": stiffness}],
+        "grains": [{"material": "g", "positions": there, "radius": R, "velocities": moving}],
+        "walls": [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
+        "time": {"end": 1.0, "step": dt, "max_speed": 0.3},
+    }
+    sim = Simulation(scene_from_dict(data, tmp_path), device="cpu", threads=1)
+    sim.step(steps)
+    network, contacts = read_network(sim.view), sim.contacts()
+    assert_allclose(contacts.load, [0.05], rtol=0.02)
+    assert_allclose(network.normal_force, [0.03], rtol=0.04)
+    assert_allclose(np.linalg.norm(network.friction_force), MU * 0.05 * min(slip, 1.0), rtol=0.02)
+    assert network.sliding.tolist() == [sliding]
+    sim.save_checkpoint(tmp_path / "saved.h5")
+    again = Simulation.from_checkpoint(tmp_path / "saved.h5", device="cpu", threads=1, plugins=[tmp_path / "pulls.py"])
+    assert read_network(again.view).sliding.tolist() == [sliding]
+    assert again.contacts().load == contacts.load
 
 
 def test_a_contact_across_a_periodic_border_is_a_short_line():

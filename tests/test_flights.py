@@ -92,6 +92,7 @@ def test_grains_that_fall_alike_need_no_lists():
     flying, still = both(scene(places, np.zeros_like(places) - [0, 0, 3.0], gravity=[0, 0, -9.81]), 10_000)
     assert still.lists.rebuilds > 200
     assert flying.lists.rebuilds + flying.lists.refreshes < 15
+    assert flying.lists.flights.laid <= 2  # one path, the parabola, holds all the time
 
 
 def vessel(folder) -> dict:
@@ -150,6 +151,19 @@ def test_one_that_is_held_back_leaves_its_path():
     drag = {"model": "drag", "parameters": {"coefficient": 1e-3}}
     flying, _ = both(scene(*volley(), gravity=[0, 0, 0], fields=[drag]), 3000)
     assert flying.lists.flights.laid > 2
+    assert flying.extremes["pair_overlap_share"] > 0.01
+
+
+def test_one_that_is_deflected_meets_what_its_path_had_passed():
+    """A magnetic field takes it round a circle of 0.1 m; what it hits is six diameters beside the line on which it starts."""
+    mass, speed, circle, angle = 2500.0 * 4.0 / 3.0 * np.pi * R**3, 20.0, 0.1, 0.5
+    field = {"charge": 1.0, "magnetic": [0, 0, -mass * speed / circle]}
+    target = circle * np.array([np.sin(angle), 1.0 - np.cos(angle), 0.0])
+    given = scene(
+        [[0, 0, 0], target], [[speed, 0, 0], [0, 0, 0]], gravity=[0, 0, 0], fields=[{"model": "lorentz", "parameters": field}]
+    )
+    flying, _ = both(given, 1500)
+    assert flying.lists.flights.laid > 0
     assert flying.extremes["pair_overlap_share"] > 0.01
 
 

@@ -17,11 +17,11 @@ def bed(count=400, seed=0):
 def box_of(*frames, walls=(DRUM,), planes=(), radius=0.02, start=None):
     framing = Framing(np.eye(3))
     begun = frames[0] if start is None else start
-    framing.meet_start(begun, np.full(len(begun), radius))
+    framing.include_start(begun, np.full(len(begun), radius))
     for grains in frames:
-        framing.meet_grains(grains, np.full(len(grains), radius))
+        framing.include_grains(grains, np.full(len(grains), radius))
         for points, infinite in [*((wall, False) for wall in walls), *((plane, True) for plane in planes)]:
-            framing.meet_wall(points, infinite)
+            framing.include_wall(points, infinite)
     box = framing.box()
     return box.low, box.high
 

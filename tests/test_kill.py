@@ -88,7 +88,7 @@ class Runs:
             out = Path(folder)
             out.mkdir(exist_ok=True)
             resume = (out / run.CHECKPOINT).exists()
-            run.run_scene(scene(), out, device="cpu", threads=1, quiet=True, resume=resume)
+            run.run_scene(scene(), out, device="cpu", threads=1, quiet=True, resume=resume, overwrite=not resume)
         except BaseException:
             traceback.print_exc()
             os._exit(1)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from scene_text import GLASS
 from warpdem import SceneError, Simulation, StabilityError
 from warpdem.app.phases import run as run_all
 from warpdem.core.run_lock import FolderLocked, locked
@@ -258,14 +259,7 @@ def test_wrong_phases_are_named(case):
 
 
 def test_phases_from_a_file_with_units_and_overrides(tmp_path):
-    (tmp_path / "scene.toml").write_text("""
-[materials.glass]
-density = 2500
-young_modulus = "4 MPa"
-poisson_ratio = 0.3
-[[pairs]]
-materials = ["glass", "glass"]
-restitution = 0.6
+    (tmp_path / "scene.toml").write_text(GLASS + """
 [[grains]]
 material = "glass"
 positions = [[0, 0, 1]]

@@ -1,70 +1,24 @@
-"""A run with its outputs, from Python: files, run.json, history, summary, resume."""
+"""A run with its outputs, from Python: run.json, history, summary, frames, resume."""
 
-import csv
-import errno
 import io
 import json
 import math
-import os
 import re
-import shutil
-import signal
 import time
-from contextlib import ExitStack
 from pathlib import Path
-from unittest.mock import Mock
 
-import h5py
 import numpy as np
 import pytest
 from rich.console import Console
 
-from warpdem import Scene, SceneError, Simulation, StabilityError
+from twelve_grains import history, run, scene
+from warpdem import Scene, SceneError, Simulation
 from warpdem.app.outputs import output_schedule
-from warpdem.app.run import run_scene
-from warpdem.app.run_folder import check_request, default_folder, named_folder
 from warpdem.app.summary import print_summary, speed_text, steps_per_contact
 from warpdem.core.progress import report_if_long
-from warpdem.core.run_lock import FolderLocked, locked
-from warpdem.errors import OutputError
 from warpdem.model.digests import scene_hash
 from warpdem.output.history import history_columns
 from warpdem.output.read_vtk import read_results
-from warpdem.state import checkpoint
-
-GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
-
-
-def scene(**changes) -> Scene:
-    """Twelve grains that fall on a floor and roll."""
-    rng = np.random.default_rng(12)
-    cell = np.stack(np.meshgrid(np.arange(2), np.arange(2), np.arange(3), indexing="ij"), axis=-1).reshape(-1, 3)
-    data = {
-        "title": "twelve grains",
-        "gravity": [0, 0, -60],
-        "materials": {"glass": GLASS},
-        "contact": {"rolling": "constant"},
-        "pairs": [{"materials": ["glass", "glass"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1}],
-        "grains": [
-            {
-                "material": "glass",
-                "positions": cell * 2.05e-3 + [0, 0, 1.1e-3],
-                "radius": 1e-3,
-                "velocities": rng.normal(0, 0.05, (12, 3)),
-            }
-        ],
-        "walls": [{"name": "floor", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
-        "time": {"end": 6e-3, "step": 1e-5, "max_speed": 1},
-        "output": {"interval": 2e-3, "formats": [], "picture": False},
-        "engine": {"max_overlap": 0.3},
-    }
-    return Scene.model_validate(data | changes)
-
-
-def run(of: Scene, folder, **keys):
-    text = io.StringIO()
-    sim = run_scene(of, folder, device="cpu", threads=1, console=Console(file=text, width=200), **keys)
-    return sim, text.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +26,6 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runner") / "out"
     folder.mkdir()
     return folder, *run(scene(), folder)
-
-
-def history(folder) -> tuple[list[str], np.ndarray]:
-    with (folder / "history.csv").open(newline="") as file:
-        header, *rows = list(csv.reader(file))
-    return header, np.array(rows, dtype=float)
 
 
 def test_run_json_tells_what_was_run_and_what_came_out(done):
@@ -220,171 +168,6 @@ def test_resume_without_a_checkpoint_is_refused(tmp_path):
         run(scene(), tmp_path, resume=True)
 
 
-OFTEN = {"interval": 2e-3, "formats": [], "picture": False, "checkpoint_interval": 2e-4}
-
-
-def status(folder) -> str:
-    return json.loads((folder / "run.json").read_text())["status"]
-
-
-def test_blow_up_keeps_the_last_good_checkpoint_and_says_so(tmp_path):
-    bad = scene(engine={"max_overlap": 5e-3}, output=OFTEN)
-    with pytest.raises(StabilityError, match="allowed is engine.max_overlap"):
-        run(bad, tmp_path)
-    stopped = json.loads((tmp_path / "run.json").read_text())
-    assert stopped["status"] == "stopped itself"
-    kept = checkpoint.read(tmp_path / "checkpoint.h5")
-    assert 0 < kept["step"] < stopped["steps"] <= kept["step"] + 20
-    assert kept["extreme"][[0, 2]].max() < 5e-3
-
-
-@pytest.mark.parametrize("wall_time", [60.0, 1e-9])
-def test_checkpoints_come_by_simulated_time_and_by_wall_time(tmp_path, monkeypatch, wall_time):
-    steps = []
-    save = checkpoint.save
-    monkeypatch.setattr(checkpoint, "save", lambda sim, path: (steps.append(sim.step_number), save(sim, path)))
-    run(scene(output={**OFTEN, "checkpoint_interval": 1e-3, "checkpoint_wall_time": wall_time}), tmp_path, until=3.5e-3)
-    by_time = [0, 100, 200, 300, 350]
-    assert steps == by_time if wall_time == 60.0 else set(by_time) < set(steps)
-
-
-def test_a_new_run_in_the_folder_takes_the_old_checkpoint_away(tmp_path, monkeypatch):
-    """Ended before its first checkpoint, it could not go on from the other run's: its rows are gone."""
-    run(scene(), tmp_path, until=1e-3)
-    monkeypatch.setattr(checkpoint, "save", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        run(scene(), tmp_path, overwrite=True)
-    assert not (tmp_path / "checkpoint.h5").exists()
-
-
-@pytest.mark.parametrize("format_", ["history", "vtk", "vtkhdf", "usd"])
-def test_full_disk_stops_the_run_and_the_rest_follows_after_resume(done, tmp_path, monkeypatch, file_size_limit, format_):
-    """Rows or frames that do not fit any more; what was written before stays readable."""
-    rows = 3e-4 if format_ == "history" else 1.0
-    formats = [] if format_ == "history" else [format_]
-    often = {"interval": 3e-4, "history_interval": rows, "checkpoint_interval": 8e-4, "formats": formats, "picture": False}
-    asked = scene(output=often)
-    step = Simulation.step
-    with ExitStack() as full:
-
-        def filled(sim, count=1):
-            step(sim, count)
-            if sim.step_number == 240:
-                full.enter_context(file_size_limit(700))
-
-        monkeypatch.setattr(Simulation, "step", filled)
-        with pytest.raises(OutputError, match=r"stopped at t = .* cannot be written .*checkpoint is kept"):
-            run(asked, tmp_path)
-    monkeypatch.undo()
-    assert status(tmp_path) in ("output cannot be written", "running")  # run.json itself may not fit
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["step"] == 160
-    again, _ = run(asked, tmp_path, resume=True)
-    assert again.state_hash() == done[1].state_hash()
-    if format_ == "history":
-        np.testing.assert_allclose(history(tmp_path)[1][:, 0], np.arange(21) * 3e-4, rtol=0, atol=1e-12)
-    if format_ == "vtk":
-        np.testing.assert_allclose(read_results(tmp_path).times, np.arange(21) * 3e-4, rtol=0, atol=1e-12)
-    if format_ == "vtkhdf":
-        with h5py.File(tmp_path / "result.vtkhdf") as file:
-            np.testing.assert_allclose(file["VTKHDF/Steps/Values"], np.arange(21) * 3e-4, rtol=0, atol=1e-12)
-    assert status(tmp_path) == "done"
-
-
-def test_full_disk_at_a_checkpoint_keeps_the_one_before(tmp_path, monkeypatch):
-    save, count = checkpoint.save, []
-
-    def full(sim, path):
-        count.append(sim.step_number)
-        if len(count) == 4:
-            error = OSError(errno.ENOSPC, "No space left on device")
-            monkeypatch.setattr("os.fsync", Mock(side_effect=error))
-        save(sim, path)
-
-    monkeypatch.setattr(checkpoint, "save", full)
-    with pytest.raises(OutputError, match=r"checkpoint.h5: cannot be written \(No space left on device\)") as stopped:
-        run(scene(output=OFTEN), tmp_path)
-    assert stopped.value.exit_code == 3
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["step"] == 40
-    assert status(tmp_path) == "output cannot be written"
-    assert [path.name for path in tmp_path.iterdir() if ".part" in path.name] == []
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_leave_a_checkpoint_of_the_present_step(done, tmp_path, monkeypatch, number):
-    step = Simulation.step
-
-    def signalled(sim, count=1):
-        step(sim, count)
-        if 200 < sim.step_number < 300:
-            os.kill(os.getpid(), number)
-
-    monkeypatch.setattr(Simulation, "step", signalled)
-    with pytest.raises(KeyboardInterrupt):
-        run(scene(), tmp_path)
-    monkeypatch.undo()
-    there = json.loads((tmp_path / "run.json").read_text())
-    assert there["status"] == "interrupted"
-    assert 200 < checkpoint.read(tmp_path / "checkpoint.h5")["step"] == there["steps"] < 600
-    again, _ = run(scene(), tmp_path, resume=True)
-    assert again.state_hash() == done[1].state_hash()
-    assert (tmp_path / "history.csv").read_text() == (done[0] / "history.csv").read_text()
-
-
-def test_a_terminal_that_closes_ends_no_run_under_nohup(done, tmp_path, monkeypatch):
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    step = Simulation.step
-
-    def closed(sim, count=1):
-        step(sim, count)
-        os.kill(os.getpid(), signal.SIGHUP)
-
-    monkeypatch.setattr(Simulation, "step", closed)
-    try:
-        assert run(scene(), tmp_path)[0].state_hash() == done[1].state_hash()
-        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, before)
-
-
-GOES_ON = {
-    "checkpoint_wall_time": {"output": {**OFTEN, "checkpoint_wall_time": 7.0}},
-    "checkpoint_interval": {"output": {**OFTEN, "checkpoint_interval": 1e-3}},
-    "picture": {"output": {**OFTEN, "picture": True}},
-    "skin": {"engine": {"max_overlap": 0.3, "skin": 3e-4}},
-    "guards": {"engine": {"max_overlap": 0.3, "guards": "record"}},
-    "max_overlap": {"engine": {"max_overlap": 0.35}},
-}
-
-
-@pytest.mark.parametrize("case", GOES_ON)
-def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch, case):
-    monkeypatch.setattr("warpdem.drawing.rendering.render", Mock())
-    run(scene(output=OFTEN), tmp_path, until=2e-3)
-    again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
-    assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
-
-
-OTHER_RESULTS = {
-    "output.interval": {"output": {**OFTEN, "interval": 1e-3}},
-    "output.history_interval": {"output": {**OFTEN, "history_interval": 1e-3}},
-    "output.formats": {"output": {**OFTEN, "formats": ["vtk"]}},
-    "output.wall_loads": {"output": {**OFTEN, "wall_loads": False}},
-    "output.orientation": {"output": {**OFTEN, "orientation": True}},
-    "engine.precision": {"engine": {"max_overlap": 0.3, "precision": "mixed"}},
-    "time.end": {"time": {"end": 7e-3, "step": 1e-5, "max_speed": 1}},
-}
-
-
-@pytest.mark.parametrize("key", OTHER_RESULTS)
-def test_what_changes_results_is_refused_at_resume_by_its_key(tmp_path, key):
-    run(scene(output=OFTEN), tmp_path, until=1e-4)
-    with pytest.raises(SceneError, match=f"other values of {key}; nothing was changed") as refused:
-        run(scene(**{"output": {**OFTEN, "picture": True}, **OTHER_RESULTS[key]}), tmp_path, resume=True)
-    assert ("the part before is there already" in str(refused.value)) == key.startswith("output.")
-    assert ("--until" in str(refused.value)) == (key == "time.end")
-
-
 def test_output_does_not_change_a_bit(done, tmp_path):
     often = scene(output={"interval": 3e-5, "formats": [], "picture": False})
     assert run(often, tmp_path)[0].state_hash() == done[1].state_hash()
@@ -401,110 +184,6 @@ def test_frames_are_written_in_both_formats(tmp_path):
     stages = [p for p in tmp_path.glob("*.usd*")]
     assert stages
     assert Usd.Stage.Open(str(stages[0]))
-
-
-def test_default_folder_never_holds_results(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert default_folder(tmp_path / "some" / "bed.toml").as_posix() == "out/bed"
-    (tmp_path / "out" / "bed").mkdir(parents=True)
-    (tmp_path / "out" / "bed" / "run.json").touch()
-    assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
-
-
-def test_folder_of_a_result_stage_is_named_after_its_run(tmp_path, monkeypatch):
-    assert named_folder(Path("out/drum/result.usda")).as_posix() == "out/drum"
-    assert named_folder(Path("out/drum/result.toml")).as_posix() == "out/result"
-    monkeypatch.chdir(tmp_path)
-    assert named_folder(Path("result.usdc")).name == tmp_path.name
-
-
-def test_folder_with_results_is_refused(tmp_path):
-    check_request(tmp_path / "new", None, overwrite=False)
-    assert not (tmp_path / "new").exists()
-    (tmp_path / "new").mkdir()
-    (tmp_path / "new" / "run.json").touch()
-    with pytest.raises(SceneError, match="holds the results of a run"):
-        check_request(tmp_path / "new", None, overwrite=False)
-    check_request(tmp_path / "new", None, overwrite=True)
-    (tmp_path / "file").touch()
-    for below in (tmp_path / "file" / "below", tmp_path / "file"):
-        with pytest.raises(SceneError, match=r"cannot be written \(.*file is no folder"):
-            check_request(below, None, overwrite=False)
-
-
-def held(folder, at, monkeypatch):
-    """Have ``at`` called with what happens while a run is set up in ``folder``."""
-    real = Simulation.__init__
-
-    def while_set_up(sim, *arguments, **keys):
-        at()
-        real(sim, *arguments, **keys)
-
-    monkeypatch.setattr(Simulation, "__init__", while_set_up)
-
-
-@pytest.mark.parametrize("keys", [{}, {"overwrite": True}, {"resume": True}])
-def test_a_folder_is_claimed_before_anything_is_computed(tmp_path, monkeypatch, keys):
-    refused = []
-
-    def second():
-        assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
-        monkeypatch.undo()
-        monkeypatch.chdir(tmp_path)
-        with pytest.raises(FolderLocked, match=rf"out/bed: another run is writing there \(process {os.getpid()} on"):
-            run(scene(), Path("out/bed"), **keys)
-        refused.append(True)
-
-    monkeypatch.chdir(tmp_path)
-    held(tmp_path, second, monkeypatch)
-    run(scene(), Path("out/bed"), until=1e-4)
-    assert refused == [True]
-    assert ".running" not in os.listdir("out/bed")
-    assert default_folder(tmp_path / "bed.toml").as_posix() == "out/bed-2"
-
-
-def test_a_run_that_is_refused_leaves_no_folder(tmp_path):
-    with pytest.raises(SceneError, match="not on this machine"):
-        run_scene(scene(), tmp_path / "some" / "where", device="cuda:77", quiet=True)
-    assert os.listdir(tmp_path) == []
-    (tmp_path / "mine").mkdir()
-    with pytest.raises(SceneError, match="not on this machine"):
-        run_scene(scene(), tmp_path / "mine", device="cuda:77", quiet=True)
-    assert os.listdir(tmp_path) == ["mine"] and os.listdir(tmp_path / "mine") == []
-
-
-@pytest.mark.parametrize("anew", [False, True])
-def test_a_folder_that_is_removed_stops_the_run_and_is_left_to_others(tmp_path, monkeypatch, anew):
-    step, folder = Simulation.step, tmp_path / "out"
-    with ExitStack() as other:
-
-        def removed(sim, count=1):
-            step(sim, count)
-            if 200 < sim.step_number and not (tmp_path / "done").exists():
-                (tmp_path / "done").touch()
-                shutil.rmtree(folder)
-                if anew:
-                    other.enter_context(locked(folder))
-
-        monkeypatch.setattr(Simulation, "step", removed)
-        said = "now belongs to another run" if anew else "was removed during the run"
-        with pytest.raises(OutputError, match=said):
-            run(scene(output=OFTEN), folder)
-        assert not anew or [name for name in os.listdir(folder) if name != "run.json"] == [".running"]
-
-
-def test_run_scene_takes_a_name_and_overwrites_nothing_unasked(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    run(scene(), "mine", until=1e-4)
-    before = {path: path.read_bytes() for path in Path("mine").iterdir()}
-    with pytest.raises(SceneError, match=r"mine: holds the results of a run.*overwrite=True"):
-        run(scene(), "mine")
-    assert {path: path.read_bytes() for path in Path("mine").iterdir()} == before
-    with pytest.raises(SceneError, match="--until 0: .* above 0"):
-        run(scene(), "other", until=0.0)
-    assert not Path("other").exists()
-    run(scene(), "mine", until=2e-4, overwrite=True)
-    assert history(Path("mine"))[1][-1, 0] == pytest.approx(2e-4)
 
 
 @pytest.mark.parametrize(("seconds", "quiet", "said"), [(0.0, False, ""), (0.2, False, "compiling\n"), (0.2, True, "")])

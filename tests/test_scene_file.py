@@ -1,15 +1,11 @@
-import json
 import tomllib
-from pathlib import Path
 
 import pytest
 import trimesh
 
 from warpdem.core.access import access_of_file
 from warpdem.errors import SceneError
-from warpdem.scene.file import load_scene, scene_from_dict, scene_schema
-
-SCHEMA = Path(__file__).parents[1] / "scenes" / "scene.schema.json"
+from warpdem.scene.file import load_scene, scene_from_dict
 
 GOOD = """
 title = "two grains in a turning glass box"
@@ -298,24 +294,3 @@ def test_folder_and_binary_file_are_no_scenes(scene_path):
     assert "folder" in message(scene_path.parent)
     scene_path.write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in message(scene_path)
-
-
-# --- schema ----------------------------------------------------------------------------------------------------------
-
-
-def test_schema_file_is_up_to_date():
-    written = json.loads(SCHEMA.read_text())
-    assert written == scene_schema(), (
-        "write it anew: python -c 'import json, warpdem.scene.file as s; "
-        "print(json.dumps(s.scene_schema(), indent=2))' > scenes/scene.schema.json"
-    )
-
-
-def test_schema_refuses_unknown_keys_and_allows_units():
-    schema = json.loads(SCHEMA.read_text())
-    assert schema["additionalProperties"] is False
-    assert all(part["additionalProperties"] is False for part in schema["$defs"].values())
-    assert not {"base", "source"} & schema["properties"].keys()
-    kinds = schema["$defs"]["Material"]["properties"]["density"]["anyOf"]
-    assert [kind["type"] for kind in kinds] == ["number", "string"]
-    assert kinds[0]["exclusiveMinimum"] == 0

@@ -32,8 +32,8 @@ class Pairs(ListedGrains):
         owner: the grain of lower index of each listed pair, ``wp.array`` of int32, shape (pairs, 1).
         partner: the other one, ``wp.array`` of int32, shape (pairs, 1).
         history: contact history of each listed pair, columns as in ``contact.columns.history``: tangential spring [m],
-            rolling spring [rad], the normal law's own, as far as there are any; ``wp.array`` of float64, shape
-            (pairs, numbers, 1), at least one number.
+            rolling spring [rad], Coulomb load [N], the normal law's own, as far as there are any; ``wp.array`` of float64,
+            shape (pairs, numbers, 1), at least one number.
         rebuilds: how often the list was made.
     """
 

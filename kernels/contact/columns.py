@@ -22,6 +22,11 @@ OF_NORMAL_LAW = {"stiffness": "of the law", "damping": "of the law", "shear": "-
 gamma_t/gamma_n."""
 OF_PAIR = {"friction": "-", "rolling_friction": "-", "rolling_damping": "-"}
 """Keys of ``[[pairs]]`` that are coefficients of every scene."""
+OF_CONTACT = ("stiffness", "damping", "inverse_mass")
+"""Constants of one contact under any normal law: what its ``constants`` returns first, and 1/m* [1/kg]."""
+LOAD = "load"
+"""Column of the contact history that keeps the Coulomb load [N] of the last force call, for readers: where the normal law may
+have a load of its own, and there is friction that goes by it."""
 VECTORS = {"spring": "m", "angle": "rad"}
 """Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
 
@@ -120,8 +125,8 @@ def coefficients(normal: ModuleType) -> Columns:
 
 
 def constants(normal: ModuleType) -> Columns:
-    """What does not change of one contact, for its normal law."""
-    return scalars(["stiffness", "damping"]).and_(own_coefficients(normal))
+    """What does not change of one contact, for its normal law: ``OF_CONTACT``, then the law's own."""
+    return scalars(OF_CONTACT).and_(own_coefficients(normal))
 
 
 def inertia_factor(rolling: ModuleType | None) -> float:
@@ -134,11 +139,17 @@ def stored_constants(normal: ModuleType, rolling: bool) -> Columns:
     return constants(normal).and_(scalars(["radius", "inertia"] if rolling else []))
 
 
+def declares_own(normal: ModuleType) -> bool:
+    """Whether a normal law declares numbers of its own: then it also says what its Coulomb load is."""
+    return hasattr(normal, "COEFFICIENTS") or hasattr(normal, "HISTORY")
+
+
 def history(normal: ModuleType, tangential: ModuleType | None, rolling: ModuleType | None) -> Columns:
-    """Contact history: the springs of the laws that have one, then the normal law's own scalars."""
+    """Contact history: the springs of the laws that have one, ``LOAD``, then the normal law's own scalars."""
     rolls = rolling is not None and bool(rolling.HISTORY)
     vectors = VECTORS if rolls else ["spring"] if tangential is not None else []
-    return Columns(tuple((name, 3) for name in vectors)).and_(own_history(normal))
+    load = [LOAD] if declares_own(normal) and tangential is not None else []
+    return Columns(tuple((name, 3) for name in vectors)).and_(scalars(load)).and_(own_history(normal))
 
 
 def pair_keys(module: ModuleType | None) -> Mapping[str, PairKey]:

@@ -1,10 +1,10 @@
-"""The contact history of one contact: its springs and the normal law's own scalars, in one vector (``columns.history``)."""
+"""The contact history of one contact: its springs, its load, the normal law's own scalars, in one vector (``columns``)."""
 
 import functools
 
 import warp as wp
 from warpdem.kernels import Built
-from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.columns import LOAD, Columns
 
 
 @functools.cache
@@ -20,8 +20,9 @@ def build(real, at: Columns, own: Columns):
     Rotation = wp.types.matrix((3, 3), real)
     History = at.vector(real)
     Own = own.vector(real)
-    has_spring, has_angle = "spring" in at, "angle" in at
+    has_spring, has_angle, has_load = "spring" in at, "angle" in at, LOAD in at
     spring_at, angle_at = at.spring if has_spring else 0, at.angle if has_angle else 0
+    load_at = at.load if has_load else 0
     own_at = at.width - own.width
 
     @wp.func
@@ -41,6 +42,14 @@ def build(real, at: Columns, own: Columns):
         return out
 
     @wp.func
+    def load(h: History) -> real:
+        """Coulomb load of the force call [N]."""
+        out = real(0.0)
+        if wp.static(has_load):
+            out = h[wp.static(load_at)]
+        return out
+
+    @wp.func
     def own_of(h: History) -> Own:
         """The normal law's own scalars."""
         out = Own()
@@ -49,7 +58,7 @@ def build(real, at: Columns, own: Columns):
         return out
 
     @wp.func
-    def joined(spring: vec3, angle: vec3, own_scalars: Own) -> History:
+    def joined(spring: vec3, angle: vec3, coulomb_load: real, own_scalars: Own) -> History:
         """A history of its parts."""
         h = History()
         if wp.static(has_spring):
@@ -58,6 +67,8 @@ def build(real, at: Columns, own: Columns):
         if wp.static(has_angle):
             for f in range(3):
                 h[wp.static(angle_at) + f] = angle[f]
+        if wp.static(has_load):
+            h[wp.static(load_at)] = coulomb_load
         for f in range(wp.static(own.width)):
             h[wp.static(own_at) + f] = own_scalars[f]
         return h
@@ -67,7 +78,7 @@ def build(real, at: Columns, own: Columns):
         """The same history in axes that turned by I + ``rate``: vectors turn, scalars do not."""
         s = spring(h)
         a = angle(h)
-        return joined(s + rate * s, a + rate * a, own_of(h))
+        return joined(s + rate * s, a + rate * a, load(h), own_of(h))
 
     return Built(
         History=History, Own=Own, Rotation=Rotation, at=at, spring=spring, angle=angle, own=own_of, joined=joined,

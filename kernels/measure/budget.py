@@ -20,7 +20,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.dissipation import ENTRY, ENTRY_AT
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.motion import joined
 from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes, frame_origin, frame_velocity, gravity
@@ -30,12 +31,29 @@ ENERGIES = ("normal_damping", "tangential_damping", "sliding", "rolling", "resca
 MOMENTA = ("walls", "gravity", "fields", "carried")
 """Impulse [N s] and angular impulse about the laboratory's origin [N m s] given to a grain, six numbers each."""
 
+MOMENTA_AT = Columns(tuple((name, 6) for name in MOMENTA))
+WALL_ENTRY_AT = Columns(
+    (
+        ("damping", 3),  # dashpot force [N]
+        ("sticking", 3),  # the rest of the tangential force while sticking [N]
+        ("sticking_torque", 3),  # and its torque [N m]
+        ("sliding", 3),  # the same while sliding
+        ("sliding_torque", 3),
+        ("rolling", 3),  # rolling torque without the spring's [N m]
+        ("damping_power", 1),  # power of these four that is due to the walls' own motion [W]
+        ("sticking_power", 1),
+        ("sliding_power", 1),
+        ("rolling_power", 1),
+        ("cut_spring", 1),  # lost by cutting the tangential spring [J]
+        ("cut_angle", 1),  # and the rolling spring [J]
+        ("rescaled", 1),  # and by rescaling [J]
+    )
+)
+"""Sums over the wall contact points of a grain."""
+
 Energies = wp.types.vector(len(ENERGIES), wp.float64)
-Momenta = wp.types.vector(6 * len(MOMENTA), wp.float64)
-WallEntry = wp.types.vector(25, wp.float64)
-"""Sums over the wall places of a grain: dashpot force (0..2), the rest of the tangential force with its torque while sticking
-(3..8) and sliding (9..14), rolling torque without the spring's (15..17); the power of these four that is due to the walls'
-own motion (18..21) [W]; lost by cutting springs, tangential and rolling, and by rescaling (22..24) [J]."""
+Momenta = wp.types.vector(MOMENTA_AT.width, wp.float64)
+WallEntry = WALL_ENTRY_AT.vector(wp.float64)
 
 
 def _field_power(before, number: int, force, in_laboratory: bool, conservative: bool):
@@ -88,6 +106,16 @@ def build(
         external = joined(external, number, force, in_laboratory)
         field_power = _field_power(field_power, number, force, in_laboratory, has_energy)
 
+    at_wall = WALL_ENTRY_AT
+
+    @wp.func
+    def of_entry(x: Entry, first: int) -> wp.vec3d:
+        return wp.vec3d(wp.float64(x[first]), wp.float64(x[first + 1]), wp.float64(x[first + 2]))
+
+    @wp.func
+    def of_wall(y: WallEntry, first: int) -> wp.vec3d:
+        return wp.vec3d(y[first], y[first + 1], y[first + 2])
+
     @wp.func
     def energies(
         i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, mass: wp.float64, weight: wp.float64,
@@ -100,39 +128,46 @@ def build(
         sticking = wp.float64(0.0)
         sliding = wp.float64(0.0)
         rolling = wp.float64(0.0)
-        cut = wp.float64(0.0)
-        cut_bend = wp.float64(0.0)
+        cut_spring = wp.float64(0.0)
+        cut_angle = wp.float64(0.0)
         rescaled = wp.float64(0.0)
         for e in range(row_start[i], row_start[i + 1]):
             x = entries[e]
-            n = wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
-            rest = wp.vec3d(wp.float64(x[5]), wp.float64(x[6]), wp.float64(x[7]))
-            rough = wp.vec3d(wp.float64(x[9]), wp.float64(x[10]), wp.float64(x[11]))
-            power = wp.dot(rest, v - wp.cross(w, n) * wp.float64(x[4]))
-            slides = wp.float64(x[8])
-            damping -= wp.float64(x[3]) * wp.dot(n, v)
+            n = of_entry(x, wp.static(ENTRY_AT.normal))
+            tangential = of_entry(x, wp.static(ENTRY_AT.tangential))
+            power = wp.dot(tangential, v - wp.cross(w, n) * wp.float64(x[wp.static(ENTRY_AT.arm)]))
+            slides = wp.float64(x[wp.static(ENTRY_AT.slides)])
+            damping -= wp.float64(x[wp.static(ENTRY_AT.damping)]) * wp.dot(n, v)
             sliding -= slides * power
             sticking -= (wp.float64(1.0) - slides) * power
-            rolling -= wp.dot(rough, w)
-            cut += wp.float64(x[12])
-            cut_bend += wp.float64(x[13])
-            rescaled += wp.float64(x[14])
+            rolling -= wp.dot(of_entry(x, wp.static(ENTRY_AT.rolling)), w)
+            cut_spring += wp.float64(x[wp.static(ENTRY_AT.cut_spring)])
+            cut_angle += wp.float64(x[wp.static(ENTRY_AT.cut_angle)])
+            rescaled += wp.float64(x[wp.static(ENTRY_AT.rescaled)])
         if wp.static(walls):
             if candidates[i] > 0:
                 y = wall_entries[i]
-                damping += y[18] - wp.dot(wp.vec3d(y[0], y[1], y[2]), v)
-                sticking += y[19] - wp.dot(wp.vec3d(y[3], y[4], y[5]), v) - wp.dot(wp.vec3d(y[6], y[7], y[8]), w)
-                sliding += y[20] - wp.dot(wp.vec3d(y[9], y[10], y[11]), v) - wp.dot(wp.vec3d(y[12], y[13], y[14]), w)
-                rolling += y[21] - wp.dot(wp.vec3d(y[15], y[16], y[17]), w)
-                cut += y[22]
-                cut_bend += y[23]
-                rescaled += y[24]
+                damping += y[wp.static(at_wall.damping_power)] - wp.dot(of_wall(y, wp.static(at_wall.damping)), v)
+                sticking += (
+                    y[wp.static(at_wall.sticking_power)]
+                    - wp.dot(of_wall(y, wp.static(at_wall.sticking)), v)
+                    - wp.dot(of_wall(y, wp.static(at_wall.sticking_torque)), w)
+                )
+                sliding += (
+                    y[wp.static(at_wall.sliding_power)]
+                    - wp.dot(of_wall(y, wp.static(at_wall.sliding)), v)
+                    - wp.dot(of_wall(y, wp.static(at_wall.sliding_torque)), w)
+                )
+                rolling += y[wp.static(at_wall.rolling_power)] - wp.dot(of_wall(y, wp.static(at_wall.rolling)), w)
+                cut_spring += y[wp.static(at_wall.cut_spring)]
+                cut_angle += y[wp.static(at_wall.cut_angle)]
+                rescaled += y[wp.static(at_wall.rescaled)]
         given = wp.float64(0.0)
         if wp.static(field_power is not None):
             predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
             given = field_power(frames[at], g.position(state), predicted, v, mass, state[3], numbers)
         return Energies(
-            damping * weight, sticking * weight, sliding * weight + cut, rolling * weight + cut_bend, rescaled,
+            damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
             given * weight, wp.float64(0.0),
         )  # fmt: skip
 
@@ -165,22 +200,22 @@ def build(
                 by_pairs = total - load
                 moment = wp.cross(arm, wp.vec3d(load[0], load[1], load[2])) + wp.vec3d(load[3], load[4], load[5])
                 for k in range(3):
-                    out[k] = load[k] * weight
-                    out[3 + k] = moment[k] * weight
+                    out[wp.static(MOMENTA_AT.walls) + k] = load[k] * weight
+                    out[wp.static(MOMENTA_AT.walls + 3) + k] = moment[k] * weight
         if wp.static(periodic):  # the two sides of a contact across a border meet in different places
             carried = wp.cross(arm, wp.vec3d(by_pairs[0], by_pairs[1], by_pairs[2])) + wp.vec3d(
                 by_pairs[3], by_pairs[4], by_pairs[5]
             )
             for k in range(3):
-                out[wp.static(6 * MOMENTA.index("carried") + 3) + k] = carried[k] * weight
+                out[wp.static(MOMENTA_AT.carried + 3) + k] = carried[k] * weight
         heavy = with_moments(arm, gravity(row) * mass)
         for k in range(6):
-            out[6 + k] = heavy[k] * weight
+            out[wp.static(MOMENTA_AT.gravity) + k] = heavy[k] * weight
         if wp.static(external is not None):
             predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
             pulled = with_moments(arm, external(frames[at], g.position(state), predicted, mass, state[3], numbers))
             for k in range(6):
-                out[12 + k] = pulled[k] * weight
+                out[wp.static(MOMENTA_AT.fields) + k] = pulled[k] * weight
         return out
 
     @wp.func
@@ -209,7 +244,7 @@ def build(
         moment = wp.cross(way, momentum)
         out = Momenta()
         for k in range(3):
-            out[wp.static(6 * MOMENTA.index("carried") + 3) + k] = moment[k]
+            out[wp.static(MOMENTA_AT.carried + 3) + k] = moment[k]
         return out
 
     @wp.func

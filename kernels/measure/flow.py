@@ -10,10 +10,24 @@ whatever the interval of the output, and a grain that goes back is counted back.
 import functools
 
 import warp as wp
+from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.step.schedule import FrameRow, frame_axes, frame_origin
 
-Plane = wp.types.vector(8, wp.float64)
-"""Point (0..2) [m], unit normal (3..5), radius (6) [m], 1 if it rests in the laboratory (7)."""
+PLANE_AT = Columns(
+    (
+        ("point", 3),  # [m]
+        ("normal", 3),  # unit vector
+        ("radius", 1),  # [m]
+        ("in_laboratory", 1),  # 1 if it rests in the laboratory
+    )
+)
+Plane = PLANE_AT.vector(wp.float64)
+
+
+@wp.func
+def vector_of(plane: Plane, first: int) -> wp.vec3d:
+    """Vector of a plane from this column on."""
+    return wp.vec3d(plane[first], plane[first + 1], plane[first + 2])
 
 
 @functools.cache
@@ -37,11 +51,11 @@ def build(*, moving_frame: bool):
             plane = planes[p]
             old = before
             new = after
-            if plane[7] > wp.float64(0.0):
+            if plane[wp.static(PLANE_AT.in_laboratory)] > wp.float64(0.0):
                 old = in_laboratory(before, frames, at)
                 new = in_laboratory(after, frames, next)
-            point = wp.vec3d(plane[0], plane[1], plane[2])
-            normal = wp.vec3d(plane[3], plane[4], plane[5])
+            point = vector_of(plane, wp.static(PLANE_AT.point))
+            normal = vector_of(plane, wp.static(PLANE_AT.normal))
             here = wp.dot(old - point, normal)
             there = wp.dot(new - point, normal)
             sign = wp.float64(0.0)
@@ -51,7 +65,7 @@ def build(*, moving_frame: bool):
                 sign = wp.float64(-1.0)
             if sign != wp.float64(0.0):
                 crossing = old + (new - old) * (here / (here - there))
-                if wp.length(crossing - point) <= plane[6]:
+                if wp.length(crossing - point) <= plane[wp.static(PLANE_AT.radius)]:
                     flow_out[i, 2 * p] = flow_out[i, 2 * p] + sign * mass
                     flow_out[i, 2 * p + 1] = flow_out[i, 2 * p + 1] + sign
 

@@ -1,4 +1,4 @@
-"""LIGGGHTS as the peer of `bench_speed.py`: input deck, data file, run, and what its output says.
+"""LIGGGHTS as the peer of `speed.py` and `time_to_answer.py`: input deck, data file, run, and what its output says.
 
 Written for LIGGGHTS-PUBLIC 3.8 (`liggghts` and, for several ranks, `mpirun` on the PATH).
 """
@@ -110,35 +110,9 @@ def deck(
             f"fix contact all wall/gran {law} mesh n_meshes 1 meshes shell",
         ]
     else:
-        places = {
-            "floor": ("z", 0.0),
-            "west": ("x", 0.0),
-            "east": ("x", width),
-            "south": ("y", 0.0),
-            "north": ("y", width),
-        }
-        walls = [
-            f"fix {name} all wall/gran {law} primitive type 1 {axis}plane {place:.17g}"
-            for name, (axis, place) in places.items()
-        ]
+        walls = box_walls(law, width)
     lines = [
-        "units si",
-        "atom_style granular",
-        "atom_modify map array",
-        "boundary f f f",
-        "newton off",
-        "communicate single vel yes",
-        "processors * * 1",
-        f"read_data {data}",
-        f"neighbor {skin:.17g} bin",
-        "neigh_modify delay 0",
-        f"fix young all property/global youngsModulus peratomtype {material.young_modulus:.17g}",
-        f"fix poisson all property/global poissonsRatio peratomtype {material.poisson_ratio:.17g}",
-        f"fix bounce all property/global coefficientRestitution peratomtypepair 1 {material.restitution:.17g}",
-        f"fix slide all property/global coefficientFriction peratomtypepair 1 {material.friction:.17g}",
-        f"fix roll all property/global coefficientRollingFriction peratomtypepair 1 {material.rolling_friction:.17g}",
-        f"pair_style gran {law}",
-        "pair_coeff * *",
+        *head(data, material, law, skin),
         *walls,
         "fix weight all gravity 9.81 vector 0 0 -1",
         "fix motion all nve/sphere",
@@ -156,6 +130,46 @@ def deck(
         "run 0",
     ]
     return "\n".join(lines) + "\n"
+
+
+def head(data: Path, material, law: str, skin: float, grid: str = "* * 1") -> list[str]:
+    """Lines of a deck up to the contact law of the grains.
+
+    Args:
+        data: Data file of the grains.
+        material: As in `deck`.
+        law: Words of the contact model.
+        skin: Skin of the neighbour list [m].
+        grid: Ranks along each axis; * leaves the choice to the program.
+    """
+    return [
+        "units si",
+        "atom_style granular",
+        "atom_modify map array",
+        "boundary f f f",
+        "newton off",
+        "communicate single vel yes",
+        f"processors {grid}",
+        f"read_data {data}",
+        f"neighbor {skin:.17g} bin",
+        "neigh_modify delay 0",
+        f"fix young all property/global youngsModulus peratomtype {material.young_modulus:.17g}",
+        f"fix poisson all property/global poissonsRatio peratomtype {material.poisson_ratio:.17g}",
+        f"fix bounce all property/global coefficientRestitution peratomtypepair 1 {material.restitution:.17g}",
+        f"fix slide all property/global coefficientFriction peratomtypepair 1 {material.friction:.17g}",
+        f"fix roll all property/global coefficientRollingFriction peratomtypepair 1 {material.rolling_friction:.17g}",
+        f"pair_style gran {law}",
+        "pair_coeff * *",
+    ]
+
+
+def box_walls(law: str, width: float | None) -> list[str]:
+    """Lines of the floor z = 0 and the four sides x, y = 0 and ``width`` [m]."""
+    places = {"floor": ("z", 0.0), "west": ("x", 0.0), "east": ("x", width), "south": ("y", 0.0), "north": ("y", width)}
+    return [
+        f"fix {name} all wall/gran {law} primitive type 1 {axis}plane {place:.17g}"
+        for name, (axis, place) in places.items()
+    ]
 
 
 def parse(text: str, steps: int) -> Window:
@@ -209,6 +223,15 @@ def run(deck_text: str, folder: Path, ranks: int, steps: int) -> Window:
     Raises:
         PeerError: LIGGGHTS failed or lost grains.
     """
+    return parse(output_of(deck_text, folder, ranks), steps)
+
+
+def output_of(deck_text: str, folder: Path, ranks: int) -> str:
+    """What a run of a deck in ``folder`` with that many ranks prints.
+
+    Raises:
+        PeerError: LIGGGHTS failed.
+    """
     deck_file = folder / "in.liggghts"
     deck_file.write_text(deck_text)
     command = ["liggghts", "-in", str(deck_file), "-log", "none"]
@@ -228,4 +251,4 @@ def run(deck_text: str, folder: Path, ranks: int, steps: int) -> Window:
     )
     if done.returncode != 0:
         raise PeerError(f"{' '.join(command)} ended with {done.returncode}:\n{(done.stdout + done.stderr)[-1500:]}")
-    return parse(done.stdout, steps)
+    return done.stdout

@@ -1,9 +1,10 @@
-"""Run scenes with checkpoints at different times of the clock, on different numbers of threads and on a busy machine.
+"""Run scenes with checkpoints at different times of the clock, other threads and lists, a resume, and on a busy machine.
 
-    python tools/stress/determinism.py                              every demo, four ways each; an hour on two cores
+    python tools/stress/determinism.py                              every demo, six runs each; over an hour on two cores
     python tools/stress/determinism.py hourglass drum --set time.end=0.1
 
-Exit code, number of steps, state hash and history.csv must not depend on any of it. Exit code 1 if one does.
+Exit code, number of steps and state hash must not depend on any of it, nor must history.csv, but for the row at which a run
+that is resumed was cut. Exit code 1 if one does.
 """
 
 import argparse
@@ -15,13 +16,37 @@ import subprocess
 import sys
 import tempfile
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 LONG = {"hourglass_paper"}
 NEVER = 1e9
-WAYS = ((NEVER, 1, False), (1.0, 2, False), (7.0, 1, True), (60.0, 2, True))
-"""Wall time between checkpoints [s], threads, whether other processes keep all cores busy."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One of the runs of a scene."""
+
+    checkpoint_wall_time: float
+    """Wall time between checkpoints [s]."""
+    threads: int
+    busy: bool = False
+    """Whether other processes keep all cores busy."""
+    skin: float = 1.0
+    """Skin of the lists over that of the first run [-]."""
+    cut: float = 1.0
+    """Fraction of the run after which it is ended and resumed."""
+
+
+VARIANTS = (
+    Variant(NEVER, 1),
+    Variant(1.0, 2),
+    Variant(7.0, 1, busy=True),
+    Variant(60.0, 2, busy=True),
+    Variant(NEVER, 1, skin=0.6),
+    Variant(NEVER, 2, cut=0.37),
+)
 
 
 def spin() -> None:
@@ -43,16 +68,26 @@ def busy(on: bool):
             one.kill()
 
 
-def outcome(scene: Path, changes: list[str], wall_time: float, threads: int, folder: Path) -> tuple:
-    """Exit code, steps, state hash and digest of the history of a run."""
-    command = [sys.executable, "-m", "warpdem", "run", str(scene), "--out", str(folder), "--threads", str(threads),
-               "--no-picture", "--quiet", "--set", f"output.checkpoint_wall_time={wall_time}", *changes]  # fmt: skip
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+def run(scene: Path, folder: Path, variant: Variant, changes: list[str], first: dict) -> tuple[int, dict, str]:
+    """Exit code, run.json and history.csv of a run; ``first`` is the run.json of the first one."""
+    settings = [f"output.checkpoint_wall_time={variant.checkpoint_wall_time}"]
+    settings += [f"engine.skin={variant.skin * first['lists']['skin']}"] if variant.skin != 1.0 else []
+    command = [sys.executable, "-m", "warpdem", "run", str(scene), "--out", str(folder), "--threads", str(variant.threads),
+               "--no-picture", "--quiet", *[word for setting in settings for word in ("--set", setting)], *changes]  # fmt: skip
+    parts = [["--until", str(variant.cut * first["time"])], ["--resume"]] if variant.cut < 1.0 else [[]]
+    for part in parts:
+        done = subprocess.run([*command, *part], check=False, capture_output=True, text=True)
+        if done.returncode:
+            print(done.stderr.strip())
     record = json.loads((folder / "run.json").read_text()) if (folder / "run.json").exists() else {}
-    history = (folder / "history.csv").read_bytes() if (folder / "history.csv").exists() else b""
-    if done.returncode:
-        print(done.stderr.strip())
-    return done.returncode, record.get("steps"), record.get("state_hash", "")[:16], hashlib.sha256(history).hexdigest()[:16]
+    return done.returncode, record, (folder / "history.csv").read_text() if (folder / "history.csv").exists() else ""
+
+
+def common_rows(history: str, first: str) -> str:
+    """Digest of the rows of a history at times of the first one."""
+    times = {row.partition(",")[0] for row in first.splitlines()}
+    rows = [row for row in history.splitlines() if row.partition(",")[0] in times]
+    return hashlib.sha256("\n".join(rows).encode()).hexdigest()[:16]
 
 
 def main() -> None:
@@ -65,15 +100,17 @@ def main() -> None:
     changes = [word for change in options.set for word in ("--set", change)]
     failed = False
     for name in options.scenes:
-        found = []
-        for number, (wall_time, threads, loaded) in enumerate(WAYS):
-            with tempfile.TemporaryDirectory() as folder, busy(loaded):
-                found.append(outcome(SCENES / f"{name}.toml", changes, wall_time, threads, Path(folder) / str(number)))
+        found, first, rows = [], {}, ""
+        for variant in VARIANTS:
+            with tempfile.TemporaryDirectory() as folder, busy(variant.busy):
+                code, record, history = run(SCENES / f"{name}.toml", Path(folder) / "out", variant, changes, first)
+            first, rows = first or record, rows or history
+            found.append((code, record.get("steps"), record.get("state_hash", "")[:16], common_rows(history, rows)))
         same = len(set(found)) == 1
         failed |= not same
-        code, steps, state, history = found[0]
+        code, steps, state, digest = found[0]
         print(f"{name:20} {'same' if same else 'DIFFERENT'}: exit code {code}, {steps} steps, state {state}, "
-              f"history {history}{'' if same else f'; all: {found}'}", flush=True)  # fmt: skip
+              f"history {digest}{'' if same else f'; all: {found}'}", flush=True)  # fmt: skip
     sys.exit(failed)
 
 

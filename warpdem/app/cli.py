@@ -1,4 +1,4 @@
-"""The command ``warpdem``: run, check, convert, render, demo. Arguments to calls; no physics."""
+"""The command ``warpdem``: run, check, convert, schema, render, demo. Arguments to calls; no physics."""
 
 import json
 import shlex
@@ -171,6 +171,14 @@ def convert(
     for note in notes:
         console.print(f"note: {note}", markup=False)
     console.print(f"wrote {target}", markup=False)
+
+
+@app.command
+def schema(*, plugin: Plugins = []) -> None:  # noqa: B006
+    """Print the JSON schema of a scene file, for editors; with --plugin, with the keys of your own contact laws."""
+    from warpdem.scene.schema import scene_schema
+
+    sys.stdout.write(json.dumps(scene_schema(plugin), indent=2) + "\n")
 
 
 @app.command

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from warpdem.app import scene_warnings, summary
+from warpdem.app.compile_ahead import compiling_ahead
 from warpdem.app.final_picture import draw_picture, wants_picture
 from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
@@ -80,15 +81,16 @@ def _run(
     folder = claim.folder
     begin = time.perf_counter()
     saved = checkpoint.read(folder / CHECKPOINT) if resume else None
-    with report_if_long(SETTING_UP, console, quiet):
-        sim = Simulation(scene, device=device, threads=threads)
-    if saved is not None:
-        checkpoint.restore(sim, saved)
     end = scene.time.end if until is None else until
-    if not quiet:
-        _announce(sim, end, folder, console, set() if told is None else told)
-    with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
-        sim.load_kernels()
+    with compiling_ahead(scene, device):
+        with report_if_long(SETTING_UP, console, quiet):
+            sim = Simulation(scene, device=device, threads=threads)
+        if saved is not None:
+            checkpoint.restore(sim, saved)
+        if not quiet:
+            _announce(sim, end, folder, console, set() if told is None else told)
+        with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
+            sim.load_kernels()
     claim.check()
     outputs = Outputs(sim, folder, resume, claim)
     if not resume:

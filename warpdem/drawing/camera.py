@@ -1,7 +1,7 @@
-"""Where a picture is taken from: presets, given places, and a fit that sees everything.
+"""Where a picture is taken from: presets, given positions, and a fit that shows everything.
 
-Presets are meant for z upwards and are turned to where up is: against gravity as the first frame of the picture has it, along z
-without gravity. The turn is the shortest one from z, so that x stays to the right of a front view for y upwards.
+Presets are defined for z upwards and rotated to the upward direction: against gravity as the first frame of the picture has it,
+along z without gravity. The rotation is the shortest one from z, so that x stays to the right of a front view for y upwards.
 """
 
 from dataclasses import dataclass
@@ -28,10 +28,10 @@ _FORWARD = {
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera, placed."""
+    """A camera with its position."""
 
     position: np.ndarray
-    """Place [m], shape (3,)."""
+    """Position [m], shape (3,)."""
     focus: np.ndarray
     """Point in the middle of the picture [m], shape (3,)."""
     up: np.ndarray
@@ -48,7 +48,7 @@ class Camera:
 
 
 def picture_axes(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Right, up and forward direction as rows, shape (3, 3): unit vectors, up as near to ``up`` as can be."""
+    """Right, up and forward direction as rows, shape (3, 3): unit vectors, up as near to ``up`` as possible."""
     forward = np.asarray(forward) / np.linalg.norm(forward)
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
@@ -56,7 +56,7 @@ def picture_axes(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def upright(gravity: np.ndarray | None) -> np.ndarray:
-    """Turn of the presets, shape (3, 3): its last column points upwards, against gravity, the shortest turn takes z there.
+    """Rotation of the presets, shape (3, 3): the shortest one that takes z upwards, against gravity (its last column).
 
     Args:
         gravity: Gravity in the axes of the view [m/s2], shape (3,); zero or None leaves z upwards.
@@ -66,64 +66,66 @@ def upright(gravity: np.ndarray | None) -> np.ndarray:
         return np.eye(3)
     x, y, z = -np.asarray(gravity) / size
     if z < -1.0 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])  # half a turn about x, as every axis across would do
+        return np.diag([1.0, -1.0, -1.0])  # half a revolution about x; any horizontal axis would do
     return np.array(
         [[1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), x], [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), y], [-x, -y, z]]
     )
 
 
-def looking(style: PictureStyle, pose: FramePose, turn: np.ndarray) -> np.ndarray:
-    """Right, up and forward direction of the picture as rows, shape (3, 3), unless the camera's place is given.
+def view_axes(style: PictureStyle, pose: FramePose, rotation: np.ndarray) -> np.ndarray:
+    """Right, up and forward direction of the picture as rows, shape (3, 3), as the style gives them.
 
     Args:
-        style: What is asked for.
-        pose: Where the frame stands in the first frame.
-        turn: Turn of the presets, as ``upright`` gives it.
+        style: Choices of the user.
+        pose: Pose of the frame of reference at the first time drawn.
+        rotation: Rotation of the presets, as ``upright`` gives it.
 
     Raises:
-        WarpdemError: The direction upwards is the one the camera looks along.
+        WarpdemError: The upward direction is the direction of view.
     """
     if style.position is not None and style.focus is not None:
         forward = np.subtract(style.focus, style.position)
     elif style.camera != "auto":
-        forward = turn @ _FORWARD[style.camera]
+        forward = rotation @ _FORWARD[style.camera]
     else:
-        axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), turn[:, 2])
-        # a frame that turns about the vertical is seen from the side
-        forward = turn @ _FORWARD["front"] if abs(axis @ turn[:, 2]) > 0.9 else axis
-    return picture_axes(forward, _upwards(style, forward, turn))
+        axis = next((part.axis for part in pose.parts if isinstance(part, RotationPart)), rotation[:, 2])
+        # a frame that rotates about the vertical is seen from the side
+        forward = rotation @ _FORWARD["front"] if abs(axis @ rotation[:, 2]) > 0.9 else axis
+    return picture_axes(forward, _upwards(style, forward, rotation))
 
 
-def placed(style: PictureStyle, turn: np.ndarray, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float) -> Camera:
-    """The camera of a style.
+def camera_of(
+    style: PictureStyle, rotation: np.ndarray, axes: np.ndarray, low: np.ndarray, high: np.ndarray, aspect: float
+) -> Camera:
+    """The camera of a style, with its position.
 
     Args:
-        style: What is asked for.
-        turn: Turn of the presets, as ``upright`` gives it.
+        style: Choices of the user.
+        rotation: Rotation of the presets, as ``upright`` gives it.
         axes: Right, up and forward direction of the picture as rows, shape (3, 3).
-        low: Least coordinates of anything along ``axes`` [m], shape (3,).
+        low: Least coordinates of what is drawn along ``axes`` [m], shape (3,).
         high: Greatest coordinates [m], shape (3,).
         aspect: Width of the picture over its height [-].
     """
     middle, half = 0.5 * (low + high), 0.5 * _MARGIN * (high - low)
     focus = axes.T @ middle if style.focus is None else np.array(style.focus, dtype=float)
-    # the nearest face of the box decides
+    # the nearest face of the box limits the view
     spread = max(half[1], half[0] / aspect, 1e-9)
     distance = spread / np.tan(np.radians(0.5 * VIEW_ANGLE)) + half[2]
     position = focus - distance * axes[2] if style.position is None else np.array(style.position, dtype=float)
-    up = _upwards(style, focus - position, turn)
+    up = _upwards(style, focus - position, rotation)
     height = None if style.height is None else style.height / style.zoom
     angle = 2.0 * np.degrees(np.arctan(np.tan(np.radians(0.5 * VIEW_ANGLE)) / style.zoom))
     return Camera(position, focus, up, angle, height)
 
 
-def _upwards(style: PictureStyle, forward: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _upwards(style: PictureStyle, forward: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(forward)
     if not length:
         raise WarpdemError("position and focus of the camera are one point: it has no direction")
     if style.up is None:
-        # along the vertical it is the way of the front view, as on a plan
-        return turn[:, 1 if abs(forward @ turn[:, 2]) > 0.999 * length else 2]
+        # for a view along the vertical, the forward direction of the front view, as on a plan
+        return rotation[:, 1 if abs(forward @ rotation[:, 2]) > 0.999 * length else 2]
     if np.linalg.norm(np.cross(style.up, forward)) <= 1e-6 * length * np.linalg.norm(style.up):
         raise WarpdemError(f"up {style.up!r} must not be zero or lie along the direction in which the camera looks")
     return np.array(style.up, dtype=float)

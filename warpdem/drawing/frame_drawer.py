@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 
 from warpdem.core.pose import FramePose, RotationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
-from warpdem.drawing.camera import looking, placed, upright
+from warpdem.drawing.camera import camera_of, upright, view_axes
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
 from warpdem.drawing.framing import Box, Framing
@@ -59,9 +59,9 @@ class FrameDrawer:
         self._on_walls = self._wall_scale(first, folder)
         start = runs[0].frame(0).frame.rotation if style.view == "frame" else np.eye(3)
         gravity = first.snapshot.gravity
-        # a picture in axes that turn is one of their film: upwards is where it was in the first frame
-        turn = upright(None if gravity is None else start.T @ gravity)
-        self._axes = looking(style, first.snapshot.frame, turn)
+        # in rotating axes a single picture is one of the film: upwards is as in the first frame of the results
+        rotation = upright(None if gravity is None else start.T @ gravity)
+        self._axes = view_axes(style, first.snapshot.frame, rotation)
         self._survey(times)
         width, height = style.size
         column = bar_width(height)
@@ -70,20 +70,20 @@ class FrameDrawer:
         pane = min(right - left for left, right in self._spans)
         if pane < 16:
             raise WarpdemError(f"size {style.size!r} is too narrow for the panes ({len(runs)}) and the scale bar")
-        camera = placed(style, turn, self._axes, self._low, self._high, pane / height)
+        camera = camera_of(style, rotation, self._axes, self._low, self._high, pane / height)
         opacity = style.opacity
         if opacity is None:
             opacity = _WALL_OPACITY if self._on_walls is None else _COLOURED_WALL_OPACITY
         self._camera = camera
         self._legend = Legend(style.size, self._bars(), len(runs), style.background)
-        self._names = _told_apart([run.folder for run in runs])
+        self._names = _distinct_names([run.folder for run in runs])
         self._clock = _clock(runs[0].times)
         self._renderers: list[VtkRenderer] = []
         for left, right in self._spans:
             self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity))
 
     def draw(self, time: float) -> np.ndarray:
-        """Pixels of the picture of an time [s], shape (height, width, 3), uint8."""
+        """Pixels of the picture of a time [s], shape (height, width, 3), uint8."""
         width, height = self._style.size
         image = np.empty((height, width, 3), dtype=np.uint8)
         image[:] = np.round(255.0 * np.array(to_rgb(self._style.background)))
@@ -95,13 +95,13 @@ class FrameDrawer:
             image[:, left:right] = renderer.draw(self._balls(scenery), self._surfaces(scenery))
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._style.view == "laboratory" else "frame axes"
-            lines = f"{axes}{_turned(snapshot.frame)}" if snapshot.frame.parts else ""
+            lines = f"{axes}{_rotation_line(snapshot.frame)}" if snapshot.frame.parts else ""
             title = heading(name, self._clock(scenery.time), right - left, height)
             panes.append(Pane(title, lines, self._camera.axes))
         return self._legend.draw(image, panes)
 
     def close(self) -> None:
-        """Free what the stages hold."""
+        """Free the memory of the renderers."""
         for renderer in self._renderers:
             renderer.close()
 
@@ -124,61 +124,61 @@ class FrameDrawer:
         return Scale(field_of(name, known, "wall_colour", f"the walls in {folder}"), "Reds", self._style.wall_range)
 
     def _survey(self, times: Iterable[float]) -> None:
-        """Bounds and values of all that will be drawn: the picture keeps its place, colours keep their meaning."""
+        """Bounds and values of all that will be drawn, so that camera and colour ranges are the same in all frames."""
         framing = Framing(np.concatenate([self._axes, np.eye(3)]))  # of the picture, and of the view for the planes
         for run in self._runs:
             start = run.frame(0)
-            placed = _placed(start)
-            framing.meet_start(self._seen(start.position[placed], start.frame), start.radius[placed])
+            finite = _finite(start)
+            framing.include_start(self._seen(start.position[finite], start.frame), start.radius[finite])
         planes = []
-        self._turning = False
-        ends, any_kept, largest = [], False, 0.0
+        self._moving_frame = False
+        ends, any_shown, largest = [], False, 0.0
         for run, time in itertools.product(self._runs, dict.fromkeys(times)):
             scenery = self._scenery(run, time)
             snapshot = scenery.snapshot
-            self._turning |= bool(snapshot.frame.parts)
+            self._moving_frame |= bool(snapshot.frame.parts)
             planes.append((snapshot.frame, [wall for wall in scenery.walls if wall.infinite]))
-            placed = _placed(snapshot)
-            centres = self._seen(snapshot.position[placed], snapshot.frame)
-            framing.meet_grains(centres, snapshot.radius[placed])
-            kept = self._kept(scenery)
-            any_kept |= bool(kept.any())
-            largest = max(largest, float(snapshot.radius[placed].max(initial=0.0)))
+            finite = _finite(snapshot)
+            centres = self._seen(snapshot.position[finite], snapshot.frame)
+            framing.include_grains(centres, snapshot.radius[finite])
+            shown = self._shown(scenery)
+            any_shown |= bool(shown.any())
+            largest = max(largest, float(snapshot.radius[finite].max(initial=0.0)))
             if len(centres):
                 ends += [centres.min(axis=0), centres.max(axis=0)]
-            self._grains.meet(self._grain_values(scenery)[kept])
+            self._grains.include(self._grain_values(scenery)[shown])
             for wall in scenery.walls:
-                framing.meet_wall(self._seen(wall.vertices, snapshot.frame), wall.infinite)
+                framing.include_wall(self._seen(wall.vertices, snapshot.frame), wall.infinite)
                 if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
-                    self._on_walls.meet(values)
-        if ends and not any_kept:
+                    self._on_walls.include(values)
+        if ends and not any_shown:
             words = (", ".join(f"{x:.4g}" for x in side) for side in (np.min(ends, axis=0), np.max(ends, axis=0)))
             raise WarpdemError(
                 f"cut {' and '.join(map(repr, self._style.cut))} leaves no grain: in {self._style.view} axes their centres go "
                 f"from ({next(words)}) to ({next(words)}) m"
             )
         box = framing.box()
-        self._room = RIM if framing.bounded else MARGIN
+        self._border = RIM if framing.bounded else MARGIN
         self._box = np.stack(np.meshgrid(*zip(box.low[3:], box.high[3:], strict=True), indexing="ij"), axis=-1).reshape(
             8, 3
         )
         drawn = [wall.vertices @ self._axes.T for pose, walls in planes for wall in self._fitted(pose, walls)]
-        shown = Box(box.low[:3], box.high[:3])
+        framed = Box(box.low[:3], box.high[:3])
         for along in drawn:
-            reach = Box(along.min(axis=0), along.max(axis=0))
+            extent = Box(along.min(axis=0), along.max(axis=0))
             # planes far from all equipment stay out of the picture
-            shown = shown.joined(Box(box.low[:3], box.high[:3]).taking(reach) if framing.bounded else reach)
-        # a ball that fills the picture is nearer to the eye than VTK draws it round
-        room = np.maximum(0.5 * (LEAST * largest - (shown.high - shown.low)), 0.0)
-        self._low, self._high = shown.low - room, shown.high + room
+            framed = framed.joined(Box(box.low[:3], box.high[:3]).with_near(extent) if framing.bounded else extent)
+        # a ball that fills the picture is so near to the camera that VTK does not draw it round
+        border = np.maximum(0.5 * (LEAST * largest - (framed.high - framed.low)), 0.0)
+        self._low, self._high = framed.low - border, framed.high + border
 
     def _seen(self, points: np.ndarray, pose: FramePose) -> np.ndarray:
-        """Points given in frame axes, in the axes that stand still in the picture [m], shape (n, 3)."""
+        """Points given in frame axes, in the axes at rest in the picture [m], shape (n, 3)."""
         return pose.to_laboratory(points) if self._style.view == "laboratory" else points
 
-    def _kept(self, scenery: _Scenery) -> np.ndarray:
+    def _shown(self, scenery: _Scenery) -> np.ndarray:
         """Which grains are shown, shape (n,), bool."""
-        shown = _placed(scenery.snapshot)
+        shown = _finite(scenery.snapshot)
         for cut in self._cuts:
             normal, offset = cut.in_frame(scenery.snapshot.frame)
             shown &= scenery.snapshot.position @ normal > offset
@@ -194,12 +194,12 @@ class FrameDrawer:
         return self._on_walls.field.values(arrays) if self._on_walls.field.array in arrays else None
 
     def _balls(self, scenery: _Scenery) -> Balls:
-        snapshot, shown = scenery.snapshot, np.flatnonzero(self._kept(scenery))
+        snapshot, shown = scenery.snapshot, np.flatnonzero(self._shown(scenery))
         position = self._seen(snapshot.position[shown], snapshot.frame)
         if self._style.position is None:
-            # one that flew far away is no more than a dot, and would take the digits of the depths from all others
-            middle, reach = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
-            near = np.linalg.norm(position - middle, axis=1) < reach
+            # a grain far away would be a dot, and would leave fewer digits for the depths of all others
+            middle, farthest = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
+            near = np.linalg.norm(position - middle, axis=1) < farthest
             shown, position = shown[near], position[near]
         return Balls(position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown]))
 
@@ -214,7 +214,7 @@ class FrameDrawer:
                     offset += float(normal @ pose.translation)
                 planes[wall.name] = normal, offset
         return [
-            patch(name, half, [other for key, other in planes.items() if key != name], self._box, self._room)
+            patch(name, half, [other for key, other in planes.items() if key != name], self._box, self._border)
             for name, half in planes.items()
         ]
 
@@ -222,9 +222,9 @@ class FrameDrawer:
         pose = scenery.snapshot.frame
         cuts = []
         for normal, offset in (cut.in_frame(pose) for cut in self._cuts):
-            turned = pose.rotation @ normal if self._style.view == "laboratory" else normal
-            moved = offset + float(turned @ pose.translation) if self._style.view == "laboratory" else offset
-            cuts.append((turned, moved))
+            rotated = pose.rotation @ normal if self._style.view == "laboratory" else normal
+            moved = offset + float(rotated @ pose.translation) if self._style.view == "laboratory" else offset
+            cuts.append((rotated, moved))
         surfaces = [
             Surface(w.name, w.vertices, w.triangles, None, tuple(cuts)) for w in self._fitted(pose, scenery.walls)
         ]
@@ -239,19 +239,19 @@ class FrameDrawer:
 
     def _bars(self) -> list[Bar]:
         field = self._grains.field
-        bars = [Bar(self._grains, field.title(self._turning), _kind_names(self._runs[0].folder, field))]
+        bars = [Bar(self._grains, field.title(self._moving_frame), _category_names(self._runs[0].folder, field))]
         if self._on_walls is not None:
-            bars.append(Bar(self._on_walls, f"wall {self._on_walls.field.title(self._turning)}"))
+            bars.append(Bar(self._on_walls, f"wall {self._on_walls.field.title(self._moving_frame)}"))
         return bars
 
 
-def _placed(snapshot: Snapshot) -> np.ndarray:
+def _finite(snapshot: Snapshot) -> np.ndarray:
     """Which grains have finite position and radius, shape (n,), bool: a run that failed may hold others."""
     return np.asarray(np.isfinite(snapshot.position).all(axis=1) & np.isfinite(snapshot.radius))
 
 
-def _told_apart(folders: list[Path]) -> list[str]:
-    """Names of the runs before the time, as short as tells them apart; none for a single one."""
+def _distinct_names(folders: list[Path]) -> list[str]:
+    """Names of the runs written before the time, as short as makes them distinct; none for a single one."""
     if len(folders) == 1:
         return [""]
     names = [folder.resolve().name for folder in folders]
@@ -259,7 +259,7 @@ def _told_apart(folders: list[Path]) -> list[str]:
 
 
 def _clock(times: np.ndarray) -> Callable[[float], str]:
-    """How a time is written: one unit and as many digits in all frames as tell them apart."""
+    """How a time is written: one unit, and in all frames as many digits as make their times distinct."""
     last = float(np.abs(times).max())
     unit, factor = next(((u, f) for u, f in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)) if last * f >= 0.05), ("s", 1.0))
     step = float(np.median(np.diff(times))) * factor if len(times) > 1 else 1e-3 * max(last * factor, 1e-9)
@@ -267,8 +267,8 @@ def _clock(times: np.ndarray) -> Callable[[float], str]:
     return lambda time: f"t = {time * factor:.{digits}f} {unit}"
 
 
-def _kind_names(folder: Path, field: Field) -> tuple[str, ...]:
-    """Names of the kinds, as far as the run's own record tells them."""
+def _category_names(folder: Path, field: Field) -> tuple[str, ...]:
+    """Names of the categories, as far as the run's own record has them."""
     try:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         if "phases" in record:
@@ -280,11 +280,11 @@ def _kind_names(folder: Path, field: Field) -> tuple[str, ...]:
             entries = [(key, k, group) for key in ("grains", "streams") for k, group in enumerate(scene[key])]
             return tuple(dict.fromkeys(group.get("name") or f"{key}[{k}]" for key, k, group in entries))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return ()  # results without a record, or with one too long for the scene
+        return ()  # results without a record, or with a damaged one
     return ()
 
 
-def _turned(frame: FramePose) -> str:
-    """Words on how far the frame has turned, rotation by rotation; empty if it never turns about an axis of its own."""
+def _rotation_line(frame: FramePose) -> str:
+    """Line with the angles of the frame, rotation by rotation; empty if it has no rotation."""
     angles = [f"{np.degrees(part.angle):.1f}°" for part in frame.parts if isinstance(part, RotationPart)]
     return f"\nframe turned by {' and '.join(angles)}" if angles else ""

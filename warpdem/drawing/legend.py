@@ -27,12 +27,12 @@ class Bar:
     scale: Scale
     title: str
     names: tuple[str, ...] = ()
-    """Names of the kinds, for a field of kinds; kinds beyond have their number."""
+    """Names of the categories of a categorical field; those beyond the names are shown by number."""
 
 
 @dataclass(frozen=True)
 class Pane:
-    """What is written over one picture of a row."""
+    """What is written over one of the pictures side by side."""
 
     heading: str
     """Bold line, such as the time."""
@@ -53,11 +53,11 @@ def bar_width(height: int) -> int:
 
 
 def heading(name: str, time: str, width: float, height: int) -> str:
-    """Bold line of a pane: its name, if it has one, and the time; a name that does not fit has its middle left out.
+    """Bold line of a pane: its name, if it has one, and the time; a name that does not fit is shortened in its middle.
 
     Args:
         name: Name of the run, may be empty.
-        time: The time in words.
+        time: The time as text.
         width: Width of the pane [pixel].
         height: Height of the picture [pixel].
     """
@@ -113,12 +113,12 @@ class Legend:
         font, column = self._font, self._column
         length = (0.62 if count == 1 else 0.76 / count) * height
         middle = height * (1.0 - (k + 0.5) / count)
-        if bar.scale.field.is_kind:
-            kinds = bar.scale.kinds
-            names = [bar.names[n] if n < len(bar.names) else str(n) for n in kinds]
+        if bar.scale.field.is_category:
+            categories = bar.scale.categories
+            names = [bar.names[n] if n < len(bar.names) else str(n) for n in categories]
             handles = [
                 Patch(facecolor=CATEGORIES[n % len(CATEGORIES)], label=_short(name))
-                for n, name in zip(kinds, names, strict=True)
+                for n, name in zip(categories, names, strict=True)
             ]
             figure.legend(
                 handles=handles[:24], title=bar.title, loc="center left", fontsize=0.8 * font, frameon=False,
@@ -126,8 +126,8 @@ class Legend:
                 handlelength=1.0, handleheight=1.0, alignment="left",
             ).get_title().set_color(self._ink)  # fmt: skip
             return
-        place = ((width - column + 0.6 * font) / width, (middle - 0.5 * length) / height, font / width, length / height)
-        axes = figure.add_axes(place)
+        rectangle = ((width - column + 0.6 * font) / width, (middle - 0.5 * length) / height, font / width, length / height)
+        axes = figure.add_axes(rectangle)
         colours = ScalarMappable(Normalize(*bar.scale.limits), bar.scale.map)
         form = ScalarFormatter(useMathText=True)
         form.set_powerlimits((-2, 4))

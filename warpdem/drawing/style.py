@@ -12,7 +12,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class PictureStyle:
-    """Camera, colours, cuts and walls of a picture; places are in the axes of the view."""
+    """Camera, colours, cuts and walls of a picture; positions are in the axes of the view."""
 
     view: View = "laboratory"
     """Axes that stand still in the picture."""
@@ -26,14 +26,16 @@ class PictureStyle:
     """Colour map by its Matplotlib name; None for viridis, or coolwarm for components."""
     camera: Preset = "auto"
     """Side from which the picture is taken. Up is against the gravity of the first frame, z without gravity. With z up front
-    looks along +y and left along +x, with y up front along -z and left along +x; for other ways up they are turned as z is by
-    the shortest turn. top looks along gravity. auto looks along the frame's axis of rotation; as front if that is upright."""
+    looks along +y and left along +x, with y up front along -z and left along +x; for other upward directions they are
+    rotated as z is by the shortest rotation. top looks along gravity. auto looks along the frame's axis of rotation; as front
+    if that is upright."""
     position: Vector | None = None
-    """Place of the camera [m]; None for one that sees everything."""
+    """Position of the camera [m]; None for one that shows everything."""
     focus: Vector | None = None
     """Point in the middle of the picture [m]; None for the middle of everything."""
     up: Vector | None = None
-    """Direction that points upwards in the picture [-]; None for against gravity, or where front looks when seen along that."""
+    """Direction that points upwards in the picture [-]; None for against gravity, or in a view along gravity for where
+    front looks."""
     zoom: float = 1.0
     """How much larger things appear than the camera alone would show them [-], > 0."""
     height: float | None = None

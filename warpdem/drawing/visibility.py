@@ -1,8 +1,8 @@
 """Which balls of a bed a camera may see: the hidden ones need not be drawn, which would take most of the time.
 
 On a grid of cells smaller than the balls' pictures, a cell is covered from the depth on at which a ball fills it whole. A ball
-is hidden if all cells that its picture may touch are covered nearer to the camera than the ball itself. Balls come in order of
-depth, some at a time, so that only those seen need to be entered.
+is hidden if all cells that its picture may touch are covered nearer to the camera than the ball itself. Balls are taken
+in order of depth, some at a time, so that only those seen need to be entered.
 """
 
 from functools import cache

@@ -19,10 +19,11 @@ from warpdem.output.vtk_files import quiet_vtk
 _SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _WALL = "#9db4c8"
 _OVERSAMPLING = 2
-"""Pixels drawn for one of the picture, each way: smooth edges at a quarter of the cost of VTK's own way without a GPU."""
+"""Pixels drawn for one of the picture, in both directions: smooth edges at a quarter of
+the cost of VTK's own method without a GPU."""
 _BORDER = 8
 """Pixels drawn beyond each edge and cut off: there VTK takes the shade of the gaps from the opposite edge."""
-_SHADE_REACH = 3.5
+_SHADE_DISTANCE = 3.5
 """How far grains darken the gaps between them, in radii [-]."""
 
 
@@ -74,7 +75,7 @@ class VtkRenderer:
         light.SetSpecular(0.12)
         light.SetSpecularPower(20.0)
         self._plotter.add_actor(self._actor, reset_camera=False, render=False)
-        self._shade_reach = 0.0
+        self._shade_distance = 0.0
         view = self._plotter.camera
         view.position, view.focal_point, view.up = tuple(camera.position), tuple(camera.focus), tuple(camera.up)
         wider = drawn[1] / size[1]
@@ -87,9 +88,9 @@ class VtkRenderer:
     def draw(self, balls: Balls, walls: list[Surface]) -> np.ndarray:
         """Pixels of one frame, shape (height, width, 3), uint8."""
         self._set_grains(balls)
-        if not self._shade_reach and len(balls.radius):
-            self._shade_reach = _SHADE_REACH * float(np.median(balls.radius))
-            self._plotter.enable_ssao(radius=self._shade_reach, bias=0.05 * self._shade_reach, kernel_size=64)  # type: ignore[call-arg]
+        if not self._shade_distance and len(balls.radius):
+            self._shade_distance = _SHADE_DISTANCE * float(np.median(balls.radius))
+            self._plotter.enable_ssao(radius=self._shade_distance, bias=0.05 * self._shade_distance, kernel_size=64)  # type: ignore[call-arg]
         for name in self._walls.keys() - {wall.name for wall in walls}:
             self._remove(name)
         for wall in walls:
@@ -117,14 +118,14 @@ class VtkRenderer:
         self._mapper.SetInputData(grains)
 
     def _depths(self, balls: Balls, walls: list[Surface]) -> tuple[float, float]:
-        """Least and greatest distance from the camera of what is drawn [m]; VTK's own way forgets the radii."""
+        """Least and greatest distance from the camera of what is drawn [m]; VTK itself ignores the radii."""
         view = self._plotter.camera
         points = [balls.position, *(wall.vertices for wall in walls)]
         depth = (np.concatenate(points) - view.position) @ np.array(view.direction)
-        margin = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
-        far = max(float(depth.max(initial=0.0)) + margin, 1e-6)
+        border = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
+        far = max(float(depth.max(initial=0.0)) + border, 1e-6)
         # a near plane at the eye would leave no digits for the depth
-        return max(float(depth.min(initial=far)) - margin, 1e-3 * far), far * (1.0 + 1e-6)
+        return max(float(depth.min(initial=far)) - border, 1e-3 * far), far * (1.0 + 1e-6)
 
     def _remove(self, name: str) -> None:
         del self._walls[name]
@@ -150,7 +151,7 @@ class VtkRenderer:
         paint: dict[str, Any] = {"color": _WALL} if wall.colour is None else {"scalars": "colour", "rgb": True}
         # a see-through wall has one tint all over; light is for opaque ones, and leaves the colours of a field readable
         light: dict[str, Any] = {"lighting": self._opacity == 1.0, "ambient": 0.55, "diffuse": 0.5, "specular": 0.0}
-        # the far side first: so each side shines through the one before it, from wherever the camera looks
+        # the far side first, so that each side shines through the one before it from any camera position
         sides: tuple[tuple[str, Literal["front", "back"]], ...] = (("back", "front"), ("front", "back"))
         for part, culling in sides:
             self._plotter.add_mesh(

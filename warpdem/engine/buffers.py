@@ -3,6 +3,8 @@
 import numpy as np
 import warp as wp
 
+from warpdem.core.huge_pages import in_huge_pages
+
 SPARE = 0.125
 """Capacity of lists that a device builds itself beyond what they need at present [-]."""
 
@@ -26,11 +28,11 @@ class BufferPool:
 
     def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
         """An array of its own."""
-        return wp.zeros(shape, dtype=dtype, device=self._device)
+        return in_huge_pages(wp.zeros(shape, dtype=dtype, device=self._device))
 
     def upload(self, data: np.ndarray, dtype: type) -> wp.array:
         """``data`` in an array of its own."""
-        return wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._device)
+        return in_huge_pages(wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._device))
 
     def buffer(self, name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
         """An array whose memory is kept; its content is not set."""
@@ -38,7 +40,7 @@ class BufferPool:
         kept = self._buffers.get(name)
         if kept is None or kept.shape[0] < size:
             more = 0 if self._exact else size // 2 + 64
-            kept = self._buffers[name] = wp.empty(size + more, dtype=dtype, device=self._device)
+            kept = self._buffers[name] = in_huge_pages(wp.empty(size + more, dtype=dtype, device=self._device))
         return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
 
     def capacity(self, name: str, need: int) -> int:

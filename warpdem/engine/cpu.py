@@ -18,9 +18,9 @@ from warpdem.engine.host_build import HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.pace import Pace
 from warpdem.engine.structs import Structs
-from warpdem.kernels.lists import numbering
 from warpdem.kernels.step.loop import SPAN
 from warpdem.kernels.wall.surface import Surface
+from warpdem.model.compiled import step_kernels
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -74,12 +74,9 @@ class CpuExecutor:
         return min(max(GRAIN_STEPS // max(len(self._state), 1), low), high)
 
     def load_kernels(self) -> None:
-        """Load the kernels of the steps and the lists."""
-        k = self._model.kernels
-        groups = [vars(group).values() for group in (k.lists, k.displacement, k.walls, numbering) if group is not None]
-        for thing in (k.loop.run, k.loop.read, k.loop.read_budget, *(thing for group in groups for thing in group)):
-            if isinstance(thing, wp.Kernel):
-                wp.load_module(thing.module, device=self._model.device)
+        """Load the kernels of the steps and the lists, the last first: ``app.compile_ahead`` compiles from the other end."""
+        for kernel in reversed(step_kernels(self._model.kernels)):
+            wp.load_module(kernel.module, device=self._model.device)
 
     def forget(self) -> None:
         """Let go of arrays of the lists: nothing of them is kept."""

@@ -154,5 +154,5 @@ class Newcomers:
 
 WALL_ROWS = {"first": 0, "candidates": 0, "load": 0, "place_count": 1}
 """Arrays of the wall contacts that are as long as there are grains, by the axis of the grains."""
-WALL_SLOTS = {"feature": 0, "hit_state": 0, "hit_mask": 0, "hit": 0, "result": 0, "place": 1}
+WALL_SLOTS = {"feature": 0, "hit_state": 0, "hit_mask": 0, "hit": 0, "found": 0, "result": 0, "place": 1}
 """Those that are as long as there are slots."""

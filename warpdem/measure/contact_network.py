@@ -15,9 +15,8 @@ _ROUNDING: dict[type, float] = {wp.float64: 1.0e-9, wp.float32: 1.0e-4}
 def read_network(view: RunView) -> ContactNetwork:
     """Contacts of a run at the time of the view, from the results of its last force call.
 
-    F_n = F . n,  F_t = F - F_n n; a contact slides where |F_t| = mu F_n > 0, to the rounding of the law.
-    That F_n is the Coulomb load of every law without COEFFICIENTS and HISTORY. Another may declare a load of its own
-    (``kernels.contact.normal_law``), which no array keeps: there ``sliding`` still compares with mu F_n.
+    F_n = F . n,  F_t = F - F_n n; a contact slides where |F_t| = mu L > 0, to the rounding of the law. L is the law's Coulomb
+    load: max(F_n, 0), or what a normal law with numbers of its own says (``kernels.contact.normal_law``).
     """
     contacts = read_contacts(view)
     ids, position = view.state.ids, view.state.by_id(grain.POSITION)
@@ -29,7 +28,7 @@ def read_network(view: RunView) -> ContactNetwork:
     normal_force = np.einsum("ij,ij->i", contacts.force, contacts.normal)
     friction_force = contacts.force - normal_force[:, None] * contacts.normal
     features = view.model.features
-    limit = coefficients_of(view, contacts)[:, features.contact.coefficients.friction] * np.maximum(normal_force, 0.0)
+    limit = coefficients_of(view, contacts)[:, features.contact.coefficients.friction] * contacts.load
     reached = np.linalg.norm(friction_force, axis=1) >= (1.0 - _ROUNDING[features.backend.real]) * limit
     return ContactNetwork(
         i=contacts.i,

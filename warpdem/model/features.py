@@ -13,7 +13,7 @@ from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.field import NUMBERS
-from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
 from warpdem.kernels.wall import record
 from warpdem.model.domain import Domain
 from warpdem.scene.model import Scene
@@ -53,12 +53,12 @@ class ContactFeatures:
         """Numbers of the contact history per contact."""
         return self.history.width
 
-    @property
+    @cached_property
     def own_history(self) -> tuple[str, ...]:
         """Names of what a contact remembers for its normal law."""
         return columns.own_history(model("normal", self.normal)).names
 
-    @property
+    @cached_property
     def own_constants(self) -> tuple[str, ...]:
         """Names of the constants of a contact that its normal law adds."""
         return columns.own_coefficients(model("normal", self.normal)).names
@@ -171,7 +171,7 @@ class MeasureFeatures:
     def sums(self) -> dict[str, int]:
         """What is added up per grain at every step, and how many numbers each is."""
         out = {"energies": len(ENERGIES), "wall_work": self.scene_walls} if self.energy else {}
-        out |= {"momenta": 6 * len(MOMENTA)} if self.momentum else {}
+        out |= {"momenta": MOMENTA_AT.width} if self.momentum else {}
         return out | ({"flow": 2 * self.flows} if self.flows else {})
 
 
@@ -212,7 +212,8 @@ class Features:
         contact = number * (2 * pairs.pair_force_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         contact += number * 2 * ENTRY * measures.energy
-        fixed += 8 * sum(measures.sums.values()) + 8 * (25 + measures.scene_walls) * (measures.energy and walls.present)
+        wall_entry = WALL_ENTRY_AT.width + measures.scene_walls
+        fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
         result = record.RESULT.width if law.rolling else record.FRICTION
         place = 8 * (2 * record.columns(law.history).width + result) + 64 + 12
         beside_walls = 48 + 8 + 0.4 * place if walls.present else 0

@@ -54,7 +54,7 @@ class Contact(SceneModel):
 class Pair(SceneModel):
     """Contact coefficients of two materials (or of one with itself), given once, in either order."""
 
-    # keys of a law of the user's are checked once that is known, and unknown to the schema
+    # keys of a law of the user's are checked once that is known; in the schema see warpdem.scene.schema
     model_config = ConfigDict(extra="allow", json_schema_extra={"additionalProperties": False})
 
     materials: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(

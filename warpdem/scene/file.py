@@ -1,4 +1,4 @@
-"""Scene files: a ``Scene`` from TOML or USD, with the messages of ``warpdem.scene.messages``; the JSON schema."""
+"""Scene files: a ``Scene`` from TOML or USD, with the messages of ``warpdem.scene.messages``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,6 @@ from warpdem.scene.file_checks import all_refused, missing_files, similar_files
 from warpdem.scene.messages import PYTHON_ONLY, line, report, scene_error, shorten, unknown_key
 from warpdem.scene.model import Scene
 from warpdem.scene.overrides import apply_override
-from warpdem.scene.phases import NOT_IN_A_PHASE
 from warpdem.scene.read_toml import InvalidToml, find_excess, non_file_type, parsed, read_text, syntax_error
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
@@ -93,15 +92,6 @@ def scene_from_dict(
     if missing:
         raise SceneError(report(source, missing))
     return scene
-
-
-def scene_schema() -> dict[str, Any]:
-    """JSON schema of a scene file, for editors; numbers with a unit appear as "number or string"."""
-    schema = Scene.model_json_schema()
-    parts = {key: {"description": f"Changes of {key}."} for key in Scene.model_fields if key not in NOT_IN_A_PHASE}
-    phase = schema["$defs"]["Phase"]
-    phase |= {"properties": {**phase["properties"], **parts}, "additionalProperties": False}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def _read_toml(file: Path) -> dict[str, Any]:

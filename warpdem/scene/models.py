@@ -102,6 +102,21 @@ def pair_keys() -> dict[str, tuple[PairKey, list[tuple[str, str]]]]:
     return found
 
 
+def user_pair_keys(file: str) -> dict[str, PairKey]:
+    """Keys of ``[[pairs]]`` that a file of the user declares, whatever its role; none of a field or an observer.
+
+    Args:
+        file: absolute path of the file, which is imported.
+
+    Raises:
+        SceneError: the file cannot be read or imported, or its keys are wrong.
+    """
+    module = _imported(file, _read(file))
+    _check_pair_keys(file, module)
+    keys: dict[str, PairKey] = columns.pair_keys(module)
+    return keys
+
+
 def quantity(entry: PairKey) -> Quantity:
     """What a key of ``[[pairs]]`` accepts."""
     return Quantity(entry.unit, gt=0) if entry.positive else Quantity(entry.unit, ge=0)
@@ -263,7 +278,7 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
 
 
 RESERVED = {*columns.OF_NORMAL_LAW, *columns.OF_PAIR, *columns.VECTORS, *record.GEOMETRY.names, *record.RESULT.names,
-            "radius", "inertia", "grain"}  # fmt: skip
+            "radius", "inertia", "grain", columns.LOAD}  # fmt: skip
 """Names that a law cannot give numbers of its own."""
 
 
@@ -275,6 +290,11 @@ def _check_law(file: str, role: str, module: ModuleType) -> None:
             raise SceneError(f"{file}: {name} = {declared!r}: must be a dict: name -> unit")
         if taken := RESERVED & declared.keys():
             raise SceneError(f"{file}: {name}: the name {min(taken)!r} is taken")
+    _check_pair_keys(file, module)
+
+
+def _check_pair_keys(file: str, module: ModuleType) -> None:
+    """Refuse keys of ``[[pairs]]`` that no value could be checked by."""
     if not isinstance(getattr(module, "PAIR", {}), Mapping):
         raise SceneError(f"{file}: PAIR must be a dict: key -> (unit, default, text)")
     for key, entry in getattr(module, "PAIR", {}).items():

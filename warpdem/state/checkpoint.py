@@ -3,6 +3,7 @@
 HDF5, float64, written beside its place and moved over it. It holds the moving state, and of every contact the memory and
 the forces of the present instant, keyed by grain ids and walls; lists are rebuilt, which changes no bit of the result.
 What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
+Arrays are brought in order and written block by block (``blocks``): saving takes little memory beside that of the run.
 """
 
 import hashlib
@@ -21,6 +22,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.scene.model import Scene
 from warpdem.state import contact_history
+from warpdem.state.blocks import FileSink, Rows, each_block
 from warpdem.state.view import RunView
 
 if TYPE_CHECKING:
@@ -113,11 +115,10 @@ def save(run: Run, path: str | Path) -> None:
         "budget": view.totals.state() if view.totals is not None else None,
         "guards": run.guards.state(),
     }
-    image = _image(view.model.given.json, json.dumps(about), arrays)
-    # the file is made in memory: HDF5 cannot close a file on a full disk
-    with replaced(Path(path)) as part, open(part, "wb") as file:
-        file.write(image)
-        file.flush()
+    with replaced(Path(path)) as part, open(part, "w+b", buffering=0) as file:
+        sink = FileSink(file)
+        _write(sink, view.model.given.json, json.dumps(about), arrays)
+        sink.raise_failure()
         os.fsync(file.fileno())
 
 
@@ -140,20 +141,37 @@ def _about(view: RunView) -> dict[str, Any]:
     }
 
 
-def _arrays(view: RunView) -> dict[str, np.ndarray]:
+def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     """The arrays of a checkpoint, those of grains in order of id.
 
     Beside the state, velocity [m/s] and spin [rad/s] of this instant, absolute, in frame axes: another scene starts from them.
     """
-    _, _, velocity, spin = view.readings()
     features, state = view.model.features, view.state
+    _, velocity, spin = (array.numpy() for array in view.reader.read())
+    record, rank = state.record.numpy(), state.rank
     pose = view.model.schedule.pose(view.clock.time)
-    if features.backend.scheme.RELATIVE:
-        velocity = velocity + pose.velocity_at(state.by_id(grain.POSITION))
-    if features.backend.scheme.RELATIVE or not features.contact.spins:  # what nothing rotates rests in the frame
-        spin = spin + pose.spin
-    readings = {"velocity": velocity, "spin": spin, "extreme": view.reader.extreme}
-    return {**state.by_rank(), **readings, **contact_history.read(view)}
+
+    def absolute_velocity(part: slice) -> np.ndarray:
+        found = velocity[rank[part]]
+        if features.backend.scheme.RELATIVE:
+            found = found + pose.velocity_at(record[rank[part], grain.POSITION])
+        return found
+
+    def absolute_spin(part: slice) -> np.ndarray:
+        found = spin[rank[part]]
+        if features.backend.scheme.RELATIVE or not features.contact.spins:  # what nothing rotates rests in the frame
+            found = found + pose.spin
+        return found
+
+    shape = (len(rank), 3)
+    readings: dict[str, Rows | np.ndarray] = {
+        "velocity": Rows(shape, velocity.dtype, absolute_velocity),
+        "spin": Rows(shape, spin.dtype, absolute_spin),
+        "extreme": view.reader.extreme,
+    }
+    out: dict[str, Rows | np.ndarray] = {}
+    out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    return out | readings | contact_history.read(view)
 
 
 def _places(view: RunView) -> dict[str, Any]:
@@ -167,25 +185,38 @@ def _places(view: RunView) -> dict[str, Any]:
     }
 
 
-def _image(scene: str, about: str, arrays: dict[str, np.ndarray]) -> bytes:
-    """Bytes of the file."""
-    with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
+def _write(sink: FileSink, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:
+    """Write the file."""
+    digest = hashlib.sha256((scene + about).encode())
+    with h5py.File(sink, "w") as file:
         file.attrs["format"], file.attrs["scene"], file.attrs["about"] = FORMAT, scene, about
-        file.attrs["digest"] = _digest(scene + about, arrays)
-        for name, values in arrays.items():
-            file[name] = values
-        file.flush()
-        return file.id.get_file_image()
+        for name in sorted(arrays):
+            values = arrays[name]
+            digest.update(_head(name, values))
+            data = file.create_dataset(name, shape=values.shape, dtype=values.dtype)
+            for part, block in each_block(values):
+                digest.update(_bytes(block))
+                data[part] = block
+        file.attrs["digest"] = digest.hexdigest()
 
 
 def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
     """SHA-256 of all that a checkpoint holds."""
     digest = hashlib.sha256(text.encode())
     for name in sorted(arrays):
-        values = np.ascontiguousarray(arrays[name])
-        digest.update(f"{name} {values.dtype.str} {values.shape}".encode())
-        digest.update(values.tobytes())
+        digest.update(_head(name, arrays[name]))
+        digest.update(_bytes(arrays[name]))
     return digest.hexdigest()
+
+
+def _head(name: str, values: Rows | np.ndarray) -> bytes:
+    """What the digest takes of an array before its numbers."""
+    return f"{name} {values.dtype.str} {tuple(values.shape)}".encode()
+
+
+def _bytes(values: np.ndarray) -> memoryview:
+    """The numbers of an array as the digest takes them, without a copy where they lie side by side."""
+    return np.ascontiguousarray(values).reshape(-1).data
 
 
 def read(path: str | Path) -> dict[str, Any]:

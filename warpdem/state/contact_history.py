@@ -1,23 +1,26 @@
 """Contact history and forces of the last force call: taken out for a checkpoint, and put back."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.contact.columns import VECTORS, Columns
+from warpdem.kernels.contact.columns import LOAD, VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
+from warpdem.state.blocks import Rows
 from warpdem.state.listed_contacts import ListedContacts
+from warpdem.state.particles import changed
 from warpdem.state.view import RunView
 
 if TYPE_CHECKING:
     from warpdem.engine.neighbor_list import NeighborLists
 
 
-def read(view: RunView) -> dict[str, np.ndarray]:
+def read(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and forces of all contacts: arrays of a checkpoint."""
     return _pair_contacts(view) | wall_contacts(view)
 
@@ -27,55 +30,63 @@ def springs_width(at: Columns) -> int:
     return sum(size for name, size in at.sizes if name in VECTORS)
 
 
-def _listed(contacts: ListedContacts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ids (lower, higher) of the listed contacts, and their two force slots."""
-    if not contacts.contact_count:
-        return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    owner, partner, slot_i, slot_j = contacts.owner, contacts.partner, contacts.slot_i, contacts.slot_j
-    assert owner is not None and partner is not None and slot_i is not None and slot_j is not None  # there are contacts
-    ids, real = contacts.state.id.numpy(), contacts.real_lanes()
-    pair = np.stack([ids[a.numpy().ravel()[real]] for a in (owner, partner)], axis=1)
-    return pair, slot_i.numpy().ravel()[real], slot_j.numpy().ravel()[real]
-
-
-def _pair_contacts(view: RunView) -> dict[str, np.ndarray]:
+def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and pair forces of the listed grain-grain contacts."""
     contacts, features = view.contacts, view.model.features
-    pair, i, j = _listed(contacts)
     at, force_width = features.contact.history, pair_force_width(features.contact.spins)
-    width = max(at.width, 1)
-    memory, row = np.zeros((0, width)), np.zeros((0, force_width))
-    if len(pair):
-        assert contacts.history is not None and contacts.row is not None
-        memory = contacts.history.numpy().transpose(0, 2, 1).reshape(-1, width)[contacts.real_lanes()]
-        row = contacts.row.numpy()
-    vectors = springs_width(at)
-    springs = memory[:, :vectors] if vectors else np.zeros((len(pair), 1))
-    out = {"pair": pair, "pair_memory": springs, "pair_share_i": row[i], "pair_share_j": row[j]}
-    out |= {f"pair_own_{name}": memory[:, at.of(name)] for name in at.names if name not in VECTORS}
+    springs = springs_width(at)
+    own = [name for name in at.names if name not in VECTORS]
+    if not contacts.contact_count:
+        none: dict[str, Rows | np.ndarray] = {"pair": np.zeros((0, 2), dtype=np.int64)}
+        none |= {"pair_memory": np.zeros((0, max(springs, 1)))}
+        none |= {f"pair_share_{side}": np.zeros((0, force_width)) for side in "ij"}
+        none |= {f"pair_own_{name}": np.zeros(0) for name in own}
+        return none | ({f"pair_entry_{side}": np.zeros((0, ENTRY)) for side in "ij"} if features.measures.energy else {})
+    assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
+    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
+    lane, ids, history = contacts.real_lanes(), view.state.id.numpy(), contacts.history.numpy()
+    owner, partner = contacts.owner.numpy().ravel(), contacts.partner.numpy().ravel()
+    count, lanes = len(lane), history.shape[2]
+
+    def pair(part: slice) -> np.ndarray:
+        return np.stack([ids[side[lane[part]]] for side in (owner, partner)], axis=1)
+
+    def remembered(columns: int | slice) -> Callable[[slice], np.ndarray]:
+        return lambda part: history[lane[part] // lanes, columns, lane[part] % lanes]
+
+    def in_slots(values: np.ndarray, slot: np.ndarray) -> Rows:
+        return Rows((count, *values.shape[1:]), values.dtype, lambda part: values[slot[lane[part]]])
+
+    unsprung = np.zeros((count, 1), dtype=history.dtype)
+    out: dict[str, Rows | np.ndarray] = {"pair": Rows((count, 2), ids.dtype, pair)}
+    out["pair_memory"] = Rows((count, springs), history.dtype, remembered(slice(springs))) if springs else unsprung
+    slots = (("i", contacts.slot_i.numpy().ravel()), ("j", contacts.slot_j.numpy().ravel()))
+    out |= {f"pair_share_{side}": in_slots(contacts.row.numpy(), slot) for side, slot in slots}
+    out |= {f"pair_own_{name}": Rows((count,), history.dtype, remembered(at.of(name))) for name in own}
     if features.measures.energy:
-        entry = np.zeros((0, ENTRY))
-        if len(pair):
-            assert contacts.entry is not None  # a copy has none, and is never asked
-            entry = contacts.entry.numpy()
-        out |= {"pair_entry_i": entry[i], "pair_entry_j": entry[j]}
+        assert contacts.entry is not None  # a copy has none, and is never asked
+        out |= {f"pair_entry_{side}": in_slots(contacts.entry.numpy(), slot) for side, slot in slots}
     return out
 
 
-def wall_contacts(view: RunView) -> dict[str, np.ndarray]:
+def wall_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
     contacts, state = view.contacts, view.state
-    walls = contacts.walls
+    walls, rank = contacts.walls, state.rank
     if walls is None:
         return {}
     parity, g = view.clock.step_number & 1, contacts.wall_grains
     slot, holder = contacts.place_slots(parity, g)
-    out = {f"place_{name}": values for name, values in contacts.places(parity, slot).items()}
+    out: dict[str, Rows | np.ndarray] = {f"place_{k}": values for k, values in contacts.places(parity, slot).items()}
     out["place_grain"] = state.id.numpy()[holder]
-    load = np.where(walls.candidates.numpy()[:, None] > 0, walls.load.numpy(), 0.0)
-    out["wall_load"] = load[state.rank]
+    load, candidates = walls.load.numpy(), walls.candidates.numpy()
+
+    def wall_load(part: slice) -> np.ndarray:
+        return np.where(candidates[rank[part], None] > 0, load[rank[part]], 0.0)
+
+    out["wall_load"] = Rows((len(rank), *load.shape[1:]), load.dtype, wall_load)
     if view.model.features.measures.energy:
-        out |= {f"wall_{name}": getattr(walls, name).numpy()[state.rank] for name in ("entry", "power")}
+        out |= {f"wall_{name}": Rows.picked(getattr(walls, name).numpy(), rank) for name in ("entry", "power")}
     return out
 
 
@@ -88,14 +99,17 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """
     features, n = lists.model.features, len(lists.state)
     at = features.contact.history
+    if LOAD in at:  # no file of an older version has it, nor a start from another scene; the next force call gives it
+        data = {f"pair_own_{LOAD}": np.zeros(len(data["pair"])), **data}
+        data = {f"place_{LOAD}": np.zeros(len(data["place_grain"])), **data} if "place_grain" in data else data
     pair, memory = data["pair"], np.zeros((len(data["pair"]), max(at.width, 1)))
     springs = springs_width(at)
     memory[:, :springs] = data["pair_memory"][:, :springs]
     for name in at.names:
         if name not in VECTORS:
             memory[:, at.of(name)] = data[f"pair_own_{name}"]
-    owner, partner = (np.searchsorted(data["id"], pair[:, k]) for k in (0, 1))
-    order = np.lexsort((partner, owner))
+    owner, partner = (positions(data["id"], pair[:, k]) for k in (0, 1))
+    order = np.argsort(_keys(owner, partner, n))
     count = np.bincount(owner, minlength=n)
     lists.set_outer(starts(count), count, partner[order], order)
     padded = np.concatenate([memory, np.zeros((-len(memory) % features.backend.lanes, memory.shape[1]))])
@@ -132,22 +146,21 @@ def _put_places(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
 
 def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Pair forces, wall loads and wall contact forces of a checkpoint, in their slots of the new lists."""
-    state = lists.state
+    state, n = lists.state, len(lists.state)
     contacts = lists.view()
-    pair, i, j = _listed(contacts)
-    row, entry = np.zeros(lists.row.shape), np.zeros(lists.entry.shape)
-    saved = {tuple(p): k for k, p in enumerate(data["pair"].tolist())}
-    known = [(c, saved[tuple(p)]) for c, p in enumerate(pair.tolist()) if tuple(p) in saved]
-    if known:
-        here, there = np.array(known).T
-        row[i[here]], row[j[here]] = data["pair_share_i"][there], data["pair_share_j"][there]
-        if lists.model.features.measures.energy and "pair_entry_i" in data:
-            entry[i[here]], entry[j[here]] = data["pair_entry_i"][there], data["pair_entry_j"][there]
-    lists.row.assign(row)
-    lists.entry.assign(entry)
+    with changed(lists.row) as row, changed(lists.entry) as entry:
+        row[...], entry[...] = 0.0, 0.0
+        if contacts.contact_count and len(data["pair"]):
+            lane, there = _found(contacts, data)
+            for side, slots in (("i", contacts.slot_i), ("j", contacts.slot_j)):
+                assert slots is not None
+                slot = slots.numpy().ravel()[lane]
+                row[slot] = data[f"pair_share_{side}"][there]
+                if lists.model.features.measures.energy and f"pair_entry_{side}" in data:
+                    entry[slot] = data[f"pair_entry_{side}"][there]
     if lists.wall_contacts is None:
         return
-    load = np.zeros((len(state), 6))
+    load = np.zeros((n, 6))
     load[state.rank] = data["wall_load"]
     lists.wall_contacts.load.assign(load)
     for name in ("entry", "power") if lists.model.features.measures.energy and "wall_entry" in data else ():
@@ -160,3 +173,29 @@ def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     result = lists.wall_contacts.result.numpy()
     result[slot[mine]] = wall_record.packed(wall_record.RESULT, data, result.shape[-1])[order]
     lists.wall_contacts.result.assign(result)
+
+
+def _found(contacts: ListedContacts, data: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Lanes of the listed contacts that are in a checkpoint, and the number of each there, shapes (k,)."""
+    state, n, lane = contacts.state, len(contacts.state), contacts.real_lanes()
+    assert contacts.owner is not None and contacts.partner is not None
+    position = np.empty(n, dtype=np.int64)  # in order of id, of the grain in each slot
+    position[state.rank] = np.arange(n)
+    listed = _keys(position[contacts.owner.numpy().ravel()[lane]], position[contacts.partner.numpy().ravel()[lane]], n)
+    saved = _keys(positions(data["id"], data["pair"][:, 0]), positions(data["id"], data["pair"][:, 1]), n)
+    order = np.argsort(saved)
+    at = order[np.minimum(np.searchsorted(saved[order], listed), len(saved) - 1)]
+    known = np.flatnonzero(saved[at] == listed)
+    return lane[known], at[known]
+
+
+def positions(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Positions of the ids ``wanted``, all of which there are, in ``ids``, which ascend; shape as ``wanted``."""
+    if len(ids) and ids[-1] - ids[0] == len(ids) - 1:  # without a gap
+        return wanted - ids[0]
+    return np.searchsorted(ids, wanted)
+
+
+def _keys(owner: np.ndarray, partner: np.ndarray, n: int) -> np.ndarray:
+    """One number per pair of grains at these positions of ``n``: the order of the first, then of the second."""
+    return owner * np.int64(n) + partner

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.huge_pages import in_huge_pages
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import grain
 from warpdem.model.model import Model
@@ -68,7 +69,7 @@ class State:
             record[:, grain.SPIN] = start.spin
         self._Record = grain.build(spins).Record
         self._Inverse = wp.types.vector(2, wp.float64)
-        self.record: wp.array = wp.array(record, dtype=self._Record, device=device)
+        self.record: wp.array = in_huge_pages(wp.array(record, dtype=self._Record, device=device))
         inverse = np.stack([1.0 / mass, 2.5 / (mass * start.radius**2)], axis=1).reshape(n, 2)
         self.inverse: wp.array = wp.array(inverse, dtype=self._Inverse, device=device)
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
@@ -131,10 +132,9 @@ class State:
         """Names of the device arrays."""
         return ["record", "inverse", "id", "kind"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
 
-    def by_rank(self) -> dict[str, np.ndarray]:
-        """All arrays by name, in ascending order of id: what ``restore`` takes back."""
-        arrays = {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
-        return {name: values[self.rank] for name, values in arrays.items()}
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name, in memory order: in ascending order of id, as ``rank`` gives it, ``restore`` takes them back."""
+        return {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
 
     def add(self, start: InitialGrains, density: np.ndarray) -> None:
         """Append the grains ``start`` (absolute velocities and spins) after the others."""
@@ -189,7 +189,7 @@ class State:
             n = len(data["id"])
             # a run that kept no orientation, or added nothing up, can start one that does
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
-            setattr(self, name, wp.array(values, dtype=array.dtype, device=self.device))
+            setattr(self, name, in_huge_pages(wp.array(values, dtype=array.dtype, device=self.device)))
         self.group = np.asarray(data["group"], dtype=np.int32)
         self.next_id = data["next_id"]
         self._all_here(len(self.group))

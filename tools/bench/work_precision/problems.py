@@ -43,6 +43,7 @@ class Problem:
         batch: whether the scene can hold any number of copies.
         has_friction: whether contacts rub.
         young_modulus: of all grains and walls [Pa].
+        guards: "record" where the error counts however large it is; else a run that guards stop has none.
     """
 
     name: ClassVar[str]
@@ -58,6 +59,7 @@ class Problem:
     batch: ClassVar[bool] = True
     has_friction: ClassVar[bool] = True
     young_modulus: ClassVar[float] = YOUNG_MODULUS
+    guards: ClassVar[str] = "stop"
 
     def data(self, copies: int) -> dict:
         """The scene of ``copies`` copies, without time and engine."""
@@ -96,7 +98,12 @@ class Problem:
                 "base": str(Path(__file__).parent),
                 # max_speed: large steps are wanted here, up to where a scheme fails
                 "time": {"end": 2.0 * self.duration, "step": step, "max_speed": 1e-6},
-                "engine": {"integrator": setting.integrator, "precision": setting.precision, "skin": self.skin()},
+                "engine": {
+                    "integrator": setting.integrator,
+                    "precision": setting.precision,
+                    "skin": self.skin(),
+                    "guards": self.guards,
+                },
                 "source": self.name,
                 **data,
             }
@@ -118,6 +125,7 @@ class FreeGrain(Problem):
     reference_steps = None
     has_friction = False
     young_modulus = 1.0  # nothing touches: so soft that no step is over the stability limit of contacts
+    guards = "record"  # the energy that a scheme adds is its error
     start, velocity, rate = np.array([1.0, 0.0]), np.array([0.5, 0.2]), 40.0  # [m], [m/s] in the laboratory, [rad/s]
 
     def data(self, copies: int) -> dict:  # noqa: D102
