@@ -36,6 +36,7 @@ class Engine:
 
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers) -> None:
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
+        self._read: tuple[wp.array, wp.array, wp.array] | None = None
         self.executor: CpuExecutor | GraphExecutor
         self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
@@ -114,11 +115,15 @@ class Engine:
     def read(self) -> tuple[wp.array, wp.array, wp.array]:
         """Contact force [N] and torque [N m] together, velocity [m/s], spin [rad/s] of each slot at the present time.
 
-        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them. The arrays are those of
+        the reading before, if there are as many grains.
         """
         model, n = self._model, self._state.slots
-        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=model.device)
-        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=model.device) for _ in range(2))
+        if self._read is None or len(self._read[0]) != n:
+            types = wp.types.vector(6, wp.float64), wp.vec3d, wp.vec3d
+            load, velocity, spin = (wp.zeros(n, dtype=dtype, device=model.device) for dtype in types)
+            self._read = load, velocity, spin
+        load, velocity, spin = self._read
         if n:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()

@@ -5,12 +5,18 @@ grain whose centre is more than its radius behind the wall is reported. The over
 """
 
 import numpy as np
+import warp as wp
 
 from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.kernels import grain
+from warpdem.kernels.measure import readings as kernels
+from warpdem.kernels.step.schedule import Placement
+from warpdem.measure.totals import Totals, reader_of
 from warpdem.mesh.triangle_mesh import signed_distance
 from warpdem.state.view import RunView
 
+ALLOWED = 1.0  # radii behind an analytic wall
+ROUNDING = 1.0e-6  # of a distance over a radius, far from the origin too
 DEEP = 0.1  # radii beyond a mesh: more than the rounding of its search tree can cause
 
 
@@ -38,9 +44,10 @@ class SideGuard:
             self._note_sides(*self._distances(view))
             self.remember()
 
-    def look(self, view: RunView) -> Verdict | None:
+    def look(self, view: RunView, now: Totals) -> Verdict | None:
         """Which grain is on another side than the one it was first seen on, None if none is."""
-        if not (self._meshes or self._shapes):
+        behind = self._shapes and _furthest_behind(view, now) > ALLOWED - ROUNDING
+        if not (self._meshes or behind):
             return None
         wrong = []
         position, radius = view.state.by_id(grain.POSITION), view.state.by_id(grain.RADIUS)
@@ -51,11 +58,11 @@ class SideGuard:
             inwards = np.where(self._inside[before, column], -1.0, 1.0)
             depth = -distance[known, column] * inwards / radius[known]
             wrong.append(self._beyond(view, np.flatnonzero(known), depth, DEEP, number))
-        for number in self._shapes:
+        for number in self._shapes if behind else ():
             shape = view.model.scene.walls[number].shape
             assert shape is not None
             height = shape.nearest(_in_body(view, position, number))[1]
-            wrong.append(self._beyond(view, np.arange(len(ids)), -height / radius, 1.0, number))
+            wrong.append(self._beyond(view, np.arange(len(ids)), -height / radius, ALLOWED, number))
         if self._meshes:
             self._note_sides(ids, distance)
         return next((verdict for verdict in wrong if verdict is not None), None)
@@ -103,6 +110,17 @@ class SideGuard:
             f"{view.model.scene.walls[number].name!r}, {depth[worst]:.3g} of its radius beyond ({int(beyond.sum())} of "
             f"{len(depth)} grains are). Time step {view.clock.dt:.3g} s. Take a smaller time.step, or a stiffer material.",
         )
+
+
+def _furthest_behind(view: RunView, now: Totals) -> float:
+    """The most that any grain is behind an analytic wall that has a solid side, in its radii."""
+    walls, state, reader = view.model.walls, view.state, reader_of(view)
+    assert walls is not None
+    bodies: wp.array = wp.array(now.bodies, dtype=Placement, device=view.model.device)
+    most = reader.buffer("behind", (reader.rows, 1), wp.float64)
+    most.fill_(-np.inf)
+    reader.add(kernels.furthest_behind, state.slots, reader.plain("record", state.record), walls.surface, bodies, most)
+    return float(most.numpy().max())
 
 
 def _in_body(view: RunView, position: np.ndarray, number: int) -> np.ndarray:

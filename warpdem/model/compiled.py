@@ -81,8 +81,9 @@ def of_pairs(features: Features) -> Built:
     tangential = model("tangential", laws.tangential) if laws.tangential else None
     rolling = model("rolling", laws.rolling) if laws.rolling else None
     models = model("normal", laws.normal), tangential, rolling
-    pair_law = law.build(real, *models, laws.torsion)
-    parts = dissipation.build(real, *models, laws.torsion)[0] if features.measures.energy else None
+    predicted = getattr(features.backend.scheme, "PREDICTED", False)
+    pair_law = law.build(real, *models, laws.torsion, predicted=predicted)
+    parts = dissipation.build(real, *models, laws.torsion, predicted)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
     return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap)
 
@@ -106,8 +107,9 @@ def _built(features: Features) -> Built:
         model("tangential", laws.tangential) if laws.tangential else None,
         model("rolling", laws.rolling) if laws.rolling else None,
     )
-    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True)
-    wall_parts = dissipation.build(wp.float64, *models, laws.torsion) if measures.energy else None
+    predicted = getattr(backend.scheme, "PREDICTED", False)
+    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True, predicted=predicted)
+    wall_parts = dissipation.build(wp.float64, *models, laws.torsion, predicted) if measures.energy else None
     spins = {"spins": laws.spins}
     shared = {**spins, "table": laws.table, "gap": laws.gap}
     met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
