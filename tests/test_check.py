@@ -90,12 +90,12 @@ def pairs(restitution):
 
 SHORT = {"end": 0.01, "step": 1e-6, "max_speed": 0.1}
 WARNED = {
-    "large step": ({"time": {"end": 0.01, "step": 8e-5, "max_speed": 1.0}}, ["time.step = 8e-05 s", "0.88 of", "auto"]),
+    "large step": ({"time": {"end": 0.01, "step": 1e-4, "max_speed": 1.0}}, ["time.step = 0.0001 s", "0.88 of", "auto"]),
     "few steps": ({"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}}, ["steps per contact", "28", "at most"]),
     "soft": ({"time": {"end": 0.01, "step": 1e-6, "max_speed": 4.0}}, ["of the radius", "young_modulus", "max_overlap = 0.1"]),
     "bed": (
         {"grains": [{"material": "g", "positions": [[0, 0, 1e-3], [0, 0, 0.9]], "radius": 1e-3}],
-         "time": {"end": 0.01, "step": 6e-5, "max_speed": 0.1}},
+         "time": {"end": 0.01, "step": 1e-4, "max_speed": 0.1}},
         ["of the bed at rest: its grains vibrate, and above 1.5 times the limit", "take at most"],
     ),
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),

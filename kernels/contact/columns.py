@@ -22,6 +22,8 @@ OF_NORMAL_LAW = {"stiffness": "of the law", "damping": "of the law", "shear": "-
 gamma_t/gamma_n."""
 OF_PAIR = {"friction": "-", "rolling_friction": "-", "rolling_damping": "-"}
 """Keys of ``[[pairs]]`` that are coefficients of every scene."""
+OF_CONTACT = ("stiffness", "damping", "inverse_mass")
+"""Constants of one contact under any normal law: what its ``constants`` returns first, and 1/m* [1/kg]."""
 LOAD = "load"
 """Column of the contact history that keeps the Coulomb load [N] of the last force call, for readers: where the normal law may
 have a load of its own, and there is friction that goes by it."""
@@ -123,8 +125,8 @@ def coefficients(normal: ModuleType) -> Columns:
 
 
 def constants(normal: ModuleType) -> Columns:
-    """What does not change of one contact, for its normal law."""
-    return scalars(["stiffness", "damping"]).and_(own_coefficients(normal))
+    """What does not change of one contact, for its normal law: ``OF_CONTACT``, then the law's own."""
+    return scalars(OF_CONTACT).and_(own_coefficients(normal))
 
 
 def inertia_factor(rolling: ModuleType | None) -> float:

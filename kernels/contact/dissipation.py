@@ -1,6 +1,6 @@
 r"""What is not elastic in a contact: the parts of its force and torque that take energy from the grains, and spring losses.
 
-    normal damping       -gamma_n v_n n
+    normal damping       -gamma_n v_n n, gamma_n as it acts at the step (``normal_law``)
     tangential damping   F_t + k_t s while the contact sticks
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
@@ -56,10 +56,10 @@ UNLIMITED = 1.0e30  # [N m]: a Coulomb limit that no rolling spring reaches, and
 
 
 @functools.cache
-def build(real, normal, tangential, rolling, torsion: bool):
+def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = True):
     """Return ``parts`` and ``stored`` of the contact law of the chosen model modules; arguments as in ``law.build``."""
     vec3 = wp.types.vector(3, real)
-    of_normal = normal_law.build(real, normal)
+    of_normal = normal_law.build(real, normal, predicted)
     past = history.build(real, columns.history(normal, tangential, rolling), columns.own_history(normal))
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
@@ -91,7 +91,7 @@ def build(real, normal, tangential, rolling, torsion: bool):
         overlap: real, k: Constants, radius: real, inertia: real, c: Coefficients, before: History, dt: real
     ) -> real:
         """Energy in the tangential and the rolling spring [J]."""
-        _f, _l, k_n, _g, _d, _b, _own = of_normal.force(overlap, overlap, real(0.0), k, past.own(before))
+        k_n = of_normal.elastic(overlap, k, past.own(before))
         spring = past.spring(before)
         angle = past.angle(before)
         bent = wp.dot(spring_torque(angle, k_n, radius, inertia, c, dt), angle)
@@ -107,8 +107,8 @@ def build(real, normal, tangential, rolling, torsion: bool):
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT."""
         speed = wp.dot(velocity, n)
-        f_n, load, k_n, gamma_n, depth, depth_before, _own = of_normal.force(
-            overlap, overlap_before, speed, k, past.own(before)
+        f_n, load, k_n, gamma_n, gamma_t, depth, depth_before, _own = of_normal.force(
+            overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
         rest = vec3()
@@ -124,7 +124,7 @@ def build(real, normal, tangential, rolling, torsion: bool):
             brought = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before)
             k_t = c[wp.static(at.shear)] * k_n
             cut_spring = real(0.5) * k_t * wp.dot(brought + limited_spring, brought + step - limited_spring)
-            trial = limited_spring * (-k_t) - (velocity - n * speed) * (c[wp.static(at.shear_damping)] * gamma_n)
+            trial = limited_spring * (-k_t) - (velocity - n * speed) * gamma_t
             limit = c[wp.static(at.friction)] * load
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
             rest = force - n * f_n + limited_spring * k_t

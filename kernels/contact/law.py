@@ -5,7 +5,8 @@ force pushes i along it. Force and torque returned act on i.
 
     F = F_n n + F_t,     F_t = -k_t s - gamma_t v_t,     |F_t| <= mu L
 
-L [N] is the Coulomb load: max(F_n, 0), or what the normal law says. The spring s [m] follows the slip of the mid-step
+The damping coefficients are those that act at the step (``normal_law``). L [N] is the Coulomb load: max(F_n, 0), or what the
+normal law says. The spring s [m] follows the slip of the mid-step
 velocity, taken across the mid-step normal: taken across the end normal, the mean normal velocity leaks into it and holds
 small grains between large ones (Vyas et al. 2025). It is first cut so that the spring alone stays within the Coulomb limit,
 then spring and dashpot together are projected on that limit. Both are projections on a ball that contains the spring force,
@@ -20,14 +21,14 @@ from warpdem.kernels.contact import columns, history, normal_law
 
 
 @functools.cache
-def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
+def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, predicted: bool = True):
     """Return ``force``, ``constants`` and the types of the chosen model modules.
 
-    ``tangential`` and ``rolling`` may be None; ``wall``: j is one. ``force`` has the same arguments and results
-    whichever models are left out, so the loops over contacts need no special cases.
+    ``tangential`` and ``rolling`` may be None; ``wall``: j is one; ``predicted``: as of ``normal_law.build``. ``force`` has the
+    same arguments and results whichever models are left out, so the loops over contacts need no special cases.
     """
     vec3 = wp.types.vector(3, real)
-    of_normal = normal_law.build(real, normal)
+    of_normal = normal_law.build(real, normal, predicted)
     past = history.build(real, columns.history(normal, tangential, rolling), columns.own_history(normal))
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
@@ -77,8 +78,8 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
     ):
         """Force on i [N], rolling torque on i [N m] and the contact history after this step."""
         speed = wp.dot(velocity, n)
-        f_n, load, k_n, gamma_n, depth, depth_before, own = of_normal.force(
-            overlap, overlap_before, speed, k, past.own(before)
+        f_n, load, k_n, _gamma_n, gamma_t, depth, depth_before, own = of_normal.force(
+            overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         total = n * f_n
         spring = vec3()
@@ -90,10 +91,8 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
             step = across(slip - both * mid, n)
             trial_spring = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before) + step
             f_t, limited_spring = friction(
-                trial_spring, velocity - n * speed, c[wp.static(at.shear)] * k_n,
-                c[wp.static(at.shear_damping)] * gamma_n,
-                c[wp.static(at.friction)] * load,
-            )  # fmt: skip
+                trial_spring, velocity - n * speed, c[wp.static(at.shear)] * k_n, gamma_t, c[wp.static(at.friction)] * load
+            )
             spring = limited_spring
             total = n * f_n + f_t
         if wp.static(rolling is not None):
@@ -110,6 +109,9 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False):
             if wp.static(rolls_with_history):
                 rolled = transported(past.angle(before), n, n_before, turning) + roll * dt
             arm = c[wp.static(at.rolling_friction)] * radius
+            if wp.static(rolls_with_history and predicted):  # as for the other dashpots (``normal_law``)
+                swing = real(wp.static(0.5 * getattr(rolling, "STIFFNESS", 0.0))) * k_n * arm * arm * dt * dt / inertia
+                roll_predicted = roll_predicted * (real(1.0) / (real(1.0) + swing))
             moment, limited_angle = rolling_torque(
                 roll, roll_predicted, rolled, arm * load, k_n * arm * arm, c[wp.static(at.rolling_damping)], inertia, dt
             )

@@ -13,6 +13,22 @@ Its Coulomb load is max(F_n, 0). Any other gets and gives its own numbers too:
 
 load          normal force that friction and rolling resistance go by, >= 0                     [N]
 depth         overlap that the tangential spring is rescaled by, now and one step before        [m]
+
+**Dashpots.** The default scheme knows the velocity only as predicted by the last acceleration, v* = v - (dt^2/2) a'. For an
+oscillator of stiffness k that is v (1 + k dt^2/(2 m)), so a plain dashpot takes too much. The damping coefficients are
+therefore
+
+    along the normal   gamma_n / max(1 + r k_n dt^2/(2 m*), gamma_n dt/(0.3 m*))
+    across it          gamma_t / max(1 + k_t dt^2/(2 m_t),  gamma_t dt/(0.25 m_t)),       m_t = (2/7) m*, of rolling spheres
+
+with r k_n the slope of the normal force. The first of the two takes the error of order dt^2 away: the restitution is right in
+the mean at any step. The second keeps damping from deciding about stability; it does not act below some 12 steps per contact
+along the normal, nor below 15 across it from e = 0.3 on. Both only lessen a dashpot, so that friction still creates no energy.
+Schemes that do not predict (``predicted`` false) have the plain coefficients.
+
+A law states the ratio r of the slope of its elastic force to k_n as ``TANGENT``, its power of the overlap; without it, 1. It is
+asked for k_n and gamma_n at rest, then for the force at the speed that makes its dashpot the above: whatever its form. k_n
+and gamma_n must not depend on the speed.
 """
 
 import functools
@@ -22,14 +38,25 @@ import warp as wp
 from warpdem.kernels import Built
 from warpdem.kernels.contact import columns
 
+NORMAL_CAP, TANGENTIAL_CAP = 0.3, 0.25  # damping coefficient times the time step over m* and over m_t [-]
+ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to turn, over m* [-]
+
 
 @functools.cache
-def build(real, normal: ModuleType):
-    """Return the types of a normal law's numbers, ``constants`` and ``force``, the same for all laws."""
+def build(real, normal: ModuleType, predicted: bool = True):
+    """Return the types of a normal law's numbers, ``constants``, ``force`` and ``elastic``, the same for all laws.
+
+    Args:
+        real: precision.
+        normal: module of the law.
+        predicted: the velocities that dashpots see are predicted by the last acceleration.
+    """
     at, own = columns.coefficients(normal), columns.own_coefficients(normal)
     Coefficients, Constants, Own = at.vector(real), columns.constants(normal).vector(real), own.vector(real)
     History = columns.own_history(normal).vector(real)
     constants_of_law, force_of_law = normal.build(real)
+    first = len(columns.OF_CONTACT)
+    half_tangent = 0.5 * getattr(normal, "TANGENT", 1.0)
 
     if not columns.declares_own(normal):
 
@@ -39,10 +66,10 @@ def build(real, normal: ModuleType):
             stiffness, damping = constants_of_law(
                 c[wp.static(at.stiffness)], c[wp.static(at.damping)], radius, mass
             )  # fmt: skip
-            return Constants(stiffness, damping)
+            return Constants(stiffness, damping, real(1.0) / mass)
 
         @wp.func
-        def force(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
+        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
             """F_n, load [N], k_n [N/m], gamma_n [N s/m], depth now and before [m], history."""
             f_n, k_n, gamma_n = force_of_law(overlap, speed, k[0], k[1])
             load = f_n if f_n > real(0.0) else real(0.0)
@@ -62,21 +89,56 @@ def build(real, normal: ModuleType):
             k = Constants()
             k[0] = stiffness
             k[1] = damping
+            k[2] = real(1.0) / mass
             for f in range(wp.static(own.width)):
-                k[2 + f] = made[f]
+                k[wp.static(first) + f] = made[f]
             return k
 
         @wp.func
-        def force(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
+        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
             """F_n, load [N], k_n [N/m], gamma_n [N s/m], depth now and before [m], history."""
             own_constants = Own()
             for f in range(wp.static(own.width)):
-                own_constants[f] = k[2 + f]
+                own_constants[f] = k[wp.static(first) + f]
             f_n, load, k_n, gamma_n, depth, depth_before, now = force_of_law(
                 overlap, overlap_before, speed, k[0], k[1], own_constants, history
             )  # fmt: skip
             return f_n, load, k_n, gamma_n, depth, depth_before, now
 
+    @wp.func
+    def force(
+        overlap: real, overlap_before: real, speed: real, k: Constants, c: Coefficients, history: History, dt: real
+    ):
+        """F_n, load [N], k_n [N/m], gamma_n, gamma_t [N s/m] as they act, depth now and before [m], history."""
+        share_n = real(1.0)
+        share_t = real(1.0)
+        if wp.static(predicted):
+            _f, _l, k_n, gamma_n, _d, _b, _h = of_speed(overlap, overlap_before, real(0.0), k, history)
+            lag = dt * k[2]
+            swing = k_n * dt * lag
+            pull = gamma_n * lag
+            along = real(wp.static(half_tangent)) * swing + real(1.0)
+            across = real(wp.static(0.5 / ROLLING_MASS)) * c[wp.static(at.shear)] * swing + real(1.0)
+            cap_n = real(wp.static(1.0 / NORMAL_CAP)) * pull
+            cap_t = real(wp.static(1.0 / (TANGENTIAL_CAP * ROLLING_MASS))) * c[wp.static(at.shear_damping)] * pull
+            along = along if along > cap_n else cap_n
+            across = across if across > cap_t else cap_t
+            both = real(1.0) / (along * across)
+            share_n = across * both
+            share_t = along * both
+        f_n, load, k_n, gamma_n, depth, depth_before, now = of_speed(
+            overlap, overlap_before, speed * share_n, k, history
+        )
+        gamma_t = c[wp.static(at.shear_damping)] * gamma_n * share_t
+        return f_n, load, k_n, gamma_n * share_n, gamma_t, depth, depth_before, now
+
+    @wp.func
+    def elastic(overlap: real, k: Constants, history: History) -> real:
+        """k_n [N/m]."""
+        _f, _l, k_n, _g, _d, _b, _h = of_speed(overlap, overlap, real(0.0), k, history)
+        return k_n
+
     return Built(
-        Coefficients=Coefficients, Constants=Constants, Own=Own, History=History, at=at, constants=constants, force=force
-    )
+        Coefficients=Coefficients, Constants=Constants, Own=Own, History=History, at=at, constants=constants, force=force,
+        elastic=elastic,
+    )  # fmt: skip

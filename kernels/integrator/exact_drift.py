@@ -20,6 +20,7 @@ from warpdem.kernels.step.schedule import FrameRow, Row, drift_shift, drift_turn
 ORDER = 2
 STAGES = (0.0,)
 RELATIVE = False
+PREDICTED = True
 STORE = 0
 
 

@@ -24,6 +24,7 @@ import warp as wp
 
 SUMMARY = "from the moduli"
 PASSIVE = True
+TANGENT = 1.5  # slope of the force over k_n: it grows with the power 3/2 of the overlap
 _DAMPED_TIME = (
     (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0),
     (1.778, 1.511, 1.296, 1.195, 1.134, 1.093, 1.064, 1.042, 1.025, 1.011, 1.005, 1.0),

@@ -20,6 +20,7 @@ from warpdem.kernels.contact.columns import PairKey
 
 SUMMARY = "EPSD"
 HISTORY = True
+STIFFNESS = 2.25  # k_r over k_n (mu_r R*)^2
 PAIR = {
     "rolling_damping": PairKey(
         "-", 0.3, 'Damping of the rolling spring [-], >= 0, default 0.3; only with rolling = "spring".'
@@ -45,7 +46,7 @@ def build(real):
         dt: real,
     ):
         """Torque on i [N m] and the rolling spring [rad] cut to its limit."""
-        stiffness = real(2.25) * spring
+        stiffness = real(wp.static(STIFFNESS)) * spring
         size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(wp.static(small)))
         share = limit / (size + real(wp.static(small)))
         kept = share if share < real(1.0) else real(1.0)
@@ -65,10 +66,10 @@ def oscillator(k_n: float, arm: float, damping: float, inertia: float) -> tuple[
         damping: eta [-].
         inertia: I_r [kg m2].
     """
-    stiffness = 2.25 * k_n * arm**2
+    stiffness = STIFFNESS * k_n * arm**2
     return stiffness, 2.0 * damping * math.sqrt(inertia * stiffness)
 
 
 def energy(angle, spring):
     """Energy of rolling springs (1/2) k_r a^2 [J], shape (c,), bent by ``angle`` [rad], shape (c, 3); k_n (mu_r R*)^2 [N m]."""
-    return 0.5 * 2.25 * spring * (angle**2).sum(axis=1)
+    return 0.5 * STIFFNESS * spring * (angle**2).sum(axis=1)

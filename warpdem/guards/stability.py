@@ -1,15 +1,16 @@
 """The time step against the present contacts: the largest step at which the stiffest of them are integrated stably.
 
-    K u = w^2 M u,     dt < (2/w) (sqrt(1 + 4 z^2) - 2 z),     z = u.C u / (2 w u.M u)
+    K u = w^2 M u,     w^2 dt^2/4 + dt u.C(dt) u / u.M u < 1
 
 u holds translations and rotations. Each contact gives K its slope along the normal and its tangential stiffness, C the
-damping of both at the present overlap; where friction is left out, the normal part alone. w is the largest rate of the
+damping of both at the present overlap, as it acts at the step dt (``kernels.contact.normal_law``); where friction is left
+out, the normal part alone. w is the largest rate of the
 grains that the sum
 
     (1/m_i) sum_c (1 + min(1, m_i/m_j)) (k_n + 7/2 k_t)      (walls: 1 for the bracket)
 
 over their contacts ranks as the stiffest; it is found by power iteration, which underestimates it, so that no stable step is
-reported as too long. The factor is that of the predicted velocity of exact_drift for a damped oscillator; the other
+reported as too long. The condition is that of the predicted velocity of exact_drift for a damped oscillator; the other
 schemes are there for comparison, also beyond their limits, and are not watched.
 """
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.kernels import grain
+from warpdem.kernels.contact.normal_law import NORMAL_CAP, ROLLING_MASS, TANGENTIAL_CAP
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import LEAST_OVERLAP, normal_energy, normal_secant
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
@@ -31,6 +33,7 @@ ROUNDING = 1.0e-9  # of sums over the contacts of a grain, in any order
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
+CAPS = np.array([[NORMAL_CAP], [TANGENTIAL_CAP]])
 DANGER = 1.5
 """Time step over the limit [-] above which a run is in danger: beds at rest stay stable at 2, and fail at 2.5 to 3."""
 CONFIRM = 20
@@ -49,15 +52,22 @@ class Springs:
     stiffness: np.ndarray
     """Along the normal and across [N/m], shape (2, c)."""
     damping: np.ndarray
-    """Along the normal and across [N s/m], shape (2, c)."""
+    """Of the law, along the normal and across [N s/m], shape (2, c)."""
+    mass: np.ndarray
+    """That moves along the normal and across [kg], shape (2, c)."""
     arm: np.ndarray
     """From the centres of i and j to the contact [m], shape (2, c)."""
+
+    def acting(self, dt: float) -> np.ndarray:
+        """Damping coefficients that act at time step ``dt`` [s], shape (2, c)."""
+        lessened = 1.0 + self.stiffness * dt**2 / (2.0 * self.mass)
+        return self.damping / np.maximum(lessened, self.damping * dt / (CAPS * self.mass))
 
     def subset(self, which: np.ndarray) -> "Springs":
         """The contacts ``which``."""
         return Springs(
             self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.damping[:, which],
-            self.arm[:, which],
+            self.mass[:, which], self.arm[:, which],
         )  # fmt: skip
 
 
@@ -82,11 +92,13 @@ def _springs(
     slope = (above - 2.0 * here + below) / (h * h)
     k = normal_secant(normal, overlap, contacts)
     at = plan.contact.coefficients
-    dashpot = table[:, at.damping] * np.sqrt(k / (1.0 / mass[i] + 1.0 / mass[j]))
+    reduced = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
+    dashpot = table[:, at.damping] * np.sqrt(k * reduced)
     friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
     out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
-                  np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]), arm)  # fmt: skip
+                  np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]),
+                  np.stack([reduced, ROLLING_MASS * reduced]), arm)  # fmt: skip
     touching = contacts.overlap > 0.0
     return out if touching.all() else out.subset(np.flatnonzero(touching))
 
@@ -100,8 +112,12 @@ def rate_estimates(s: Springs, mass: np.ndarray) -> np.ndarray:
     return total[:n] / mass
 
 
-def largest_rate(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, float, int]:
-    """Largest rate w [1/s] of the grains that ``s`` joins, that mode's damping ratio z [-], and the grain that moves most."""
+def stiffest_mode(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, np.ndarray, int]:
+    """The mode of the largest rate of the grains that ``s`` joins: w^2 [1/s2], its motion, and the grain that moves most.
+
+    The motion is the square of the relative displacement at each contact along the normal and across, over u.M u [1/kg], shape
+    (2, c).
+    """
     rows = np.unique(np.concatenate([s.i, s.j]))
     rows = rows[rows < len(mass)]
     n, place = len(rows), np.full(len(mass) + 1, len(rows))
@@ -134,28 +150,30 @@ def largest_rate(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[flo
         moved = pull((s.stiffness[0] * along)[:, None] * s.normal + s.stiffness[1][:, None] * across)
         square, before = float(np.sum(motion * moved)), motion
         motion = moved
-    rate = np.sqrt(square)
     along, across = stretch(before)
-    lost = float(s.damping[0] @ along**2 + s.damping[1] @ np.einsum("ij,ij->i", across, across))
-    return rate, lost / (2.0 * rate), int(rows[np.argmax(np.einsum("ij,ij->i", before[:n], before[:n]))])
+    share = np.stack([along**2, np.einsum("ij,ij->i", across, across)])
+    return square, share, int(rows[np.argmax(np.einsum("ij,ij->i", before[:n], before[:n]))])
 
 
-def damping_factor(s: Springs, mass: np.ndarray) -> float:
-    """Least factor on the limit [-] that the damping of any contact can make."""
-    heavy = np.append(mass, np.inf)
-    reduced = 1.0 / (1.0 / heavy[s.i] + 1.0 / heavy[s.j])
-    normal = s.damping[0] / (2.0 * np.sqrt(s.stiffness[0] * reduced))
-    # rolling at a contact: 2/7 of the mass
-    across = s.damping[1] / (2.0 * np.sqrt(np.maximum(s.stiffness[1], 1.0e-300) * reduced * 2.0 / 7.0))
-    z = float(max(normal.max(), across.max()))
-    return np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z
+def least_limit(s: Springs, estimates: np.ndarray, dt: float) -> float:
+    """A time step [s] that no limit is below if ``dt`` is not over it, by the contact with the most damping at ``dt``."""
+    acting = s.acting(dt)
+    ratio = acting / (2.0 * np.sqrt(np.maximum(s.stiffness, 1.0e-300) * s.mass))
+    z = float(ratio.max())
+    return 2.0 / np.sqrt(estimates.max()) * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z)
 
 
 def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[float, int]:
     """Largest stable step [s] for the stiffest grains that ``s`` joins, and the one that sets it."""
     stiffest = np.append(np.isin(np.arange(len(mass)), np.argsort(rate_estimates(s, mass))[-STIFFEST:]), False)
-    rate, z, worst = largest_rate(s.subset(np.flatnonzero(stiffest[s.i] | stiffest[s.j])), mass, inertia)
-    return 2.0 / rate * (np.sqrt(1.0 + 4.0 * z * z) - 2.0 * z), worst
+    s = s.subset(np.flatnonzero(stiffest[s.i] | stiffest[s.j]))
+    square, motion, worst = stiffest_mode(s, mass, inertia)
+    low, high = 0.0, 2.0 / np.sqrt(square)  # without damping
+    for _ in range(40):
+        dt = 0.5 * (low + high)
+        grows = square * dt**2 / 4.0 + dt * np.sum(s.acting(dt) * motion) > 1.0
+        low, high = (low, dt) if grows else (dt, high)
+    return high, worst
 
 
 @dataclass(frozen=True)
@@ -248,5 +266,5 @@ def _far_below(view: RunView, contacts: ContactColumns) -> bool:
 
 
 def _estimate(s: Springs, mass: np.ndarray, dt: float) -> float:
-    """Square of the time step over the least that the limit can be [-]."""
-    return float(rate_estimates(s, mass).max() * dt**2 / (2.0 * damping_factor(s, mass)) ** 2)
+    """Time step over the least that the limit can be [-]."""
+    return dt / least_limit(s, rate_estimates(s, mass), dt)

@@ -2,21 +2,21 @@
 
 Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains
 contact time      of an undamped impact at max_speed, from the energy of the normal law
-spectral limit    the least step at which a mode (K, C, m*) of the contacts grows: K dt^2/4 + C dt = m*
+spectral limit    the least step at which a mode (K, C, m*) of the contacts grows: K dt^2/4 + C(dt) dt = m*
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 travel            s r / max_speed beside meshes, see ``travel``
 external fields   0.1 / the largest rate at which one changes a grain's motion: sqrt(k/m), c/m, e B/m
 
 Modes, with m* the reduced mass of a contact, k its stiffness (tangent along the normal, secant across) and C made of its
-damping as K is of its stiffness:
+damping, as it acts at the step dt (``kernels.contact.normal_law``), as K is of its stiffness:
 
     packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbours move against each other, K = (5 Z/3) k_t all turn
     one contact                       K = k_n along the normal, K = (7/2) k_t rolling
     rolling spring k_r                against I* = (2/5) m* R^2, on a wall together with slip; in a packing (2 Z/3) k_r
 
-That condition is exact for a damped oscillator under the predicted velocity v* = v + (dt/2) a of the default scheme; with
-w = sqrt(K/m*) and z = C/(2 w m*) it reads dt = (2/w)(sqrt(1 + 4 z^2) - 2 z). The modes are those of Bloch waves on cubic
-packings of equal grains with free rotation. Measured: tests/verification/test_stability_limit.py.
+That condition is exact for a damped oscillator under the predicted velocity v* = v + (dt/2) a of the default scheme. The
+modes are those of Bloch waves on cubic packings of equal grains with free rotation. Measured:
+tests/verification/test_stability_limit.py.
 
 Stiffnesses are those at the largest overlap of an impact at ``max_speed``. Z = 6 is a dense packing, the caution of
 "auto"; beyond the limit of one contact a given step is refused (a dense packing hardly ever holds such overlaps everywhere).
@@ -31,12 +31,14 @@ what frame and fields allow.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
+from warpdem.kernels.contact.normal_law import NORMAL_CAP, ROLLING_MASS, TANGENTIAL_CAP
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.features import coefficient_columns, coefficient_table
 from warpdem.model.impact import damped_time, impact, own_of, pressed
@@ -97,39 +99,83 @@ class Limits:
         return min(self.candidates, key=self.candidates.__getitem__)
 
 
-def stable_step(stiffness: float, damping: float, mass: float) -> float:
+@dataclass(frozen=True)
+class Spring:
+    """A spring with its dashpot, as the default scheme takes it."""
+
+    stiffness: float
+    """k [N/m]: the slope of the force; [N m] of a rotation."""
+    damping: float
+    """Damping coefficient of the law [N s/m], [N m s]."""
+    mass: float
+    """That its own ends move [kg], [kg m2]."""
+    cap: float = math.inf
+    """Largest damping coefficient times the time step over ``mass`` [-]."""
+
+    def acting(self, dt: float) -> float:
+        """Damping coefficient that acts at time step ``dt`` [s]."""
+        lessened = 1.0 + self.stiffness * dt**2 / (2.0 * self.mass)
+        return self.damping / max(lessened, self.damping * dt / (self.cap * self.mass))
+
+
+def along(stiffness: float, damping: float, mass: float) -> Spring:
+    """The spring along the normal of a contact: slope [N/m], damping [N s/m] and m* [kg]."""
+    return Spring(stiffness, damping, mass, NORMAL_CAP)
+
+
+def across(stiffness: float, damping: float, mass: float) -> Spring:
+    """The spring across the normal of a contact: k_t [N/m], damping [N s/m] and m* [kg]."""
+    return Spring(stiffness, damping, ROLLING_MASS * mass, TANGENTIAL_CAP)
+
+
+def stable_step(stiffness: float, damping: Callable[[float], float], mass: float) -> float:
     """Least time step [s] at which m x'' + C x' + K x = 0 grows under the predicted velocity: K dt^2/4 + C dt = m.
 
     Args:
         stiffness: K [N/m], or its share of a rotation.
-        damping: C [N s/m].
+        damping: C [N s/m] at a time step [s].
         mass: m [kg].
     """
-    return 2.0 * mass / (damping + math.sqrt(damping**2 + stiffness * mass))
+    low, high = 0.0, 2.0 * math.sqrt(mass / stiffness)  # without damping
+    if damping(high) == 0.0:
+        return high
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        grows = stiffness * middle**2 / 4.0 + damping(middle) * middle > mass
+        low, high = (low, middle) if grows else (middle, high)
+    return high
 
 
-def packing_limit(normal: tuple[float, float], tangential: tuple[float, float], mass: float, contacts: int = PACKED) -> float:
+def packing_limit(normal: Spring, tangential: Spring, contacts: int = PACKED) -> float:
     """Stability limit of a packing [s].
 
     Args:
-        normal: stiffness [N/m] and damping [N s/m] of each contact along its normal.
-        tangential: the same across it.
-        mass: reduced mass m* of a contact [kg].
+        normal: spring of each contact along its normal.
+        tangential: across it.
         contacts: contacts per grain Z [-].
     """
-    against, damping = (contacts / 3.0 * (n + 2.0 * t) for n, t in zip(normal, tangential, strict=True))
-    turning, turning_damping = (contacts * 5.0 / 3.0 * t for t in tangential)
-    return min(stable_step(against, damping, mass), stable_step(turning, turning_damping, mass) if turning > 0.0 else math.inf)
+    third = contacts / 3.0
+    against = stable_step(
+        third * (normal.stiffness + 2.0 * tangential.stiffness),
+        lambda dt: third * (normal.acting(dt) + 2.0 * tangential.acting(dt)),
+        normal.mass,
+    )
+    if tangential.stiffness == 0.0:
+        return against
+    turning = stable_step(5.0 * third * tangential.stiffness, lambda dt: 5.0 * third * tangential.acting(dt), normal.mass)
+    return min(against, turning)
 
 
-def contact_limit(normal: tuple[float, float], tangential: tuple[float, float], mass: float) -> float:
+def contact_limit(normal: Spring, tangential: Spring) -> float:
     """Stability limit of one contact [s]; arguments as of ``packing_limit``."""
-    rolling, rolling_damping = (3.5 * t for t in tangential)
-    return min(stable_step(*normal, mass), stable_step(rolling, rolling_damping, mass) if rolling > 0.0 else math.inf)
+    limit = stable_step(normal.stiffness, normal.acting, normal.mass)
+    if tangential.stiffness == 0.0:
+        return limit
+    return min(limit, stable_step(tangential.stiffness, tangential.acting, tangential.mass))
 
 
 def rolling_limit(
-    spring: tuple[float, float], tangential: tuple[float, float], inertia: float, mass: float, radius: float, wall: bool
+    rolling: Spring, tangential: Spring, inertia: float, mass: float, radius: float, wall: bool
 ) -> tuple[float, float]:
     """Stability limits [s] of a packing and of one contact whose relative rotation bends a spring.
 
@@ -137,23 +183,25 @@ def rolling_limit(
     the sum of the spins and the spring with their difference, so that neither feels the other.
 
     Args:
-        spring: k_r [N m] and C_r [N m s].
-        tangential: stiffness [N/m] and damping [N s/m] across the contact.
+        rolling: rolling spring; its ``mass`` is I_r [kg m2].
+        tangential: spring across the contact.
         inertia: I* [kg m2].
         mass: reduced mass m* [kg].
         radius: of the grain [m].
         wall: whether the contact is one with a wall.
     """
-    stiffness, damping = (2.0 * PACKED / 3.0 * k for k in spring)
-    packing = stable_step(stiffness, damping, inertia)
+    share = 2.0 * PACKED / 3.0
+    packing = stable_step(share * rolling.stiffness, lambda dt: share * rolling.acting(dt), inertia)
     if not wall:
-        return packing, stable_step(*spring, inertia)
-    both = []
-    for k_r, k_t in zip(spring, tangential, strict=True):
+        return packing, stable_step(rolling.stiffness, rolling.acting, inertia)
+
+    def both(k_r: float, k_t: float) -> float:
+        """The larger eigenvalue of the two over mass and inertia."""
         trace, product = k_t / mass + (k_t * radius**2 + k_r) / inertia, k_t * k_r / (mass * inertia)
-        both.append(0.5 * (trace + math.sqrt(trace**2 - 4.0 * product)))
-    stiffness, damping = both
-    return packing, stable_step(stiffness, damping, 1.0)
+        return 0.5 * (trace + math.sqrt(trace**2 - 4.0 * product))
+
+    stiffness = both(rolling.stiffness, tangential.stiffness)
+    return packing, stable_step(stiffness, lambda dt: both(rolling.acting(dt), tangential.acting(dt)), 1.0)
 
 
 def contact_time(scene: Scene, row: np.ndarray, mass: float, radius: float, speed: float) -> float:
@@ -233,22 +281,25 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
                 overlap = max(overlap, met.overlap / radius)
             dashpot = damping * math.sqrt(met.secant * reduced_mass)
             sticks = scene.contact.tangential != "none" and row[at.friction] > 0.0
-            normal = met.tangent, dashpot
-            tangential = (shear * met.secant, shear_damping * dashpot) if sticks else (0.0, 0.0)
-            packed = min(packed, packing_limit(normal, tangential, reduced_mass))
+            normal = along(met.tangent, dashpot, reduced_mass)
+            tangential = across(sticks * shear * met.secant, sticks * shear_damping * dashpot, reduced_mass)
+            packed = min(packed, packing_limit(normal, tangential))
             if weight > 0.0:
                 secant, slope = pressed(
                     law, row[at.stiffness], reduced_radius, weight * math.pi / 3.0 * (2.0 * radius) ** 2, own
                 )  # fmt: skip
                 resting = damping * math.sqrt(secant * reduced_mass)
-                across = (shear * secant, shear_damping * resting) if sticks else (0.0, 0.0)
-                settled = min(settled, packing_limit((slope, resting), across, reduced_mass))
-            stable = min(stable, contact_limit(normal, tangential, reduced_mass))
+                pushed = along(slope, resting, reduced_mass)
+                rubbed = across(sticks * shear * secant, sticks * shear_damping * resting, reduced_mass)
+                settled = min(settled, packing_limit(pushed, rubbed))
+            stable = min(stable, contact_limit(normal, tangential))
             if oscillator is not None and row[at.rolling_friction] > 0.0:
                 arm = row[at.rolling_friction] * reduced_radius
-                spring = oscillator(met.secant, arm, row[at.rolling_damping], 1.4 * reduced_mass * radius**2)
+                inertia = 0.4 * reduced_mass * radius**2
+                bending, losing = oscillator(met.secant, arm, row[at.rolling_damping], 3.5 * inertia)
+                spring = Spring(bending, losing, 3.5 * inertia)
                 wall = reduced_radius == radius
-                rolling = rolling_limit(spring, tangential, 0.4 * reduced_mass * radius**2, reduced_mass, radius, wall)
+                rolling = rolling_limit(spring, tangential, inertia, reduced_mass, radius, wall)
                 packed, stable = min(packed, rolling[0]), min(stable, rolling[1])
     return Limits(
         rayleigh=float(rayleigh),

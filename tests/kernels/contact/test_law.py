@@ -41,7 +41,7 @@ def path_kernel(real, tangential):
         p = wp.tid()
         n = vec3(real(0.0), real(0.0), real(1.0))
         turning = n * spin
-        k = Constants(real(wp.static(STIFFNESS)), damping)
+        k = Constants(real(wp.static(STIFFNESS)), damping, real(0.0))  # of bodies too heavy to move in a step
         history = History()
         for s in range(1, path.shape[1]):
             now = path[p, s]
@@ -188,7 +188,7 @@ def rolling_kernel(torsion):
         zero = wp.vec3d()
         force, moment, _after = joined.force(
             n, n, wp.float64(1.0e-4), wp.float64(1.0e-4), zero, zero, zero, spin, spin, wp.float64(1.0e-9),
-            Constants(wp.float64(1.0e6), wp.float64(0.0)), wp.float64(5.0e-4), wp.float64(1.0), c, History(),
+            Constants(wp.float64(1.0e6), wp.float64(0.0), wp.float64(0.0)), wp.float64(5.0e-4), wp.float64(1.0), c, History(),
         )  # fmt: skip
         out[0] = force
         out[1] = moment
@@ -222,7 +222,7 @@ def one_step_kernel():
                out: wp.array(dtype=wp.vec3d)):  # fmt: skip
         force, moment, after = joined.force(
             vectors[0], vectors[1], numbers[0], numbers[0], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6],
-            numbers[1], Constants(numbers[2], numbers[3]), numbers[4], numbers[5], c,
+            numbers[1], Constants(numbers[2], numbers[3], numbers[4]), numbers[5], numbers[6], c,
             past.joined(vectors[7], vectors[8], wp.float64(0.0), Own()),
         )  # fmt: skip
         out[0] = force
@@ -233,15 +233,17 @@ def one_step_kernel():
     return kernel
 
 
-CONTACT = {"overlap": DEPTH, "dt": DT, "stiffness": STIFFNESS, "damping": 50.0, "radius": 5e-4, "inertia": 1e-9}
+CONTACT = {
+    "overlap": DEPTH, "dt": DT, "stiffness": STIFFNESS, "damping": 50.0, "inverse_mass": 0.0, "radius": 5e-4, "inertia": 1e-9,
+}  # fmt: skip
 COEFFICIENTS = {"shear": SHEAR, "shear_damping": 0.7, "friction": 0.9, "rolling_friction": 0.2, "rolling_damping": 0.3}
 VECTORS = ("n", "n_before", "velocity", "slip", "turning", "spin", "spin_predicted", "spring", "angle")
 
 
-def one_step(**vectors):
+def one_step(contact=CONTACT, **vectors):
     """Force [N], rolling torque [N m], tangential spring [m] and rolling spring [rad] of one contact; zero where not given."""
     given = wp.array([vectors.get(name, np.zeros(3)) for name in VECTORS], dtype=wp.vec3d, device="cpu")
-    numbers = wp.array(list(CONTACT.values()), dtype=wp.float64, device="cpu")
+    numbers = wp.array(list(contact.values()), dtype=wp.float64, device="cpu")
     out = wp.zeros(4, dtype=wp.vec3d, device="cpu")
     c = coefficients(wp.float64, **COEFFICIENTS)
     wp.launch(one_step_kernel(), dim=1, inputs=[given, numbers, c, out], device="cpu")
@@ -270,8 +272,22 @@ def test_each_coefficient_acts_where_the_formulas_say():
     rolled = angle + across(spin) * DT
     assert k_r * np.linalg.norm(rolled) < 0.2 * CONTACT["radius"] * normal, "the rolling spring slides"
     np.testing.assert_allclose(angle_now, rolled, rtol=1e-13)
-    viscous = 2 * 0.3 * np.sqrt(CONTACT["inertia"] * k_r)
+    viscous = 2 * 0.3 * np.sqrt(CONTACT["inertia"] * k_r) / (1 + 0.5 * k_r * DT**2 / CONTACT["inertia"])
     np.testing.assert_allclose(torque, -k_r * rolled - viscous * across(predicted), rtol=1e-13)
+
+
+@pytest.mark.parametrize("damping", [2e-3, 200.0])
+def test_dashpots_make_up_for_the_predicted_velocity_and_have_a_cap(damping):
+    """gamma/(1 + k dt^2/(2 m)), with the slope 1.5 k_n along and m_t = (2/7) m* across; at most 0.3 m*/dt and 0.25 m_t/dt."""
+    contact = CONTACT | {"inverse_mass": 1.0 / 4e-3, "damping": damping}
+    n, velocity = np.array([0.0, 0.6, 0.8]), np.array([0.02, 0.03, -0.01])
+    force = one_step(contact, n=n, n_before=n, velocity=velocity)[0]
+    k_n, gamma_n = STIFFNESS * DEPTH**0.5, damping * DEPTH**0.25
+    mass, across = 4e-3 * 2 / 7, velocity - n * (velocity @ n)
+    along = min(gamma_n / (1 + 1.5 * k_n * DT**2 / (2 * 4e-3)), 0.3 * 4e-3 / DT)
+    sideways = min(0.7 * gamma_n / (1 + SHEAR * k_n * DT**2 / (2 * mass)), 0.25 * mass / DT)
+    assert (along == 0.3 * 4e-3 / DT) is (sideways == 0.25 * mass / DT) is (damping > 1.0)
+    np.testing.assert_allclose(force, n * (k_n * DEPTH - along * (velocity @ n)) - sideways * across, rtol=1e-13)
 
 
 def test_an_approach_along_the_mid_step_normal_is_no_slip():
