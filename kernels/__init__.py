@@ -25,6 +25,10 @@ CPU_FLAGS = "-march=native -mllvm=-inline-threshold=9000 -mllvm=-slp-recursion-m
 
 MODULE_OPTIONS = {"enable_backward": False, "cpu_compiler_flags": CPU_FLAGS}
 
+SHARED_READERS = "warpdem.kernels.readers"
+"""Module of the kernels that only read and are the same for all scenes, compiled and loaded as one: ``measure.readings`` and
+``wall.distance``."""
+
 
 def tiny(real) -> float:
     """A number that keeps a quotient finite and is nothing beside any quantity of a contact."""

@@ -7,7 +7,7 @@ import pytest
 
 from warpdem import Scene, Simulation
 from warpdem.core.snapshot import WallLoad
-from warpdem.measure import column, observation, observers
+from warpdem.measure import column, elastic, observation
 from warpdem.measure.column import Readings
 from warpdem.output.history import GENERAL, WALL, history_columns, history_row
 
@@ -117,10 +117,10 @@ def test_a_quantity_that_several_columns_share_is_computed_once(scene, monkeypat
         function = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *args, **keys: (calls.append(name), function(*args, **keys))[1])
 
-    counted(observers, "energy")
-    counted(column, "read_loads")
+    counted(elastic, "elastic_energies")
+    counted(column, "total_loads")
     history_row([*GENERAL, *history_columns(scene)[len(GENERAL) : len(GENERAL) + 14]], Readings(sim.view))
-    assert sorted(calls) == ["energy", "read_loads"]
+    assert sorted(calls) == ["elastic_energies", "total_loads"]
 
 
 def test_without_grains_a_sum_is_zero_and_the_other_reductions_are_no_number(scene):

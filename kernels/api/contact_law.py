@@ -13,7 +13,7 @@ from warpdem.kernels.contact import pairs as pair_contacts
 from warpdem.kernels.lists import neighbors
 from warpdem.kernels.step import border, motion
 from warpdem.kernels.step.schedule import Placement, Row, slip_time
-from warpdem.kernels.wall import candidates, contact, feature, images, record
+from warpdem.kernels.wall import candidates, contact, evaluate, feature, images, record
 from warpdem.kernels.wall.surface import Surface
 
 
@@ -66,7 +66,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
     pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
     pair_kernels = pair_contacts.build(real, pair_law, None, around, spins=True, gap=gap)
-    evaluate = thread_contact.build(
+    evaluate_pair = thread_contact.build(
         pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
     )
     lists = neighbors.build(
@@ -75,9 +75,11 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
-    WallContacts, evaluate_wall_contacts = contact.build(
-        wall_law, None, closest, around, seen, turning_frame=False, moving_frame=False, meshes=True, moving=0, **met, **shared
-    )  # fmt: skip
+    one = contact.build(
+        wall_law, None, around, seen, spins=True, turning_frame=False, moving_frame=False, moving=0, **met
+    )
+    walls = evaluate.build(one, closest, around, seen, table=True, meshes=True, gap=gap)
+    WallContacts, evaluate_wall_contacts = walls.WallContacts, walls.evaluate
     beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
 
@@ -99,7 +101,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     ):
         """Evaluate one contact per thread."""
         t = wp.tid()
-        evaluate(
+        evaluate_pair(
             t, 0, record, owner, partner, inverse, pair, coefficients, pair_kernels.Turn(), slip_time(row[0]), dt,
             history_of,
             slot_i, slot_j, history_of, share_out, entry_out,

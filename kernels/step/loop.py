@@ -39,7 +39,7 @@ def never() -> bool:
 
 @functools.cache
 def build(
-    pairs, evaluate_lane, sweep, lanes: int, evaluate_wall_contacts, WallContacts, load, acceleration, travel,
+    pairs, evaluate_lane, sweep, lanes: int, evaluate_wall_contacts, sweep_walls, WallContacts, load, acceleration, travel,
     integrator, border, orientation, budget, flow, *,
     stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
@@ -53,7 +53,8 @@ def build(
         evaluate_lane: contact law of one lane, of ``thread_contact.build``.
         sweep: of ``contact.sweep.build``; None where the law is evaluated lane by lane.
         lanes: contacts per contact batch.
-        evaluate_wall_contacts: wall function of ``wall.contact.build``, and ``WallContacts``, its struct.
+        evaluate_wall_contacts: of ``wall.evaluate.build``, for one grain, and ``WallContacts``, its struct.
+        sweep_walls: of ``wall.sweep.build``, for many; None where they are evaluated one by one.
         load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
         integrator: (advance, reading) of the scheme.
         border: periodic images, of ``border.build``.
@@ -196,16 +197,31 @@ def build(
         surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
-        overlap_ratio = control.extreme[at + 2]
-        approach = control.extreme[at + 3]
-        for r in range(first, last, stride):
-            a, b = wall_forces_of_grain(
-                r, s, stage, grains, wall_contacts, surface, control, coefficients, materials, parity, dt
-            )
-            overlap_ratio = wp.max(overlap_ratio, a)
-            approach = wp.max(approach, b)
-        control.extreme[at + 2] = overlap_ratio
-        control.extreme[at + 3] = approach
+        if wp.static(sweep_walls is not None):
+            now_row = (s + 1) * wp.static(stages) + stage
+            before_row = now_row - wp.static(stages)
+            old = 1 - parity
+            new = int(parity)
+            if stage > 0:
+                before_row = now_row - stage
+                old = parity
+                new = 2
+            sweep_walls(
+                first, last, stride, grains.record, grains.inverse, grains.kind, materials, coefficients, surface,
+                wall_contacts, control.placement, before_row, now_row, control.row[s * wp.static(stages) + stage], old, new,
+                dt, control.extreme, at + 2,
+            )  # fmt: skip
+        else:
+            overlap_ratio = control.extreme[at + 2]
+            approach = control.extreme[at + 3]
+            for r in range(first, last, stride):
+                a, b = wall_forces_of_grain(
+                    r, s, stage, grains, wall_contacts, surface, control, coefficients, materials, parity, dt
+                )
+                overlap_ratio = wp.max(overlap_ratio, a)
+                approach = wp.max(approach, b)
+            control.extreme[at + 2] = overlap_ratio
+            control.extreme[at + 3] = approach
 
     @wp.func
     def add_to_budget(

@@ -11,7 +11,9 @@ Two faces nearly equally close may be confused by float32 rounding: the distance
 """
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS
+from warpdem.kernels import MODULE_OPTIONS, SHARED_READERS
+
+wp.set_module_options(MODULE_OPTIONS, module=wp.get_module(SHARED_READERS))
 
 
 @wp.func
@@ -49,7 +51,7 @@ def closest_on_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> w
     return wp.vec3d(va / total, vb / total, vc / total)
 
 
-@wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
 def signed_distance(
     # mesh: search tree in unit coordinates (x - centre) / size, and its true corners [m]
     mesh: wp.uint64,
@@ -95,7 +97,7 @@ def signed_distance(
     distance_out[i] = sign * distance
 
 
-@wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
 def pierced(
     mesh: wp.uint64,  # its search tree in unit coordinates
     # lines in unit coordinates, read

@@ -5,7 +5,7 @@ Packed, because a contact is read and written once a step: two cache lines each 
 
 import numpy as np
 import warp as wp
-from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.columns import Columns, scalars
 
 GEOMETRY = Columns(
     (
@@ -24,6 +24,20 @@ RESULT = Columns(
         ("moment", 3),  # rolling torque on the grain [N m]; only with a rolling model
     )
 )
+FOUND = scalars(
+    (
+        "grain",  # memory slot
+        "hit",  # slot of the hit
+        "before",  # slot of the contact point of the step before whose history it takes, -1 if there is none
+        "slot",  # its own
+        "feature",
+        "wall",
+        "motion",  # placement of the wall
+        "coefficients",  # row of the table of coefficients
+    )
+)
+"""What is known of a contact point before its law is evaluated: where to read and write."""
+Found = FOUND.vector(wp.int32)
 FRICTION = 4  # numbers of RESULT without the moment
 
 

@@ -33,7 +33,7 @@ from bench import liggghts
 from bench.answer import own, peer
 from bench.answer.cases import Case, Run, cases
 from bench.answer.compare import Done, compared, costs
-from bench.states import ROOT, write_ascii_stl
+from bench.states import write_ascii_stl
 from bench.window import OtherLoad, commit, machine
 from warpdem.core.atomic_file import replaced
 from warpdem.core.threads import available_threads
@@ -51,7 +51,6 @@ LABELS = {
 }
 NUDGE = 1e-9  # of a radius: how far the starts of twins lie apart
 GRAINS, FEW = 5000, 300
-PICTURE = ROOT / "tools" / "bench" / "results" / "time_to_answer.png"
 NS_PER_GRAIN = {"warpdem": 110.0, "liggghts": 270.0}
 """What a grain costs per step on one thread [ns], turning walls included, roughly: for the estimate only."""
 

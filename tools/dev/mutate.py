@@ -8,9 +8,9 @@
 The table is ``tools/dev/mutants.toml``; a model's mutants may stand in its own test file, see ``of_model``. Each
 worker has a copy of the tree with kernels of its own, in which it writes a mutant, runs the tests that the table
 names until one fails, and puts the file right again. A mutant that these do not notice and that has no ``reason`` is
-tried on ``catch_all``, all fast tests that run the kernels. The unchanged copy has to pass first, and a mutant that
-does not even compile is no proof of a test: both are told. Exit code 0 when every mutant is killed or defended by a
-``reason``, 1 when not, 2 when the check itself could not be made.
+tried on ``catch_all``, all fast tests that run the kernels. A test that crashes has noticed the mutant. The unchanged copy
+has to pass first, and a mutant that does not even compile is no proof of a test: both are reported. Exit code 0 when every
+mutant is killed or defended by a ``reason``, 1 when not, 2 when the check itself could not be made.
 """
 
 import argparse
@@ -22,6 +22,7 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -39,6 +40,8 @@ MODEL_TESTS = ROOT / "tests" / "kernels"
 PARTS = ("warpdem", "kernels", "scenes", "tests", "tools", "pyproject.toml", "README.md")
 """What the tests need of the tree."""
 NOT_COMPILED = re.compile(r"WarpCodegen\w*Error|kernel build failed|\.cpp:\d+:\d+: error|SyntaxError|Could not find function")
+CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
+"""Ends of a process that a kernel brings about; a signal from outside, such as that of a full memory, proves nothing."""
 FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - (.*))?$", re.MULTILINE)
 
 
@@ -130,6 +133,8 @@ class Workplace:
             return "timeout", f"after {limit:.0f} s"
         if done.returncode == 0:
             return "passed", ""
+        if -done.returncode in CRASHES:
+            return "failed", f"crash: {signal.Signals(-done.returncode).name}"
         found = FAILED.search(done.stdout)
         said = f"{found[1]}: {found[2] or ''}" if found else (done.stdout + done.stderr)[-300:]
         compiles = not NOT_COMPILED.search(done.stdout + done.stderr)
@@ -150,7 +155,8 @@ class Workplace:
                     outcome = "not run"
         finally:
             path.write_text(original)
-        if by_all and outcome == "failed" and self.test([by.split(": ")[0]], limit)[0] != "passed":
+        named = by_all and outcome == "failed" and not by.startswith("crash")
+        if named and self.test([by.split(": ")[0]], limit)[0] != "passed":
             outcome, by = "not run", f"fails on the unchanged kernels, too: {by}"
         status = {"passed": "survived", "failed": "killed", "timeout": "killed"}.get(outcome, outcome)
         return {

@@ -23,9 +23,12 @@ from warpdem.core.device import pick_device
 from warpdem.core.start_warp import start_warp
 from warpdem.core.threads import available_threads
 from warpdem.filling.stream_grains import extreme_grains
+from warpdem.model import needs
 from warpdem.model.compiled import compile_kernels, step_kernels
 from warpdem.model.features import Features, choose_features
+from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.schedule import Schedule
+from warpdem.scene.grains import Grains
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 
@@ -108,9 +111,17 @@ def likely_features(scene: Scene) -> Features | None:
         moving=schedule.moving,
         resting=len(schedule.motions) - schedule.moving,
         images=False,
+        lanes=simd_lanes(sum(map(_count, scene.grains)) + sum(needs.grains_to_come(scene))),
     )
     borders_meet_walls = features.domain.periodic and features.walls.present
-    return None if features.user_files or borders_meet_walls else features
+    return None if features.user_files or borders_meet_walls else as_the_law_allows(features)
+
+
+def _count(group: Grains) -> int:
+    """Grains of a group where it says so; else few, as most scenes have."""
+    if group.positions is not None:
+        return len(group.positions)
+    return (group.fill.count if group.fill is not None else None) or 0
 
 
 def main() -> None:

@@ -10,6 +10,8 @@ from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import TurningNumbers
 from warpdem.measure.snapshot import take_snapshot
+from warpdem.measure.sums import load_readers
+from warpdem.measure.totals import Totals
 from warpdem.output.background import Background
 from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
@@ -41,6 +43,7 @@ class Outputs:
         header = [column.header for column in self.columns]
         self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
         self.turning = TurningNumbers(sim.scene)
+        load_readers("cpu")  # here: loading is not safe from the thread that reads beside the steps
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
         """Write a row of the history and a frame of the present time, while the run goes on.
@@ -54,16 +57,19 @@ class Outputs:
             self.claim.check()
         with self.sim.clock("output"):
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
-            network = frame and (output.contacts or self.sim.scene.measures.grid is not None)
-            instant = Instant(self.sim.view, self.rooms[0], contacts=row or network)
-            observed = observation.observed(self.sim.view) if row else {}  # by kernels, which no other thread may launch
-            self.background.start(lambda: self._write(instant, observed, row, frame))
+            measures, view = self.sim.scene.measures, self.sim.view
+            network = (frame and (output.contacts or measures.grid is not None)) or (row and bool(measures.regions))
+            # by kernels and the threads of the run, which no other thread may launch
+            observed = observation.observed(view) if row else {}
+            totals = Totals(view).made() if row else None
+            instant = Instant(view, self.rooms[0], contacts=network)
+            self.background.start(lambda: self._write(instant, observed, totals, frame))
 
-    def _write(self, instant: Instant, observed: dict[str, np.ndarray], row: bool, frame: bool) -> None:
+    def _write(self, instant: Instant, observed: dict[str, np.ndarray], totals: Totals | None, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
             view = instant.view()
-            if row:
-                self.history.write(history_row(self.columns, Readings(view, observed)))
+            if totals is not None:
+                self.history.write(history_row(self.columns, Readings(view, observed, totals)))
                 self.turning.add(view)
             if frame:
                 snapshot = take_snapshot(view)

@@ -36,14 +36,13 @@ class Engine:
 
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers) -> None:
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
+        self._read: tuple[wp.array, wp.array, wp.array] | None = None
         self.executor: CpuExecutor | GraphExecutor
         self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
-        executor = self.executor
-        self.lists = NeighborLists(
-            model, state, clock, self.batch, timers, executor.launch, executor.storage, self.leavers
-        )
+        pool, list_build = self.executor.storage.pool, self.executor.list_build
+        self.lists = NeighborLists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
         self.structs = Structs(model, state, self.lists)
         self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
 
@@ -101,6 +100,11 @@ class Engine:
         """Let batches go on whatever the overlaps."""
         self.batch.control.max_overlap.fill_(np.inf)
 
+    def motion_changed(self) -> None:
+        """A wall moves otherwise than the schedule said, from the present step on."""
+        self.batch.forget_schedule()
+        self.lists.flights.end_paths()
+
     def restore(self, extreme: np.ndarray) -> None:
         """Take over the extremes of a checkpoint; schedule and structs are made again."""
         values = self.batch.control.extreme.numpy()
@@ -114,11 +118,15 @@ class Engine:
     def read(self) -> tuple[wp.array, wp.array, wp.array]:
         """Contact force [N] and torque [N m] together, velocity [m/s], spin [rad/s] of each slot at the present time.
 
-        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
+        Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them. The arrays are those of
+        the reading before, if there are as many grains.
         """
         model, n = self._model, self._state.slots
-        load = wp.zeros(n, dtype=wp.types.vector(6, wp.float64), device=model.device)
-        velocity, spin = (wp.zeros(n, dtype=wp.vec3d, device=model.device) for _ in range(2))
+        if self._read is None or len(self._read[0]) != n:
+            types = wp.types.vector(6, wp.float64), wp.vec3d, wp.vec3d
+            load, velocity, spin = (wp.zeros(n, dtype=dtype, device=model.device) for dtype in types)
+            self._read = load, velocity, spin
+        load, velocity, spin = self._read
         if n:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()

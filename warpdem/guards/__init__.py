@@ -1,7 +1,7 @@
 """What watches a run: each guard notices one way in which a result becomes worthless, and names grain, place and time.
 
 ``watch`` holds them all. A new guard that looks at the state now and then is: a file with a class that has ``NAME``,
-``look(view) -> Verdict | None`` and ``remember()``; then, in ``watch``, a line of the table in the docstring, the guard in
+``look(view, now) -> Verdict | None`` and ``remember()``; then, in ``watch``, a line of the table in the docstring, the guard in
 ``Guards.__init__`` and in ``_looking``. If it keeps something from one look to the next, that belongs to the checkpoint:
 numbers by ``state()`` and ``restore(state)`` of the guard, which is then in ``Guards._kept``; arrays per grain by
 ``Guards.arrays``, taken back in ``Guards.restore``, also where a checkpoint of an older version lacks them. Tests:

@@ -17,6 +17,7 @@ import numpy as np
 from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.measure import observers
 from warpdem.measure.budget import DISSIPATED, Budget
+from warpdem.measure.totals import Totals
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.view import RunView
@@ -46,13 +47,13 @@ class EnergyGuard:
         self._not_watchable = driven(model) and not self._budget
         self._reference = self._next = EnergyReference()
 
-    def look(self, view: RunView) -> Verdict | None:
+    def look(self, view: RunView, now: Totals) -> Verdict | None:
         """What is wrong with the energy, None if it is no more than can be there."""
         if self._not_watchable:
             return None
-        energy = observers.energy(view)
+        energy = now.energy
         stored = sum(energy[name] for name in STORED)
-        surplus = self._unexplained(view, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
+        surplus = self._unexplained(now, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
             return None
@@ -86,9 +87,9 @@ class EnergyGuard:
         self._next = EnergyReference(known, min(reference.least, total), max(reference.largest, stored))
         return total - self._next.least
 
-    def _unexplained(self, view: RunView, stored: float) -> float:
+    def _unexplained(self, now: Totals, stored: float) -> float:
         """What the budget cannot explain [J]."""
-        budget = Budget(view).energy()
+        budget = Budget(now.view, now).energy()
         through = [budget["work_walls"], budget["work_fields"], budget["carried_in"]]
         through += [budget[f"dissipated_{name}"] for name in DISSIPATED]
         self._next = EnergyReference(largest=max(self._reference.largest, stored + sum(abs(x) for x in through)))

@@ -20,18 +20,16 @@ from typing import Any
 import numpy as np
 
 from warpdem.guards.verdict import Verdict, at_time, grain_at
+from warpdem.kernels import grain
 from warpdem.kernels.contact.normal_law import NORMAL_CAP, ROLLING_MASS, TANGENTIAL_CAP
-from warpdem.measure.observers import (
-    LEAST_OVERLAP,
-    Contacts,
-    Particles,
-    coefficients_of,
-    normal_energy,
-    normal_secant,
-    read_contacts,
-)
+from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.elastic import LEAST_OVERLAP, normal_energy, normal_secant
+from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
+from warpdem.measure.totals import Totals
+from warpdem.state.contact_history import positions
 from warpdem.state.view import RunView
 
+ROUNDING = 1.0e-9  # of sums over the contacts of a grain, in any order
 DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
@@ -74,18 +72,25 @@ class Springs:
 
 
 def springs(view: RunView, contacts: Contacts) -> Springs:
-    """The touching contacts of a run at their present overlaps."""
-    contacts_on = contacts.overlap > 0.0
-    p, plan = Particles(view), view.model.features
+    """The touching contacts of a run at their present overlaps, rows being grains in order of id."""
+    p = Particles(view)
     n, ids = len(p.id), p.id
-    i, j = np.searchsorted(ids, contacts.i), np.where(contacts.j < 0, n, np.searchsorted(ids, contacts.j))
-    radius, mass = np.append(p.radius, np.inf), np.append(p.mass, np.inf)
+    i, j = positions(ids, contacts.i), np.where(contacts.j < 0, n, positions(ids, contacts.j))
+    return _springs(view, contacts, coefficients_of(view, contacts), i, j, p.radius, p.mass)
+
+
+def _springs(
+    view: RunView, contacts: Contacts | ContactColumns, table: np.ndarray, i: np.ndarray, j: np.ndarray,
+    radius: np.ndarray, mass: np.ndarray,
+) -> Springs:  # fmt: skip
+    """The same with rows ``i`` and ``j`` of grains of these radii [m] and masses [kg]; ``table``: coefficients, by contact."""
+    n, plan = len(mass), view.model.features
+    radius, mass = np.append(radius, np.inf), np.append(mass, np.inf)
     overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
     normal, h = plan.contact.normal, DIFFERENCE * overlap
     above, here, below = (normal_energy(normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
     slope = (above - 2.0 * here + below) / (h * h)
     k = normal_secant(normal, overlap, contacts)
-    table = coefficients_of(view, contacts)
     at = plan.contact.coefficients
     reduced = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
     dashpot = table[:, at.damping] * np.sqrt(k * reduced)
@@ -94,7 +99,8 @@ def springs(view: RunView, contacts: Contacts) -> Springs:
     out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
                   np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]),
                   np.stack([reduced, ROLLING_MASS * reduced]), arm)  # fmt: skip
-    return out.subset(np.flatnonzero(contacts_on))
+    touching = contacts.overlap > 0.0
+    return out if touching.all() else out.subset(np.flatnonzero(touching))
 
 
 def rate_estimates(s: Springs, mass: np.ndarray) -> np.ndarray:
@@ -211,10 +217,10 @@ class StabilityGuard:
         """Whether the time step was over ``DANGER`` of the limit at the last look."""
         return self._seen.share > DANGER
 
-    def look(self, view: RunView) -> Verdict | None:
+    def look(self, view: RunView, now: Totals) -> Verdict | None:
         """What is wrong with the time step: None unless it is in danger now and was at the look before."""
         clock = view.clock
-        ratio, limit, worst = _step_ratio(view)
+        ratio, limit, worst = _step_ratio(view, now)
         seen = self._seen
         self._next = Seen(ratio, *max((seen.largest, seen.step), (ratio, clock.step_number), key=lambda peak: peak[0]))
         if ratio <= DANGER or not self.in_danger:
@@ -239,13 +245,26 @@ class StabilityGuard:
         self._seen = self._next = Seen(**state)
 
 
-def _step_ratio(view: RunView) -> tuple[float, float, int]:
+def _step_ratio(view: RunView, now: Totals) -> tuple[float, float, int]:
     """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
     dt = view.clock.dt
-    if view.model.features.backend.integrator != "exact_drift":
+    if view.model.features.backend.integrator != "exact_drift" or _far_below(view, now.contacts):
         return 0.0, np.inf, 0
     found, p = springs(view, read_contacts(view)), Particles(view)
-    if not len(found.i) or dt <= least_limit(found, rate_estimates(found, p.mass), dt):
+    if not len(found.i) or _estimate(found, p.mass, dt) <= 1.0:
         return 0.0, np.inf, 0
     limit, worst = stable_step(found, p.mass, p.inertia)
     return float(dt / limit), float(limit), worst
+
+
+def _far_below(view: RunView, contacts: ContactColumns) -> bool:
+    """Whether the estimate is below the limit whatever the order of its sums: then nothing is sorted by ids."""
+    i, j = contacts.slots()
+    radius, mass = view.state.record.numpy()[:, grain.RADIUS], 1.0 / view.state.inverse.numpy()[:, 0]
+    found = _springs(view, contacts, contacts.coefficients, i, j, radius, mass)
+    return not len(found.i) or _estimate(found, mass, view.clock.dt) < 1.0 - ROUNDING
+
+
+def _estimate(s: Springs, mass: np.ndarray, dt: float) -> float:
+    """Time step over the least that the limit can be [-]."""
+    return dt / least_limit(s, rate_estimates(s, mass), dt)

@@ -28,6 +28,7 @@ from warpdem.guards.sides import SideGuard
 from warpdem.guards.stability import CONFIRM, StabilityGuard
 from warpdem.guards.travel import TravelGuard
 from warpdem.guards.verdict import Verdict
+from warpdem.measure.totals import Totals
 from warpdem.state.view import RunView
 
 LOOKS = (100, 10_000)  # step of the first look after the start, and steps between two later on
@@ -125,7 +126,8 @@ class Guards:
         if not len(self.view.state):
             return []
         self._prepare()
-        found = [guard.look(self.view) for guard in self._looking]
+        now = Totals(self.view)
+        found = [guard.look(self.view, now) for guard in self._looking]
         return [verdict for verdict in found if verdict is not None]
 
     def _check_overlap(self) -> None:

@@ -21,9 +21,13 @@ place there, at which the books of its work begin or end.
 
 import numpy as np
 
+from warpdem.core.pose import FramePose
 from warpdem.kernels import grain
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.measure import observers
+from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.elastic import elastic_energies
+from warpdem.measure.totals import Totals, reader_of
 from warpdem.state.view import RunView
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
@@ -36,39 +40,42 @@ class Budget:
 
     Args:
         view: the run; it has ``totals``, which this adds to and reads.
+        now: sums over its grains at the present time, where a reader has them already.
     """
 
-    def __init__(self, view: RunView) -> None:
+    def __init__(self, view: RunView, now: Totals | None = None) -> None:
         if view.totals is None:
             raise ValueError("nothing is added up in this run: its scene has no measures of energy, momentum or flow")
-        self._view, self._totals = view, view.totals
+        self._view, self._totals, self._given = view, view.totals, now
 
     def begin(self) -> None:
         """Note what there is at the first instant; later calls do nothing."""
         if not self._totals.start:
-            self._totals.start = {"energy": [self._stored()], "momentum": self._momentum()}
+            now = self._now()
+            self._totals.start = {"energy": [_stored(now)], "momentum": now.momentum.tolist()}
 
     def energy(self) -> dict[str, float]:
         """Terms of the energy budget at the present time [J]."""
         self.begin()
-        view, totals = self._view, self._totals
-        elastic, all_sums = observers.elastic_energies(view, observers.read_contacts(view)), self._sums()
+        view, totals, now = self._view, self._totals, self._now()
+        all_sums = self._sums(now)
         sums, works = all_sums["energies"], all_sums["wall_work"]
         by_name = dict(zip(ENERGIES, sums, strict=True))
-        out = {f"elastic_{kind}": float(values.sum()) for kind, values in elastic.items()}
+        out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
         out |= {f"dissipated_{name}": by_name[name] for name in DISSIPATED}
         out |= {"work_walls": float(sum(works)), "work_fields": by_name["fields"]}
         out["carried_in"] = by_name["carried"] + totals.carried[0]
         given = out["work_walls"] + out["work_fields"] + out["carried_in"]
         lost = sum(by_name[name] for name in DISSIPATED)
-        out["integration_error"] = self._stored() - totals.start["energy"][0] - given + lost
-        out |= {"jacobi": self._jacobi()} if view.model.features.frame.moves else {}
+        out["integration_error"] = _stored(now) - totals.start["energy"][0] - given + lost
+        out |= {"jacobi": _stored(now) - now.along_frame} if view.model.features.frame.moves else {}
         return out | {f"{wall.name} work": float(work) for wall, work in zip(view.model.scene.walls, works, strict=True)}
 
     def momentum(self) -> dict[str, float]:
         """Terms of the momentum budget [N s] and of the one of angular momentum [N m s], laboratory axes."""
         self.begin()
-        now, sums = self._momentum(), self._sums()["momenta"]
+        totals = self._now()
+        now, sums = totals.momentum, self._sums(totals)["momenta"]
         parts = {name: np.array(sums[6 * k : 6 * k + 6]) for k, name in enumerate(MOMENTA)}
         parts["carried"] = parts["carried"] + self._totals.carried[1:]
         error = now - np.array(self._totals.start["momentum"]) - sum(parts.values())
@@ -81,7 +88,7 @@ class Budget:
 
     def flow(self) -> list[float]:
         """Mass [kg] and number that have gone through each plane along its normal, one plane after the other."""
-        return self._sums()["flow"]
+        return self._sums(self._now())["flow"]
 
     def inserted(self, slots: np.ndarray) -> None:
         """Count the grains in memory slots ``slots``, which have just been inserted."""
@@ -96,31 +103,18 @@ class Budget:
         slots, ids = slots[np.argsort(ids)], np.sort(ids)  # sums in order of id: memory has any order
         self._carry(slots, -1.0)
         if view.model.features.measures.energy:
-            contacts = observers.read_contacts(view, since=1)
+            reader = reader_of(view)
+            contacts = ContactColumns(view, reader, since=1)
             theirs = np.isin(contacts.i, ids) | np.isin(contacts.j, ids)
-            energies = observers.elastic_energies(view, contacts).values()
-            totals.carried[0] -= sum(float(energy[theirs].sum()) for energy in energies)
+            energies = [values[theirs] for values in elastic_energies(view, contacts).values() if values is not None]
+            totals.carried[0] -= sum(float(energy[0]) for energy in reader.column_sums(*energies))
         for name, sums in totals.gone.items():
             theirs = getattr(view.state, name).numpy()[slots].sum(axis=0)
-            sums[:] = np.add(sums, self._laboratory(name, theirs)).tolist()
+            sums[:] = np.add(sums, _laboratory(name, theirs, view.model.schedule.pose(view.clock.time))).tolist()
 
-    def _stored(self) -> float:
-        energy = observers.energy(self._view)
-        return sum(energy.get(name, 0.0) for name in STORED)
-
-    def _jacobi(self) -> float:
-        """Energy less what goes with the frame: E - sum (m V . v_frame + I W . w_frame) [J]."""
-        view, p = self._view, observers.Particles(self._view)
-        pose = view.model.schedule.pose(view.clock.time)
-        _, _, velocity, spin = view.readings()
-        along = p.mass @ np.einsum("ij,ij->i", velocity, pose.velocity_at(p.position)) + p.inertia @ (spin @ pose.spin)
-        return self._stored() - float(along)
-
-    def _momentum(self) -> list[float]:
-        p = observers.Particles(self._view)
-        velocity, mass = p.velocity_lab, p.mass
-        spin = p.inertia @ p.spin_lab
-        return [*(mass @ velocity), *(mass @ np.cross(p.position_lab, velocity) + spin)]
+    def _now(self) -> Totals:
+        """Sums over the grains at the present time: those given, or new ones, since a run goes on."""
+        return self._given or Totals(self._view)
 
     def _carry(self, slots: np.ndarray, sign: float) -> None:
         """Add what grains bring at mid-step, before the force call of the present instant."""
@@ -142,17 +136,20 @@ class Budget:
         carried = self._totals.carried
         self._totals.carried = [float(have + sign * new) for have, new in zip(carried, all_seven, strict=True)]
 
-    def _sums(self) -> dict[str, list[float]]:
+    def _sums(self, now: Totals) -> dict[str, list[float]]:
         """What has been added up of all grains, those that left too; vectors in laboratory axes."""
-        per_grain, rank = self._view.reader.read_sums(), self._view.state.rank
+        added_up = now.added_up
         return {
-            name: np.add(gone, self._laboratory(name, per_grain[name][rank].sum(axis=0))).tolist()
+            name: np.add(gone, _laboratory(name, added_up[name], now.pose)).tolist()
             for name, gone in self._totals.gone.items()
         }
 
-    def _laboratory(self, name: str, sums: np.ndarray) -> np.ndarray:
-        """Vectors rotated from frame axes to the laboratory."""
-        if name != "momenta":
-            return sums
-        pose = self._view.model.schedule.pose(self._view.clock.time)
-        return (sums.reshape(-1, 3) @ pose.rotation.T).ravel()
+
+def _stored(now: Totals) -> float:
+    """Energy that there is [J]."""
+    return sum(now.energy.get(name, 0.0) for name in STORED)
+
+
+def _laboratory(name: str, sums: np.ndarray, pose: FramePose) -> np.ndarray:
+    """Vectors rotated from frame axes to the laboratory."""
+    return (sums.reshape(-1, 3) @ pose.rotation.T).ravel() if name == "momenta" else sums

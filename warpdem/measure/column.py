@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from warpdem.core.snapshot import ContactNetwork, WallLoad
-from warpdem.measure import observers
 from warpdem.measure.budget import Budget
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
-from warpdem.measure.wall_loads import read_loads
+from warpdem.measure.totals import Totals
+from warpdem.measure.wall_loads import total_loads
 from warpdem.scene.measures import Region
 from warpdem.state.view import RunView
 
@@ -42,10 +42,13 @@ class Readings:
     Args:
         view: the run.
         observed: what each observer of the scene reads, by its name, shapes (n,); see ``observation.observed``.
+        totals: its sums, where they have been made already.
     """
 
-    def __init__(self, view: RunView, observed: Mapping[str, np.ndarray] | None = None) -> None:
-        self.view = view
+    def __init__(
+        self, view: RunView, observed: Mapping[str, np.ndarray] | None = None, totals: Totals | None = None
+    ) -> None:
+        self.view, self._given = view, totals
         self.observed = observed or {}
         self._bulk: dict[str, Bulk] = {}
 
@@ -55,15 +58,19 @@ class Readings:
         return Particles(self.view)
 
     @cached_property
+    def totals(self) -> Totals:
+        """Sums over grains and contacts."""
+        return self._given or Totals(self.view)
+
+    @cached_property
     def energy(self) -> dict[str, float]:
         """Kinetic, rotational, elastic, potential and field energy in the laboratory [J]."""
-        return observers.energy(self.view)
+        return self.totals.energy
 
     @cached_property
     def center_of_mass(self) -> np.ndarray:
         """Center of mass of all grains in the laboratory [m], shape (3,); nan without grains."""
-        mass, position = self.particles.mass, self.particles.position_lab
-        return mass @ position / mass.sum() if len(mass) else np.full(3, np.nan)
+        return self.totals.center_of_mass
 
     @cached_property
     def extremes(self) -> dict[str, float]:
@@ -73,7 +80,7 @@ class Readings:
     @cached_property
     def wall_loads(self) -> dict[str, WallLoad]:
         """Load on each wall by its name, vectors in laboratory axes."""
-        return read_loads(self.view, lab=True)
+        return total_loads(self.totals, lab=True)
 
     @cached_property
     def contacts(self) -> ContactNetwork:
@@ -83,17 +90,17 @@ class Readings:
     @cached_property
     def energy_budget(self) -> dict[str, float]:
         """Terms of the energy budget [J] by name."""
-        return Budget(self.view).energy()
+        return Budget(self.view, self.totals).energy()
 
     @cached_property
     def momentum_budget(self) -> dict[str, float]:
         """Terms of the budgets of momentum [N s] and angular momentum [N m s] by name."""
-        return Budget(self.view).momentum()
+        return Budget(self.view, self.totals).momentum()
 
     @cached_property
     def flow(self) -> list[float]:
         """Mass [kg] and number [-] that went through each plane so far, plane after plane."""
-        return Budget(self.view).flow()
+        return Budget(self.view, self.totals).flow()
 
     def bulk(self, region: Region) -> Bulk:
         """The grains in a region of the scene, and their averages."""

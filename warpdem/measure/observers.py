@@ -1,21 +1,18 @@
 """Read-only measures of a run: grains, contacts, energies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
-import warp as wp
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
-from warpdem.kernels.contact.columns import LOAD
+from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.totals import Totals, reader_of
 from warpdem.model.features import field_numbers
-from warpdem.model.impact import elastic_energy, own_constants, own_of, secant, stiffness
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
 from warpdem.state.view import RunView
-
-LEAST_OVERLAP = 1.0e-100  # [m]: a law that acts beyond contact has contacts of none; its square is not yet zero
 
 
 class Particles:
@@ -182,76 +179,12 @@ class Contacts:
 
 def read_contacts(view: RunView, since: int = 0) -> Contacts:
     """Contacts of a run at the time of the view, from the results of its last force call, ``since`` steps ago."""
-    lists, state, run = view.contacts, view.state, view.model
-    plan = run.features
-    record, ids = state.record.numpy(), state.id.numpy()
-    position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
-    parts = []
-    if len(state) and lists.contact_count:
-        assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None
-        assert lists.row is not None and lists.history is not None
-        lanes = lists.real_lanes()
-
-        def flat(array: wp.array) -> np.ndarray:  # (batches, fields, lanes) -> (contacts, fields)
-            return array.numpy().transpose(0, 2, 1).reshape(-1, array.shape[1])[lanes]
-
-        a, b = lists.owner.numpy().ravel()[lanes], lists.partner.numpy().ravel()[lanes]
-        way = run.domain.nearest(position[a] - position[b])
-        distance = np.linalg.norm(way, axis=1)
-        overlap = radius[a] + radius[b] - distance
-        on = overlap > -plan.contact.gap
-        a, b, way, distance, overlap = a[on], b[on], way[on], distance[on], overlap[on]
-        normal = way / distance[:, None]
-        memory, constants, at = flat(lists.history)[on], flat(lists.constants())[on], plan.contact.history
-        history = {name: memory[:, at.of(name)] for name in at.names}
-        parts.append(
-            (
-                ids[a], ids[b], overlap, normal, lists.row.numpy()[lists.slot_i.numpy().ravel()[lanes]][on][:, :3],
-                history.get("spring", np.zeros((len(a), 3))),
-                position[a] - normal * (radius[a] - 0.5 * overlap)[:, None], overlap / np.minimum(radius[a], radius[b]),
-                constants[:, plan.contact.constants.stiffness], history.get("angle", np.zeros((len(a), 3))),
-                radius[a] * radius[b] / (radius[a] + radius[b]), np.ones(len(a)), history.get(LOAD, np.zeros(len(a))),
-                *(constants[:, plan.contact.constants.of(name)] for name in plan.contact.own_constants),
-                *(history[name] for name in plan.contact.own_history),
-            )
-        )  # fmt: skip
-    if len(state) and run.walls is not None and lists.row_count:
-        parity = (view.clock.step_number - since) & 1
-        slot, g = lists.place_slots(parity, lists.wall_grains)
-        place = lists.places(parity, slot)
-        overlap, normal, wall = place["overlap"], place["normal"], place["wall"]
-        spring = place.get("spring", np.zeros((len(g), 3)))
-        table, kind = run.coefficient_table, state.kind.numpy()[g]
-        material = run.walls.material[wall]
-        which = kind * plan.contact.materials + material if plan.contact.table else np.zeros(len(g), dtype=int)
-        # the law is linear in its constant: a place that carries part of a force has that part of it
-        law = plan.contact
-        base = stiffness(law.normal, table[which, law.coefficients.stiffness], radius[g]) * place["weight"]
-        own = own_constants(law.normal, own_of(law.normal, table[which]), radius[g])
-        parts.append(
-            (
-                ids[g], -1 - wall, overlap, normal, place["force"], spring,
-                position[g] - normal * (radius[g] - overlap)[:, None], overlap / radius[g], base,
-                place.get("angle", np.zeros((len(g), 3))), radius[g], place["weight"],
-                place[LOAD] * place["weight"] if LOAD in place else np.zeros(len(g)),
-                *(own[name] for name in plan.contact.own_constants), *(place[name] for name in plan.contact.own_history),
-            )
-        )  # fmt: skip
-    names = (*plan.contact.own_constants, *plan.contact.own_history)
-    if not parts:
-        empty, vectors = np.zeros(0), np.zeros((0, 3))
-        return Contacts(
-            np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty, vectors, vectors, vectors, vectors, empty,
-            empty, vectors, empty, empty, empty, dict.fromkeys(names, empty),
-        )  # fmt: skip
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    order = np.lexsort((columns[1], columns[0], columns[1] < 0))  # stable: the places of a grain on a wall keep theirs
-    columns = [column[order] for column in columns]
-    i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, load, *of_law = columns
-    if LOAD not in plan.contact.history:  # a law without numbers of its own
-        load = np.maximum(np.einsum("ij,ij->i", force, normal), 0.0)
-    own = dict(zip(names, of_law, strict=True))
-    return Contacts(i, j, overlap, normal, force, spring, point, share, base, angle, radius, weight, load, own)
+    found = ContactColumns(view, reader_of(view), since)
+    # stable: the places of a grain on a wall keep theirs
+    order = np.lexsort((found.j, found.i, np.arange(len(found)) >= found.pairs))
+    names = [f.name for f in fields(Contacts) if f.name != "own"]
+    own = {name: values[order] for name, values in found.own.items()}
+    return Contacts(**{name: getattr(found, name)[order] for name in names}, own=own)
 
 
 def energy(view: RunView) -> dict[str, float]:
@@ -261,52 +194,7 @@ def energy(view: RunView) -> dict[str, float]:
     of the rolling springs, potential -m g . x; and, where the scene has external fields with a potential, theirs at the
     present positions.
     """
-    p = Particles(view)
-    elastic = elastic_energies(view, read_contacts(view))
-    velocity, spin = p.velocity_lab, p.spin_lab
-    out = {
-        "kinetic": float(0.5 * np.sum(p.mass * np.einsum("ij,ij->i", velocity, velocity))),
-        "rotational": float(0.5 * np.sum(p.inertia * np.einsum("ij,ij->i", spin, spin))),
-        "elastic": float(sum(energies.sum() for energies in elastic.values())),
-        "potential": float(-np.sum(p.mass * (p.position_lab @ np.array(view.model.scene.gravity)))),
-    }
-    fields = field_energies(view.model, p.position, p.position_lab, p.mass, p.radius)
-    return {**out, "fields": sum(fields)} if fields else out
-
-
-def elastic_energies(view: RunView, contacts: Contacts) -> dict[str, np.ndarray]:
-    """Energy in the normal contact, the tangential and the rolling spring of each contact [J], each of shape (c,).
-
-    A rolling law of the user with a spring says with ``energy(angle, spring)`` what is in it, as ``rolling.spring`` does.
-    """
-    plan, none = view.model.features, np.zeros(len(contacts.i))
-    law, at = plan.contact, plan.contact.coefficients
-    normal = normal_energy(law.normal, contacts.overlap, contacts)
-    out = {"normal": normal, "tangential": none, "rolling": none}
-    if "spring" in law.history:
-        k_n = normal_secant(law.normal, np.maximum(contacts.overlap, LEAST_OVERLAP), contacts)
-        table = coefficients_of(view, contacts)
-        out["tangential"] = 0.5 * table[:, at.shear] * k_n * np.einsum("ij,ij->i", contacts.spring, contacts.spring)
-        bent = None
-        if law.rolling is not None and "angle" in law.history:
-            bent = getattr(model("rolling", law.rolling), "energy", None)
-        if bent is not None:
-            out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
-    return out
-
-
-def normal_energy(normal: str, overlap: np.ndarray, contacts: Contacts) -> np.ndarray:
-    """Energy of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [J], shape (c,)."""
-    if not contacts.own:  # linear in its one constant, which holds the weight already
-        return elastic_energy(normal, overlap, contacts.stiffness)
-    return contacts.weight * elastic_energy(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
-
-
-def normal_secant(normal: str, overlap: np.ndarray, contacts: Contacts) -> np.ndarray:
-    """k_n of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [N/m], shape (c,)."""
-    if not contacts.own:
-        return secant(normal, overlap, contacts.stiffness)
-    return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+    return Totals(view).energy
 
 
 def field_energies(
@@ -327,7 +215,7 @@ def coefficients_of(view: RunView, contacts: Contacts) -> np.ndarray:
     run, state = view.model, view.state
     table = run.coefficient_table
     if not run.features.contact.table:
-        return np.repeat(table[:1], len(contacts.i), axis=0)
+        return np.broadcast_to(table[:1], (len(contacts.i), table.shape[1]))
     ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
     first = kind[np.searchsorted(ids, contacts.i)]
     material = run.walls.material if run.walls is not None else np.zeros(0, dtype=int)

@@ -1,19 +1,21 @@
 """From the features of a scene to its kernels: imports only the chosen models and builds each once."""
 
 import functools
+from contextlib import suppress
 
 import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
-from warpdem.kernels.lists import displacement, flight, neighbors, numbering, rebuild
+from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
 from warpdem.kernels.step import border, loop, motion, orientation
 from warpdem.kernels.step import graph as captured
-from warpdem.kernels.wall import candidates, contact, feature
+from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
+from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
 from warpdem.scene.model import Scene
 from warpdem.scene.models import is_file, model, using
@@ -27,7 +29,8 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
 
     Returns:
         Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
-        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``WallContacts``.
+        ``displacement``, ``inner`` (the inner list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains
+        in flight), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -50,10 +53,11 @@ def step_kernels(kernels: Built) -> list[wp.Kernel]:
     Args:
         kernels: of ``compile_kernels``.
     """
-    groups = [vars(group).values() for group in (kernels.lists, kernels.displacement, kernels.walls, numbering)
-              if group is not None]  # fmt: skip
-    step = kernels.loop.run, kernels.loop.read, kernels.loop.read_budget
-    return [thing for thing in (*step, *(one for group in groups for one in group)) if isinstance(thing, wp.Kernel)]
+    lists, walls = kernels.lists, kernels.walls
+    step = kernels.loop.run, kernels.inner.build_inner, kernels.loop.read, kernels.loop.read_budget
+    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
+    beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
+    return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
 
 
 def compile_observers(scene: Scene, device: wp.Device) -> None:
@@ -125,10 +129,15 @@ def _built(features: Features) -> Built:
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
-    WallContacts, evaluate_wall_contacts = contact.build(
-        wall_law, wall_parts, closest_on_feature, images, around, **shared, **met, turning_frame=turns,
-        moving_frame=shifting, meshes=meshes, moving=walls.moving,
-    )  # fmt: skip
+    one = contact.build(
+        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving
+    )
+    wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
+    WallContacts = wall_kernels.WallContacts
+    walls_swept = None
+    if swept is not None and walls.present:
+        with suppress(NotStraight):  # then one by one
+            walls_swept = wall_sweep.build(one, wall_kernels, backend.lanes, laws.table)
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
     sums = None
@@ -148,7 +157,8 @@ def _built(features: Features) -> Built:
         by_lane,
         swept,
         backend.lanes,
-        evaluate_wall_contacts,
+        wall_kernels.evaluate,
+        walls_swept,
         WallContacts,
         motion.build_load(backend.real, **spins, walls=walls.present),
         motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
@@ -187,6 +197,9 @@ def _built(features: Features) -> Built:
     moved = displacement.build(
         travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
     )
+    on_threads = inner.build(
+        lists, moved, wall_lists, step.Control, WallContacts, **spins, lanes=backend.lanes, stages=stages
+    )
     graph = again = None
     if backend.resident:
         graph = captured.build(
@@ -196,5 +209,5 @@ def _built(features: Features) -> Built:
     return Built(
         loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
         pairs=pair_kernels, paths=paths,
-        displacement=moved,
+        displacement=moved, inner=on_threads,
     )  # fmt: skip

@@ -53,12 +53,12 @@ class ContactFeatures:
         """Numbers of the contact history per contact."""
         return self.history.width
 
-    @property
+    @cached_property
     def own_history(self) -> tuple[str, ...]:
         """Names of what a contact remembers for its normal law."""
         return columns.own_history(model("normal", self.normal)).names
 
-    @property
+    @cached_property
     def own_constants(self) -> tuple[str, ...]:
         """Names of the constants of a contact that its normal law adds."""
         return columns.own_coefficients(model("normal", self.normal)).names

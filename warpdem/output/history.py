@@ -13,8 +13,8 @@ from warpdem.scene.model import Scene
 
 GENERAL = (
     Column("time", "s", lambda r: r.view.clock.time),
-    Column("frame_angle", "rad", lambda r: r.view.model.schedule.pose(r.view.clock.time).angle),
-    Column("grains", "-", lambda r: len(r.particles.mass)),
+    Column("frame_angle", "rad", lambda r: r.totals.pose.angle),
+    Column("grains", "-", lambda r: len(r.view.state)),
     Column("kinetic", "J", lambda r: r.energy["kinetic"]),
     Column("rotational", "J", lambda r: r.energy["rotational"]),
     Column("elastic", "J", lambda r: r.energy["elastic"]),

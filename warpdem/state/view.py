@@ -1,12 +1,13 @@
 """What readers see of a run at one time: a live run provides it, and so does a copy that is read while the run goes on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
 
+from warpdem.core.threads import Threads
 from warpdem.model.model import Model
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
@@ -43,6 +44,10 @@ class RunView:
     """Of the budgets; None where nothing is added up."""
     listed: Callable[[], ListedContacts]
     """Gives the contacts of the present lists."""
+    threads: Threads | None = None
+    """CPU threads that may read side by side; None: the reader's own alone."""
+    kept: dict[str, Any] = field(default_factory=dict, compare=False)
+    """What readers keep from one reading to the next, by a name of theirs."""
 
     @property
     def contacts(self) -> ListedContacts:

@@ -1,0 +1,222 @@
+"""What is read off all grains and contacts at one time: sums that depend on no order, and largest values.
+
+A launch takes a range of the indices. It adds to row ``row`` of the sums, or, on a GPU, to one of ``spread`` rows from there
+on, so that few threads meet in the same place. On a CPU each thread has a row of its own, and ``spread`` is 1.
+
+Arrays come as plain numbers, whatever vectors the scene's kernels have made of them: these kernels are the same for all scenes,
+and one module.
+"""
+
+import warp as wp
+from warpdem.kernels import MODULE_OPTIONS, SHARED_READERS
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.grain import GONE, RADIUS
+from warpdem.kernels.measure.exact_sum import add, rounded
+from warpdem.kernels.step.schedule import Placement, local
+from warpdem.kernels.wall import plane, revolved, sphere
+from warpdem.kernels.wall.record import GEOMETRY, RESULT
+from warpdem.kernels.wall.surface import Surface
+
+GRAIN_SUMS = Columns(
+    (
+        ("mass", 1),  # sum m [kg]
+        ("moment", 3),  # sum m q [kg m]
+        ("momentum", 3),  # sum m V [N s]
+        ("angular_momentum", 3),  # sum (m q x V + I W) [N m s]
+        ("kinetic", 1),  # sum (1/2) m V^2 [J]
+        ("rotational", 1),  # sum (1/2) I W^2 [J]
+    )
+)
+"""Sums over the grains; vectors in frame axes, about the frame's origin."""
+WALL_SUMS = Columns(
+    (
+        ("force", 3),  # on the grains [N]
+        ("moment", 3),  # of these forces about the frame's origin [N m]
+        ("torque", 3),  # rolling torque on the grains [N m]
+    )
+)
+"""Sums over the contact points of each wall; vectors in frame axes."""
+Motion = wp.types.vector(6, wp.float64)
+"""Angular velocity [rad/s] and velocity of the origin [m/s] of axes, resolved in frame axes."""
+NOT_LISTED = -1.0e300
+"""Overlap of a lane without a contact of grains that are present [m]."""
+
+wp.set_module_options(MODULE_OPTIONS, module=wp.get_module(SHARED_READERS))
+
+
+@wp.func
+def part(row: int, spread: int, i: int) -> int:
+    """Row that index ``i`` adds to."""
+    return row + i % spread
+
+
+@wp.func
+def position(record: wp.array2d(dtype=wp.float64), i: int) -> wp.vec3d:
+    """Position of a grain [m]."""
+    return wp.vec3d(record[i, 0], record[i, 1], record[i, 2])
+
+
+@wp.func
+def add_vector(value: wp.vec3d, row: int, column: int, sums_out: wp.array3d(dtype=wp.int64)):
+    """Add a vector to three columns."""
+    for k in range(3):
+        add(value[k], row, column + k, sums_out)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def grain_sums(
+    first: int, row: int, spread: int,
+    record: wp.array2d(dtype=wp.float64), inverse: wp.array2d(dtype=wp.float64), velocity: wp.array(dtype=wp.vec3d),
+    spin: wp.array(dtype=wp.vec3d),
+    axes: Motion,  # that velocity and spin are relative to; zeros if they are absolute
+    spins: int,  # 0: grains have no spin, whatever ``spin`` holds
+    sums_out: wp.array3d(dtype=wp.int64),
+):  # fmt: skip
+    """``GRAIN_SUMS`` of the grains that are present."""
+    i = first + wp.tid()
+    if record[i, 0] == wp.float64(wp.static(GONE)):
+        return
+    p = part(row, spread, i)
+    q = position(record, i)
+    mass = wp.float64(1.0) / inverse[i, 0]
+    turning = wp.vec3d(axes[0], axes[1], axes[2])
+    v = velocity[i] + (wp.vec3d(axes[3], axes[4], axes[5]) + wp.cross(turning, q))
+    add(mass, p, wp.static(GRAIN_SUMS.mass), sums_out)
+    add_vector(mass * q, p, wp.static(GRAIN_SUMS.moment), sums_out)
+    add_vector(mass * v, p, wp.static(GRAIN_SUMS.momentum), sums_out)
+    add(wp.float64(0.5) * mass * wp.dot(v, v), p, wp.static(GRAIN_SUMS.kinetic), sums_out)
+    angular = mass * wp.cross(q, v)
+    if spins > 0:
+        w = spin[i] + turning
+        inertia = wp.float64(1.0) / inverse[i, 1]
+        angular = angular + inertia * w
+        add(wp.float64(0.5) * inertia * wp.dot(w, w), p, wp.static(GRAIN_SUMS.rotational), sums_out)
+    add_vector(angular, p, wp.static(GRAIN_SUMS.angular_momentum), sums_out)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def column_sums(
+    first: int, row: int, spread: int,
+    value: wp.array2d(dtype=wp.float64),
+    record: wp.array2d(dtype=wp.float64),  # of the grains that the rows of ``value`` belong to; of size 0: all count
+    column: int,  # of the sums, where the first goes to
+    sums_out: wp.array3d(dtype=wp.int64),
+):  # fmt: skip
+    """Sums of the columns of an array."""
+    i = first + wp.tid()
+    if record.shape[0] > 0:
+        if record[i, 0] == wp.float64(wp.static(GONE)):
+            return
+    for k in range(value.shape[1]):
+        add(value[i, k], part(row, spread, i), column + k, sums_out)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def wall_sums(
+    first: int, row: int, spread: int,
+    record: wp.array2d(dtype=wp.float64),
+    grain: wp.array(dtype=wp.int32), slot: wp.array(dtype=wp.int32), place_count: wp.array2d(dtype=wp.int32),
+    place: wp.array3d(dtype=wp.float64), result: wp.array2d(dtype=wp.float64), parity: int,
+    column: int,  # of the sums, where those of the first wall begin
+    sums_out: wp.array3d(dtype=wp.int64),
+):  # fmt: skip
+    """``WALL_SUMS`` of each wall, over the contact points of the last force call."""
+    r = first + wp.tid()
+    i = grain[r]
+    if record[i, 0] == wp.float64(wp.static(GONE)):
+        return
+    p = part(row, spread, r)
+    for s in range(slot[i], slot[i] + place_count[parity, i]):
+        force = wp.vec3d(
+            result[s, wp.static(RESULT.force)], result[s, wp.static(RESULT.force + 1)], result[s, wp.static(RESULT.force + 2)]
+        )
+        normal = wp.vec3d(
+            place[parity, s, wp.static(GEOMETRY.normal)], place[parity, s, wp.static(GEOMETRY.normal + 1)],
+            place[parity, s, wp.static(GEOMETRY.normal + 2)],
+        )  # fmt: skip
+        arm = record[i, wp.static(RADIUS)] - place[parity, s, wp.static(GEOMETRY.overlap)]
+        at = column + int(place[parity, s, wp.static(GEOMETRY.wall)]) * wp.static(WALL_SUMS.width)
+        add_vector(force, p, at + wp.static(WALL_SUMS.force), sums_out)
+        moment = wp.cross(position(record, i) - normal * arm, force)
+        add_vector(moment, p, at + wp.static(WALL_SUMS.moment), sums_out)
+        if result.shape[1] > wp.static(RESULT.moment):
+            torque = wp.vec3d(
+                result[s, wp.static(RESULT.moment)], result[s, wp.static(RESULT.moment + 1)],
+                result[s, wp.static(RESULT.moment + 2)],
+            )  # fmt: skip
+            add_vector(torque, p, at + wp.static(WALL_SUMS.torque), sums_out)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def furthest_behind(
+    first: int, row: int, spread: int,
+    record: wp.array2d(dtype=wp.float64), surface: Surface,
+    bodies: wp.array(dtype=Placement),  # of each wall at present
+    most_out: wp.array2d(dtype=wp.float64),  # one column
+):  # fmt: skip
+    """The most that a grain's centre is behind an analytic wall that has a solid side, in radii; below 0 in front of all."""
+    i = first + wp.tid()
+    if record[i, 0] == wp.float64(wp.static(GONE)):
+        return
+    q = position(record, i)
+    radius = record[i, wp.static(RADIUS)]
+    most = wp.float64(-1.0e300)
+    planes = surface.triangles + surface.planes
+    for f in range(surface.triangles, planes + surface.revolutions + surface.spheres):
+        at = local(bodies[surface.wall[f]], q)
+        distance = wp.float64(1.0e300)
+        if f < planes:
+            _foot, _normal, distance = plane.closest(at, surface.plane[f])
+        elif f < planes + surface.revolutions:
+            shape = surface.revolved[f - planes]
+            if shape[12] != wp.float64(0.0):
+                axis = wp.vec3d(shape[3], shape[4], shape[5])
+                way = at - wp.vec3d(shape[0], shape[1], shape[2])
+                height = wp.dot(way, axis)
+                _axial, _radial, distance = revolved.from_line(height, wp.length(way - axis * height), shape)
+        else:
+            _foot, _normal, distance = sphere.closest(at, surface.ball[f - planes - surface.revolutions])
+        most = wp.max(most, -distance / radius)
+    wp.atomic_max(most_out, part(row, spread, i), 0, most)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def rounded_sums(
+    rows: int, sums: wp.array3d(dtype=wp.int64), value_out: wp.array(dtype=wp.float64)
+):
+    """Each sum, rounded; all are then zero again."""
+    c = wp.tid()
+    value_out[c] = rounded(rows, c, sums)
+    for r in range(rows):
+        for k in range(sums.shape[2]):
+            sums[r, c, k] = wp.int64(0)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def pair_overlaps(
+    first: int,
+    record: wp.array2d(dtype=wp.float64),
+    owner: wp.array(dtype=wp.int32), partner: wp.array(dtype=wp.int32), slot: wp.array(dtype=wp.int32),
+    no_slot: int,  # force slot of lanes that only fill a batch
+    period: wp.vec3d,  # 0 where an axis is not periodic
+    overlap_out: wp.array(dtype=wp.float64), normal_out: wp.array(dtype=wp.vec3d),
+):  # fmt: skip
+    """Overlap [m] and unit normal of each lane of the contact batches; ``NOT_LISTED`` where there is no contact."""
+    t = first + wp.tid()
+    overlap_out[t] = wp.float64(wp.static(NOT_LISTED))
+    if slot[t] >= no_slot:
+        return
+    i = owner[t]
+    j = partner[t]
+    if record[i, 0] == wp.float64(wp.static(GONE)) or record[j, 0] == wp.float64(wp.static(GONE)):
+        return
+    across = position(record, i) - position(record, j)
+    for k in range(3):
+        if period[k] > wp.float64(0.0):
+            if across[k] > wp.float64(0.5) * period[k]:
+                across[k] = across[k] - period[k]
+            elif across[k] < wp.float64(-0.5) * period[k]:
+                across[k] = across[k] + period[k]
+    distance = wp.sqrt(wp.dot(across, across))
+    overlap_out[t] = record[i, wp.static(RADIUS)] + record[j, wp.static(RADIUS)] - distance
+    normal_out[t] = across / distance

@@ -1,0 +1,243 @@
+"""The wall contacts of a grain: one per contact point, however the wall is divided into triangles.
+
+A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the inner
+skin) and its contact points are at the start of that range. Each step, for the grains that have candidates:
+
+1. ``search``: the closest points of its candidates are reduced to contact points (``places``), and each takes the history of
+   the nearest one of the step before on that wall (in body axes: the history is kept across triangle borders);
+2. ``evaluate``: the contact law at each contact point (``contact``), and the sum over them. On a CPU ``sweep`` does this for
+   several contact points at once.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built, grain
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, WallEntry
+from warpdem.kernels.step.schedule import Placement, Row
+from warpdem.kernels.wall import places
+from warpdem.kernels.wall.contact import Inverse, vec6
+from warpdem.kernels.wall.places import SHARED, TAKEN, Hit, point_of
+from warpdem.kernels.wall.record import FOUND, Found
+from warpdem.kernels.wall.surface import Surface
+
+
+@functools.cache
+def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float):
+    """Return the struct of wall contacts, and the functions of a grain's.
+
+    Args:
+        one: namespace of ``contact.build``.
+        closest_on_feature: of ``feature.build``.
+        border: periodic images, of ``border.build``.
+        around: of ``images.build``.
+        table: coefficients differ between contacts.
+        meshes: some walls are meshes.
+        gap: as in ``pairs.build``.
+    """
+    g, at = grain.build(one.spins), one.at
+    Memory, Result, Coefficients = one.Memory, one.Result, one.Coefficients
+    moving, rolling, energies = one.moving, one.rolling, one.has_parts
+
+    @wp.struct
+    class WallContacts:
+        """Wall contacts, in slots of the grains near walls; hits and what is found are only used within a force call."""
+
+        grain: wp.array(dtype=wp.int32)  # grains that have candidates, ascending
+        first: wp.array(dtype=wp.int32)  # per grain: its first slot
+        candidates: wp.array(dtype=wp.int32)  # per grain: how many it has
+        load: wp.array(dtype=vec6)  # per grain: force [N] and torque [N m] of all its contact points
+        # per slot
+        feature: wp.array(dtype=wp.int32)
+        hit: wp.array(dtype=Hit)
+        hit_state: wp.array(dtype=wp.int32)
+        hit_mask: wp.array(dtype=wp.int32)
+        found: wp.array(dtype=Found)  # contact points whose law is to be evaluated; those of several grains together
+        result: wp.array(dtype=Result)
+        # contact points [generation, grain or slot]: 0 and 1 in alternate steps, 2 for the stages within a step
+        place_count: wp.array2d(dtype=wp.int32)
+        place: wp.array2d(dtype=Memory)
+        # per grain, when energies are added up
+        entry: wp.array(dtype=WallEntry)
+        power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
+
+    find_contact_points = places.build(WallContacts, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
+
+    @wp.func
+    def remembered(
+        i: int, c: int, alone: bool, wall: int, radius: wp.float64, old: int, surface: Surface, wall_contacts: WallContacts
+    ) -> int:
+        """Slot of the contact point of the step before on ``wall`` that is nearest to the new one at ``c``, else -1.
+
+        An old contact point that is nearer to another new one belongs to that, unless ``c`` is one of several that share a
+        force: then a new one takes over the history of its neighbor. ``alone``: ``c`` is the only new one.
+        """
+        first = wall_contacts.first[i]
+        hit = wall_contacts.hit[c]
+        point = point_of(hit)
+        found = int(-1)
+        nearest = radius * radius
+        for s in range(first, first + wall_contacts.place_count[old, i]):
+            wall_contact = wall_contacts.place[old, s]
+            if int(wall_contact[wp.static(at.wall)]) == wall:
+                before = one.point_in(wall_contact)
+                square = wp.length_sq(border.nearest(before - point))
+                mine = int(1)
+                if not alone and wall_contacts.hit_state[c] != wp.static(SHARED):
+                    for o in range(first, first + wall_contacts.candidates[i]):
+                        if wall_contacts.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[
+                            around.feature_of(surface, wall_contacts.feature[o])
+                        ] == wall:
+                            if wp.length_sq(border.nearest(before - point_of(wall_contacts.hit[o]))) < square:
+                                mine = 0
+                if square < nearest and mine == 1:
+                    nearest = square
+                    found = s
+        return found
+
+    @wp.func
+    def in_springs(
+        i: int, old: int, radius: wp.float64, inv: Inverse, kind: wp.array(dtype=wp.int32), materials: int,
+        coefficients: wp.array(dtype=Coefficients), surface: Surface, wall_contacts: WallContacts, dt: wp.float64,
+    ) -> wp.float64:  # fmt: skip
+        """Energy in the springs of the contact points of the step before [J]."""
+        total = wp.float64(0.0)
+        for s in range(wall_contacts.first[i], wall_contacts.first[i] + wall_contacts.place_count[old, i]):
+            before = wall_contacts.place[old, s]
+            c = coefficients[0]
+            if wp.static(table):
+                c = coefficients[kind[i] * materials + surface.material[int(before[wp.static(at.wall)])]]
+            total += one.in_springs(before, radius, inv, c, dt)
+        return total
+
+    @wp.func
+    def search(
+        r: int,  # number in the list of grains that have candidates
+        listed: int,  # where its contact points are listed
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        kind: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=Coefficients),
+        surface: Surface,
+        wall_contacts: WallContacts,
+        placements: wp.array2d(dtype=Placement),
+        now_row: int,
+        old: int,  # generation of contact points that is read
+        new: int,  # and the one that is written
+        dt: wp.float64,
+    ) -> int:
+        """List the contact points of a grain and set its sums to zero; returns where the list ends."""
+        i = wall_contacts.grain[r]
+        state = grains[i]
+        radius = state[3]
+        if wp.static(energies):
+            for wall in range(wall_contacts.power.shape[1]):
+                wall_contacts.power[i, wall] = wp.float64(0.0)
+            entry = WallEntry()
+            if wp.static(one.in_springs is not None):
+                # over all of them: one contact point may pass its springs on to several, or to none
+                entry[wp.static(WALL_ENTRY_AT.rescaled)] = in_springs(
+                    i, old, radius, inverse[i], kind, materials, coefficients, surface, wall_contacts, dt
+                )
+            wall_contacts.entry[i] = entry
+        wall_contacts.load[i] = vec6()
+        first = wall_contacts.first[i]
+        slot = int(first)
+        n = int(listed)
+        hits = find_contact_points(i, g.position(state), radius, surface, wall_contacts, placements, now_row)
+        if hits > 0:
+            for c in range(first, first + wall_contacts.candidates[i]):
+                if wall_contacts.hit_state[c] >= wp.static(TAKEN):
+                    f = around.feature_of(surface, wall_contacts.feature[c])
+                    wall = surface.wall[f]
+                    row = int(0)
+                    if wp.static(table):
+                        row = kind[i] * materials + surface.material[wall]
+                    before = remembered(i, c, hits == 1, wall, radius, old, surface, wall_contacts)
+                    wall_contacts.found[n] = Found(i, c, before, slot, f, wall, surface.motion[wall], row)
+                    n += 1
+                    slot += 1
+        wall_contacts.place_count[new, i] = slot - first
+        return n
+
+    @wp.func
+    def evaluate_found(
+        e: int,  # number in the list of what is found
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        coefficients: wp.array(dtype=Coefficients),
+        wall_contacts: WallContacts,
+        placements: wp.array2d(dtype=Placement),
+        before_row: int,  # of the placements: where springs slip from
+        now_row: int,
+        row: Row,
+        old: int,
+        new: int,
+        dt: wp.float64,
+    ):
+        """Evaluate one contact point and add what it does to its grain; returns overlap ratio [-] and approach speed [m/s]."""
+        found = wall_contacts.found[e]
+        i = found[wp.static(FOUND.grain)]
+        slot = found[wp.static(FOUND.slot)]
+        motion = found[wp.static(FOUND.motion)]
+        now = placements[now_row, motion]
+        then = now
+        if wp.static(moving > 0):
+            then = placements[before_row, motion]
+        before = Memory()
+        known = wp.float64(0.0)
+        if found[wp.static(FOUND.before)] >= 0:
+            before = wall_contacts.place[old, found[wp.static(FOUND.before)]]
+            known = wp.float64(1.0)
+        memory, load, moment, overlap_ratio, approach, entry, power = one.contact(
+            grains[i], inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]], wp.float64(found[wp.static(FOUND.wall)]),
+            known, before, now, then, coefficients[found[wp.static(FOUND.coefficients)]], row, dt,
+        )  # fmt: skip
+        wall_contacts.place[new, slot] = memory
+        wall_contacts.load[i] = wall_contacts.load[i] + load
+        f = wp.float64(found[wp.static(FOUND.feature)])
+        if wp.static(rolling):
+            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2], moment[0], moment[1], moment[2])
+        else:
+            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2])
+        if wp.static(energies):
+            wall = found[wp.static(FOUND.wall)]
+            wall_contacts.entry[i] = wall_contacts.entry[i] + entry
+            wall_contacts.power[i, wall] = wall_contacts.power[i, wall] + power
+        return overlap_ratio, approach
+
+    @wp.func
+    def evaluate(
+        r: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        kind: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=Coefficients),
+        surface: Surface,
+        wall_contacts: WallContacts,
+        placements: wp.array2d(dtype=Placement),
+        before_row: int,
+        now_row: int,
+        row: Row,
+        old: int,
+        new: int,
+        dt: wp.float64,
+    ):
+        """Evaluate one grain; returns the largest overlap ratio [-] and approach speed [m/s] of its wall contacts."""
+        overlap_ratio = wp.float64(0.0)
+        approach = wp.float64(0.0)
+        listed = wall_contacts.first[wall_contacts.grain[r]]
+        end = search(
+            r, listed, grains, inverse, kind, materials, coefficients, surface, wall_contacts, placements, now_row, old, new, dt
+        )
+        for e in range(listed, end):
+            a, b = evaluate_found(
+                e, grains, inverse, coefficients, wall_contacts, placements, before_row, now_row, row, old, new, dt
+            )
+            overlap_ratio = wp.max(overlap_ratio, a)
+            approach = wp.max(approach, b)
+        return overlap_ratio, approach
+
+    return Built(WallContacts=WallContacts, search=search, evaluate=evaluate)

@@ -1,0 +1,195 @@
+"""The wall contacts of a CPU core: contact points of several grains in the lanes of its registers.
+
+Which contact points there are is searched grain by grain (``evaluate.search``), with branches that differ from grain to grain;
+the law is that of ``contact``, translated by ``simd.translate``. Written here in C++ is only how numbers come in and go out. A
+grain's contact points are added up in their order, so its load has the bits of the plain loop.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import grain
+from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.simd import rows
+from warpdem.kernels.simd.lane_types import declarations
+from warpdem.kernels.simd.translate import Translator
+from warpdem.kernels.step.schedule import Placement, Row
+from warpdem.kernels.wall.contact import Inverse, vec6
+from warpdem.kernels.wall.places import Hit
+from warpdem.kernels.wall.record import FOUND, FRICTION, Found
+from warpdem.kernels.wall.surface import Surface
+
+BLOCK = 64  # grains searched before their contact points are evaluated, while what the search has read is in the caches
+
+
+def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str:
+    """Statements that read the vector ``name`` of each lane from row ``index`` of the array at ``address``."""
+    width = kind._length_
+    text = f"        wp::vec_t<{width}, f64> {name};\n"
+    if width < lanes:
+        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[{index}[k] * {width} + f];"
+        return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
+    parts = rows.starts(width, lanes)
+    return text + "".join(f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts)
+
+
+def same(name: str, kind: type, address: str) -> str:
+    """Statements that give every lane of the vector ``name`` the numbers at ``address``."""
+    width = kind._length_
+    return f"    wp::vec_t<{width}, f64> {name};\n    for (int f = 0; f < {width}; ++f) {name}.c[f] = ({address})[f];\n"
+
+
+@functools.cache
+def source(one, lanes: int, table: bool) -> str:
+    """C++ of the sweep; arguments as in ``build``.
+
+    Raises:
+        NotStraight: the law cannot be evaluated in lanes; the message says where.
+    """
+    law = Translator()
+    contact = law.add(one.contact).name
+    memory, result, entry = one.Memory._length_, one.Result._length_, WallEntry._length_
+    indices = "".join(f"            {name}_of[k] = found.data[at].c[{FOUND.of(name)}];\n" for name in FOUND.names)
+    placement = "wp::address(placements, {}, 0)->c".format
+    c_of_all = "" if table else same("c", one.Coefficients, "coefficients.data[0].c")
+    c_of_each = gathered("c", one.Coefficients, "coefficients.data[0].c", "coefficients_of", lanes) if table else ""
+    then = gathered("then", Placement, placement("before_row"), "motion_of", lanes) if one.moving else ""
+    given = [
+        ("wp::address(place, now_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
+        ("result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
+                                       *(f"o.r2.c[{f}]" for f in range(result - FRICTION))]),
+        ("loads[k]", [f"o.r1.c[{f}]" for f in range(6)]),
+    ]  # fmt: skip
+    sums = "            for (int f = 0; f < 6; ++f) load.data[grain_of[k]].c[f] += loads[k][f];\n"
+    if one.has_parts:
+        given.append(("entries[k]", [f"o.r5.c[{f}]" for f in range(entry)]))
+        sums += f"            for (int f = 0; f < {entry}; ++f) entry.data[grain_of[k]].c[f] += entries[k][f];\n"
+        sums += "            *wp::address(power, grain_of[k], wall_of[k]) += o.r6[k];\n"
+    return f"""{declarations(lanes)}
+    struct batch {{
+        enum {{ LANES = {lanes} }};
+{rows.helpers(wp.float64, lanes)}{law.text}    }};
+{same("step", Row, "row.c")}{c_of_all}    f64 deepest = extreme.data[to], fastest = extreme.data[to + 1];
+    for (wp::int32 e = first; e < last; e += {lanes}) {{
+        const wp::int32 count = last - e < {lanes} ? last - e : {lanes};
+        wp::int32 {", ".join(f"{name}_of[{lanes}]" for name in FOUND.names)};
+        f64 known, wall, feature;
+        for (int k = 0; k < {lanes}; ++k) {{
+            const wp::int32 at = k < count ? e + k : last - 1;  // the last once more, where there are no more
+{indices}            known[k] = before_of[k] < 0 ? 0.0 : 1.0;
+            before_of[k] = before_of[k] < 0 ? slot_of[k] : before_of[k];
+            wall[k] = wall_of[k];
+            feature[k] = feature_of[k];
+        }}
+{gathered("state", one.Record, "grains.data[0].c", "grain_of", lanes)}\
+{gathered("inv", Inverse, "inverse.data[0].c", "grain_of", lanes)}\
+{gathered("point", Hit, "hit.data[0].c", "hit_of", lanes)}\
+{gathered("before", one.Memory, "wp::address(place, old_generation, 0)->c", "before_of", lanes)}\
+{gathered("now", Placement, placement("now_row"), "motion_of", lanes)}{then}{c_of_each}\
+        const auto o = batch::{contact}(
+            state, inv, point, wall, known, before, now, {"then" if one.moving else "now"}, c, step, f64(dt));
+        deepest = deepest < o.r3 ? o.r3 : deepest;
+        fastest = fastest < o.r4 ? o.r4 : fastest;
+        double loads[{lanes}][6]{f", entries[{lanes}][{entry}]" if one.has_parts else ""};
+{rows.write(wp.float64, lanes, "batch", given)}\
+        for (int k = 0; k < count; ++k) {{
+{sums}        }}
+    }}
+    for (int k = 0; k < {lanes}; ++k) {{
+        extreme.data[to] = wp::max(extreme.data[to], deepest[k]);
+        extreme.data[to + 1] = wp::max(extreme.data[to + 1], fastest[k]);
+    }}
+"""
+
+
+@functools.cache
+def build(one, grains_of_walls, lanes: int, table: bool):
+    """Return ``sweep``: evaluates the wall contacts of a range of grains.
+
+    Args:
+        one: namespace of ``contact.build``.
+        grains_of_walls: namespace of ``evaluate.build``.
+        lanes: contacts side by side, a power of two.
+        table: coefficients differ between contacts.
+
+    Raises:
+        NotStraight: the law cannot be evaluated in lanes.
+    """
+    g, Coefficients = grain.build(one.spins), one.Coefficients
+    search, WallContacts = grains_of_walls.search, grains_of_walls.WallContacts
+
+    @wp.func_native(source(one, lanes, table))
+    def evaluate_found(
+        first: int,
+        last: int,
+        found: wp.array(dtype=Found),
+        # state, read
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        hit: wp.array(dtype=Hit),
+        placements: wp.array2d(dtype=Placement),
+        before_row: int,
+        now_row: int,
+        coefficients: wp.array(dtype=Coefficients),
+        row: Row,
+        dt: wp.float64,
+        # written
+        place: wp.array2d(dtype=one.Memory),
+        old_generation: int,
+        now_generation: int,
+        result: wp.array(dtype=one.Result),
+        load: wp.array(dtype=vec6),  # added to, as the entries and powers
+        entry: wp.array(dtype=WallEntry),
+        power: wp.array2d(dtype=wp.float64),
+        extreme: wp.array(dtype=wp.float64),  # from ``to``: largest overlap ratio [-] and approach speed [m/s]
+        to: int,
+    ):
+        """Evaluate contact points ``first`` to ``last`` of those found."""
+        ...
+
+    @wp.func
+    def sweep(
+        first: int,
+        last: int,
+        stride: int,
+        grains: wp.array(dtype=g.Record),
+        inverse: wp.array(dtype=Inverse),
+        kind: wp.array(dtype=wp.int32),
+        materials: int,
+        coefficients: wp.array(dtype=Coefficients),
+        surface: Surface,
+        wall_contacts: WallContacts,
+        placements: wp.array2d(dtype=Placement),
+        before_row: int,
+        now_row: int,
+        row: Row,
+        old: int,
+        new: int,
+        dt: wp.float64,
+        extreme: wp.array(dtype=wp.float64),
+        to: int,
+    ):
+        """Evaluate grains ``first`` to ``last`` of those that have candidates; arguments as of ``evaluate``."""
+        done = int(0)
+        if first < last:
+            # from the first slot of its grains on there is room for what a thread finds, apart from the others'
+            done = wall_contacts.first[wall_contacts.grain[first]]
+        end = int(done)
+        for block in range(first, last, stride * wp.static(BLOCK)):
+            block_end = wp.min(block + stride * wp.static(BLOCK), last)
+            for r in range(block, block_end, stride):
+                end = search(
+                    r, end, grains, inverse, kind, materials, coefficients, surface, wall_contacts, placements, now_row, old,
+                    new, dt,
+                )  # fmt: skip
+            full = int(end)
+            if block_end < last:  # what fills no register waits for the next block
+                full -= (end - done) % wp.static(lanes)
+            evaluate_found(
+                done, full, wall_contacts.found, grains, inverse, wall_contacts.hit, placements, before_row, now_row,
+                coefficients, row, dt, wall_contacts.place, old, new, wall_contacts.result, wall_contacts.load,
+                wall_contacts.entry, wall_contacts.power, extreme, to,
+            )  # fmt: skip
+            done = full
+
+    return sweep

@@ -1,0 +1,218 @@
+"""Sums over all grains and contacts of a run at one time, each made when it is asked for.
+
+    T = sum (1/2) m V^2,   R = sum (1/2) I W^2,   P = sum m V,   L = sum (m x x V + I W),   M x_c = sum m x
+    F_w = -sum F,   T_w = -sum ((x - p) x F + M),   P_w = sum (F . v + M . w),   v = u + w x x
+
+They are exact and rounded once (``kernels.measure.exact_sum``): the same bits for any order in memory and number of threads.
+Sums are taken in frame axes about the frame's origin; what is rotated and shifted from there is the few numbers that come out.
+"""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+
+from warpdem.core.pose import FramePose
+from warpdem.kernels.measure import readings as kernels
+from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
+from warpdem.measure import elastic
+from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.sums import Reader
+from warpdem.model.features import field_numbers
+from warpdem.scene.models import model
+from warpdem.state.listed_contacts import ListedContacts
+from warpdem.state.view import RunView
+
+Thing = TypeVar("Thing")
+SPRINGS = len(elastic.SPRINGS)
+ABSOLUTE = kernels.Motion()
+
+
+def reader_of(view: RunView) -> Reader:
+    """Launches on the device of what is read of a run."""
+    kept = view.kept.get("reader")
+    if kept is None:
+        device = view.state.record.device
+        assert device is not None
+        kept = view.kept["reader"] = Reader(device, view.threads)
+    return kept
+
+
+class Totals:
+    """Sums over the grains and contacts of a run at the time of the view, vectors in laboratory axes if not said otherwise."""
+
+    def __init__(self, view: RunView) -> None:
+        self.view = view
+
+    def made(self) -> "Totals":
+        """The same, all of it made now: it may be read when the run has gone on."""
+        for name in ("pose", "bodies", "_sums", "fields", *(["added_up"] if self.view.totals is not None else [])):
+            getattr(self, name)
+        for name in ("contacts", "listed"):  # arrays of the run, which goes on
+            vars(self).pop(name, None)
+        return self
+
+    @cached_property
+    def pose(self) -> FramePose:
+        """The frame."""
+        view = self.view
+        return self._still("pose", view.model.features.frame.moves, lambda: view.model.schedule.pose(view.clock.time))
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """Placements of the walls, shape (w, 18)."""
+        view, schedule = self.view, self.view.model.schedule
+        return self._still("bodies", schedule.moving > 0 or schedule.shifting, lambda: schedule.bodies(view.clock.time))
+
+    def _still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
+        """What ``read`` gives, once for all times if it never moves."""
+        if moves:
+            return read()
+        if name not in self.view.kept:
+            self.view.kept[name] = read()
+        kept: Thing = self.view.kept[name]
+        return kept
+
+    @cached_property
+    def listed(self) -> ListedContacts:
+        """The contacts of the lists."""
+        return self.view.contacts
+
+    @cached_property
+    def _sums(self) -> np.ndarray:
+        """All sums over grains, walls and springs, in one go: each takes longer to ask for than to add up for a few grains."""
+        view, reader, state = self.view, reader_of(self.view), self.view.state
+        if not len(state):
+            return np.zeros(self._first_spring + SPRINGS)
+        sums = reader.sums(self._first_spring + SPRINGS)
+        _, velocity, spin = view.reader.read()
+        record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
+        moving = velocity, spin, self._axes, int(state.spins)
+        reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
+        if self._walls and self.listed.row_count:
+            of, parity = self.listed.walls, view.clock.step_number & 1
+            place, result = reader.plain("place", of.place), reader.plain("result", of.result)
+            points = of.grain, of.first, of.place_count, place, result, parity
+            reader.add(kernels.wall_sums, self.listed.row_count, record, *points, GRAIN_SUMS.width, sums)
+        if len(self.contacts):
+            found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
+            reader.add_columns(reader.uploaded("springs", *found), len(self.contacts), self._first_spring, sums)
+        return reader.rounded(sums)
+
+    @property
+    def _walls(self) -> int:
+        """Walls of the scene."""
+        return len(self.view.model.scene.walls)
+
+    @property
+    def _first_spring(self) -> int:
+        """Column of the sums from which on elastic energies stand."""
+        return GRAIN_SUMS.width + self._walls * WALL_SUMS.width
+
+    @property
+    def _axes(self) -> Any:
+        """Motion that the integrator holds velocities relative to."""
+        view = self.view
+        if not view.model.features.backend.scheme.RELATIVE:
+            return ABSOLUTE
+        return kernels.Motion(*view.model.schedule.frames(view.clock.step_number, 0)[0][12:18])
+
+    # -- grains ---------------------------------------------------------------------------------
+
+    @cached_property
+    def grains(self) -> dict[str, Any]:
+        """``GRAIN_SUMS`` by name, vectors in frame axes."""
+        return {name: self._sums[GRAIN_SUMS.of(name)] for name in GRAIN_SUMS.names}
+
+    @property
+    def mass(self) -> float:
+        """Mass of all grains [kg]."""
+        return float(self.grains["mass"])
+
+    @cached_property
+    def moment(self) -> np.ndarray:
+        """Sum m x [kg m], shape (3,)."""
+        return self.pose.rotation @ self.grains["moment"] + self.mass * self.pose.translation
+
+    @property
+    def center_of_mass(self) -> np.ndarray:
+        """Center of mass of all grains [m], shape (3,); nan without grains."""
+        return self.moment / self.mass if self.mass > 0.0 else np.full(3, np.nan)
+
+    @property
+    def momentum(self) -> np.ndarray:
+        """P, then L about the laboratory's origin, shape (6,)."""
+        linear = self.pose.rotation @ self.grains["momentum"]
+        angular = self.pose.rotation @ self.grains["angular_momentum"] + np.cross(self.pose.translation, linear)
+        return np.concatenate([linear, angular])
+
+    @property
+    def along_frame(self) -> float:
+        """Sum (m V . v_frame + I W . w_frame) [J]."""
+        pose = self.pose
+        return float(self.grains["momentum"] @ pose.velocity + self.grains["angular_momentum"] @ pose.spin)
+
+    # -- energies -------------------------------------------------------------------------------
+
+    @cached_property
+    def contacts(self) -> ContactColumns:
+        """The contacts, in the order of the lists."""
+        return ContactColumns(self.view, reader_of(self.view), listed=self.listed)
+
+    @cached_property
+    def elastic(self) -> dict[str, float]:
+        """Energy in the normal contacts, the tangential and the rolling springs [J]."""
+        names = [name for name, there in elastic.springs(self.view.model.features.contact).items() if there]
+        found = self._sums[self._first_spring :].tolist()
+        return dict.fromkeys(elastic.SPRINGS, 0.0) | dict(zip(names, found, strict=False))
+
+    @cached_property
+    def fields(self) -> float | None:
+        """Potential energy in the external fields that have one [J]; None if none has."""
+        run = self.view.model
+        fields = [(model("field", name), axes) for name, axes in run.features.fields]
+        if not any(hasattr(field, "energy") for field, _ in fields):
+            return None
+        # those that have left lie where a field may be no number
+        state, reader = self.view.state, reader_of(self.view)
+        here = np.flatnonzero(state.here) if len(state) < state.slots else slice(None)
+        record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
+        position, radius = record[:, :3], record[:, 3]
+        place = {"laboratory": self.pose.to_laboratory(position), "frame": position}
+        energies = [
+            field.energy(place[axes], mass, radius, numbers)
+            for (field, axes), numbers in zip(fields, field_numbers(run.scene), strict=True)
+            if hasattr(field, "energy")
+        ]
+        return float(sum(float(total[0]) for total in reader.column_sums(*energies)))
+
+    @cached_property
+    def energy(self) -> dict[str, float]:
+        """Kinetic, rotational, elastic and potential energy [J]; and that in fields where one has a potential."""
+        out = {
+            "kinetic": float(self.grains["kinetic"]),
+            "rotational": float(self.grains["rotational"]),
+            "elastic": sum(self.elastic.values()),
+            "potential": float(-(self.moment @ np.array(self.view.model.scene.gravity, dtype=float))),
+        }
+        return out if self.fields is None else out | {"fields": self.fields}
+
+    # -- walls ----------------------------------------------------------------------------------
+
+    @cached_property
+    def walls(self) -> np.ndarray:
+        """``WALL_SUMS`` of each wall of the scene, in frame axes, shape (w, 9)."""
+        return self._sums[GRAIN_SUMS.width : self._first_spring].reshape(self._walls, WALL_SUMS.width)
+
+    # -- what the steps have added up -----------------------------------------------------------
+
+    @cached_property
+    def added_up(self) -> dict[str, np.ndarray]:
+        """What the budgets have added up of the grains that are present, by name; vectors in frame axes."""
+        per_grain = self.view.reader.read_sums()
+        reader, state = reader_of(self.view), self.view.state
+        if not len(state):
+            return {name: np.zeros(values.shape[1]) for name, values in per_grain.items()}
+        record = reader.plain("record", state.record)
+        return dict(zip(per_grain, reader.column_sums(*per_grain.values(), present=record), strict=True))
