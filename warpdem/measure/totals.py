@@ -169,7 +169,6 @@ class Totals:
     @cached_property
     def elastic(self) -> dict[str, float]:
         """Energy in the normal contacts, the tangential and the rolling springs [J]."""
-        assert self._pairs_are_there  # else what they store is unknown, not zero
         names = [name for name, there in elastic.springs(self.view.model.features.contact).items() if there]
         found = self._sums[self._first_spring :].tolist()
         return dict.fromkeys(elastic.SPRINGS, 0.0) | dict(zip(names, found, strict=False))
