@@ -58,6 +58,7 @@ def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
 def everything(folder: Path) -> Scene:
     """A scene with what the gallery lacks: odd names, digits beyond single precision, lists in lists, files."""
     np.savez(folder / "state.npz", position=[[0.0, 0.0, 0.5]], radius=[0.01])
+    (folder / "lid.obj").write_text("o lid\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
     rng = np.random.default_rng(0)
     return scene_from_dict(
         {
@@ -88,9 +89,16 @@ def everything(folder: Path) -> Scene:
             ],
             "walls": [
                 {"name": "a-b", "material": "steel", "plane": {"point": [0, 0, -1], "normal": [1, 2, 3]}},
+                {"name": "lid", "material": "steel", "mesh": "lid.obj", "part": "lid", "scale": [1e-3, 1 / 3, 2], "open": True,
+                 "driven": True},
                 {
                     "name": "a_b", "material": "steel", "cone": {"apex": [0, 0, -1], "axis": [0, 0, 1], "half_angle": "30 deg"},
-                    "motion": [{"velocity": [0, 0, 0]}, {"axis": [1, 1, 0], "table": [[0.0, 1.0], [0.5, 2.0], [1.0, -1.0]]}],
+                    "motion": [
+                        {"velocity": [0, 0, 0]}, {"axis": [1, 1, 0], "table": [[0.0, 1.0], [0.5, 2.0], [1.0, -1.0]]},
+                        {"schedule": [{"until": 0.2, "velocity": [[0, 0, 0], [0, 0, 1]]}, {"velocity": [0, 0, 1]}]},
+                        {"table": [[0.0, 0, 0, 1], [1.0, 0, 0.1, 0]], "start": 0.1, "until": 0.9},
+                        {"axis": [0, 0, 1], "rate": 1, "pitch": "5 mm"},
+                    ],
                 },
             ],
             "frame": [

@@ -11,6 +11,7 @@ import trimesh
 from warpdem.errors import SceneError
 from warpdem.mesh.file import read_triangles
 from warpdem.mesh.triangle_mesh import load_mesh
+from warpdem.scene.walls import FixedRotation
 
 
 def box(size=(1.0, 2.0, 3.0)):
@@ -37,6 +38,66 @@ def test_all_file_kinds_give_the_same_welded_box(tmp_path, kind):
     assert mesh.is_closed
     np.testing.assert_allclose(mesh.volume, 6.0, rtol=1e-14)
     np.testing.assert_array_equal(mesh.bounds, [[-0.5, -1.0, -1.5], [0.5, 1.0, 1.5]])
+
+
+def ascii_stl(**solids):
+    """ASCII STL of several solids by name."""
+    facet = "facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n"
+    text = ""
+    for name, corners in solids.items():
+        rows = ("".join(f"vertex {a!r} {b!r} {c!r}\n" for a, b, c in t.tolist()) for t in corners)
+        text += f"solid {name}\n" + "".join(facet.format(row) for row in rows) + f"endsolid {name}\n"
+    return text
+
+
+def obj(word, **objects):
+    """OBJ of several objects or groups by name."""
+    text, first = "", 1
+    for name, corners in objects.items():
+        text += f"{word} {name}\n" + "".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in corners.reshape(-1, 3).tolist())
+        text += "".join(f"f {k}/1 {k + 1}//1 {k + 2}\n" for k in range(first, first + 3 * len(corners), 3))
+        first += 3 * len(corners)
+    return text
+
+
+LARGE, SMALL = box(), box((0.5, 0.5, 0.5)) + 0.0
+SEVERAL = {"stl": ascii_stl(drum=LARGE, lifter=SMALL), "o.obj": obj("o", drum=LARGE, lifter=SMALL)}
+SEVERAL |= {"g.obj": obj("g", drum=LARGE, lifter=SMALL), "both.obj": "o machine\n" + obj("g all", drum=LARGE, lifter=SMALL)}
+
+
+@pytest.mark.parametrize("kind", SEVERAL)
+def test_one_part_of_a_file_with_several(tmp_path, kind):
+    path = tmp_path / f"machine.{kind}"
+    path.write_text(SEVERAL[kind], encoding="utf-8")
+    np.testing.assert_array_equal(read_triangles(path, "mesh", "lifter"), SMALL)
+    np.testing.assert_array_equal(read_triangles(path, "mesh", "drum"), LARGE)
+    assert len(read_triangles(path, "mesh")) == 24
+    assert load_mesh(path, part="lifter").volume == pytest.approx(0.125, rel=1e-14)
+    with pytest.raises(SceneError, match=r"machine\..*: part = 'lid': it holds no such part; there are .*'drum', .*'lifter'"):
+        read_triangles(path, "mesh", "lid")
+
+
+def test_files_without_names_have_no_parts(tmp_path):
+    (tmp_path / "a.stl").write_bytes(stl_bytes(box()))
+    with pytest.raises(SceneError, match="a binary STL has no names of parts"):
+        read_triangles(tmp_path / "a.stl", "mesh", "drum")
+    (tmp_path / "b.obj").write_text(obj("usemtl", drum=box()), encoding="utf-8")
+    with pytest.raises(SceneError, match="its parts have no names"):
+        read_triangles(tmp_path / "b.obj", "mesh", "drum")
+    with pytest.raises(SceneError, match="a PLY file has no names"):
+        (tmp_path / "c.ply").write_bytes(b"ply")
+        read_triangles(tmp_path / "c.ply", "mesh", "drum")
+
+
+def test_scale_along_each_axis_of_the_file(tmp_path):
+    path = tmp_path / "a.stl"
+    path.write_bytes(stl_bytes(box()))
+    quarter = FixedRotation(axis=[0, 0, 1], angle="90 deg")
+    mesh = load_mesh(path, scale=(2.0, 0.5, 1.0), rotate=quarter, translate=[0, 0, 1.5])
+    np.testing.assert_allclose(mesh.bounds, [[-0.5, -1.0, 0.0], [0.5, 1.0, 3.0]], rtol=0, atol=1e-15)
+    assert mesh.volume == pytest.approx(6.0, rel=1e-14)
+    whole = load_mesh(path, scale=(0.001, 0.001, 0.001)), load_mesh(path, scale=0.001)
+    np.testing.assert_array_equal(whole[0].corners, whole[1].corners)
 
 
 def test_missing_file_is_named(tmp_path):

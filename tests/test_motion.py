@@ -167,6 +167,66 @@ def test_translation_starts_from_zero_whatever_the_phase():
     np.testing.assert_array_equal(pose.origin[0], 0.0)
 
 
+@pytest.mark.parametrize(
+    ("time", "shift", "velocity"),
+    [
+        (0.0, 0.0, 0.0),
+        (0.5, 0.25, 1.0),
+        (1.0, 1.0, 3.0),  # the jump from 2 to 3 shows the velocity after it
+        (1.5, 2.5, 3.0),
+        (2.0, 4.0, 0.0),  # after the last until it rests
+        (9.0, 4.0, 0.0),
+    ],
+)
+def test_scheduled_velocity_by_hand(time, shift, velocity):
+    schedule = [{"until": 1, "velocity": [[0, 0, 0], [0, 2, 0]]}, {"until": 2, "velocity": [0, "3 m/s", 0]}]
+    pose = chain({"schedule": schedule}).pose(np.array([time]))
+    assert pose.origin[0].tolist() == [0.0, shift, 0.0]
+    assert pose.velocity[0].tolist() == [0.0, velocity, 0.0]
+
+
+def test_table_of_velocities_is_linear_between_its_entries_and_constant_outside():
+    made = chain({"table": [[1, 2, 0, 0], ["2 s", 4, "0 mm/s", -1]]})
+    pose = made.pose(np.array([0.5, 1.0, 1.5, 2.0, 3.0]))
+    np.testing.assert_allclose(pose.velocity[:, 0].astype(float), [2, 2, 3, 4, 4], rtol=1e-15)
+    np.testing.assert_allclose(pose.origin[:, 0].astype(float), [1, 2, 3.25, 5, 9], rtol=1e-15)
+    np.testing.assert_allclose(pose.origin[:, 2].astype(float), [0, 0, -0.125, -0.5, -1.5], rtol=1e-15, atol=1e-18)
+    assert made.motions[0].max_speed == math.hypot(4, 1)
+
+
+def test_screw_advances_by_its_pitch_each_revolution():
+    made = chain({"axis": [0, 0, 2], "origin": [1, 0, 0], "rate": "2 rpm", "pitch": "5 mm"})
+    pose = made.pose(np.array([30.0, 37.5]))  # one revolution, and a quarter more
+    np.testing.assert_allclose(pose.origin.astype(float), [[0, 0, 0.005], [1, -1, 0.00625]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(pose.velocity[0].astype(float), [0, -2 * math.pi / 30, 0.005 / 30], rtol=0, atol=1e-15)
+    assert [type(part).__name__ for part in made.parts(30.0)] == ["TranslationPart", "RotationPart"]
+    assert made.keys == ["frame", "frame"]
+
+
+def test_bounded_motions_make_a_sequence():
+    """Up for 0.5 s, a quarter turn, then along x of the outer axes, since that motion is the outermost."""
+    made = chain(
+        {"velocity": [1, 0, 0], "start": 1.5},
+        {"velocity": [0, 0, 2], "until": 0.5},
+        {"axis": [0, 0, 1], "rate": math.pi / 2, "start": 0.5, "until": 1.5},
+    )
+    pose = made.pose(np.array([0.25, 0.5, 1.0, 1.5, 2.0]))
+    np.testing.assert_allclose(pose.origin.astype(float), [[0, 0, 0.5], *[[0, 0, 1]] * 3, [0.5, 0, 1]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(pose.spin[:, 2].astype(float), [0, math.pi / 2, math.pi / 2, 0, 0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        pose.axes[:, 0, 1].astype(float), [0, 0, -math.sqrt(0.5), -1, -1], rtol=0, atol=1e-15
+    )
+    np.testing.assert_allclose(pose.velocity[-1].astype(float), [0, -1, 0], rtol=0, atol=1e-15)  # in body axes
+
+
+def test_a_motion_before_its_start_and_after_its_end_is_at_rest():
+    made = chain({"amplitude": [0.1, 0, 0], "frequency": 1, "start": 2, "until": 2.25})
+    pose = made.pose(np.array([0.0, 1.9, 2.25, 100.0]))
+    np.testing.assert_allclose(pose.origin[:, 0].astype(float), [0, 0, 0.1, 0.1], rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(pose.velocity, 0.0)
+    np.testing.assert_array_equal(pose.acceleration, 0.0)
+
+
 def test_a_translation_may_rest():
     still = chain({"velocity": [0, 0, 0]})
     assert not still.moves
@@ -186,7 +246,20 @@ SHAKEN = (
     {"axis": [0, 1, 1], "origin": [0, 0.3, 0], "table": [[0, 2], [1, 20], [2, -4]]},
     {"axis": [1, 0, 0], "rate": 3},
 )
-CHAINS = {"mill": MILL, "shaken": SHAKEN, "inside": (SHAKEN[1], SHAKEN[0]), "shaker": SHAKEN[:1]}
+GATE = (
+    {"schedule": [{"until": 0.5, "velocity": [[0, 0, 0], [1, 0, -2]]}, {"until": 1.7, "velocity": [1, 0, -2]}]},
+    {"table": [[0.2, 0, 0, 0], [1.1, 0, 3, 0], [1.9, 0.5, -1, 0]], "amplitude": [0, 0, 0.1], "frequency": 2},
+)
+SCREW = ({"axis": [1, 2, 0], "origin": [0, 0, 0.3], "schedule": [{"until": 3, "rate": [2, 8]}], "pitch": -0.4},)
+SEQUENCE = (
+    {"velocity": [0, 0, 2], "until": 0.5},
+    {"axis": [0, 1, 0], "origin": [0.1, 0, 0], "rate": 3, "start": 0.5, "until": 1.2, "elapsed": 0.2},
+    {"amplitude": [0.1, 0, 0], "frequency": 3, "phase": 1, "start": 1.2},
+)
+CHAINS = {
+    "mill": MILL, "shaken": SHAKEN, "inside": (SHAKEN[1], SHAKEN[0]), "shaker": SHAKEN[:1], "gate": GATE, "screw": SCREW,
+    "sequence": SEQUENCE,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("motions", CHAINS.values(), ids=CHAINS)
@@ -314,6 +387,17 @@ WRONG = [
     ({"velocity": [0, 0]}, ["frame.velocity", "list of 3"]),
     ({"frequency": 3}, ["frame.frequency = 3", "amplitude"]),
     ({"velocity": [1, 0, 0], "phase": 3}, ["frame.phase = 3", "amplitude"]),
+    ({"schedule": [{"velocity": [1, 0, 0]}, {"until": 1, "velocity": [0, 0, 0]}]}, ["frame.schedule[0].until", "missing"]),
+    ({"schedule": [{"velocity": [[0, 0, 0], [1, 0, 0]]}]}, ["frame.schedule[0].until", "a ramp must end"]),
+    ({"schedule": [{"until": 1, "velocity": [1, 0]}]}, ["frame.schedule[0].velocity", "list of 3"]),
+    ({"schedule": [{"until": 1, "velocity": ["1 rpm", 0, 0]}]}, ["frame.schedule[0].velocity[0]", "a speed"]),
+    ({"table": [[0, 1, 0, 0], [0, 1, 0, 0]]}, ["frame.table[1][0] = 0", "later than 0 s"]),
+    ({"table": [[0, 1, 0, 0], [1, 2]]}, ["frame.table[1]", "list of 4 numbers"]),
+    ({"velocity": [1, 0, 0], "table": [[0, 1, 0, 0]]}, ["frame", "one of velocity, schedule and table"]),
+    ({"axis": [0, 0, 1], "schedule": [{"velocity": [1, 0, 0]}]}, ["frame.schedule[0].velocity", "of its own", "pitch"]),
+    ({"axis": [0, 0, 1], "rate": 1, "pitch": "2 s"}, ["frame.pitch", "a length"]),
+    ({"velocity": [1, 0, 0], "start": 2, "until": 2}, ["frame.until = 2", "later than start = 2 s"]),
+    ({"axis": [0, 0, 1], "rate": 1, "start": -1}, ["frame.start = -1", ">= 0"]),
     ({"amplitude": [1, 0, 0]}, ["frame.frequency", "missing: an amplitude needs a frequency"]),
     ({"amplitude": [1, 0, 0], "frequency": "3 rpm"}, ["frame.frequency", "not a frequency"]),
     ([{"velocity": [1, 0, 0]}, {"amplitude": [1, 0, 0], "frequncy": 3}], ["frame[1].frequncy", 'did you mean "frequency"']),

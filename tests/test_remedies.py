@@ -96,17 +96,16 @@ def test_a_missing_law_is_answered_by_those_there_are(role):
 
 
 @pytest.mark.parametrize(
-    "motion",
+    ("motion", "remedy"),
     [
-        {"schedule": [{"until": 1, "velocity": [0, 0, 1]}]},
-        {"velocity": [0, 0, 1], "schedule": [{"until": 1, "rate": 1}]},
-        {"axis": [0, 0, 1], "schedule": [{"until": 1, "velocity": [0, 0, 1], "rate": 2}]},
+        ({"velocity": [0, 0, 1], "schedule": [{"until": 1, "rate": 1}]}, "missing: Velocity [m/s], three numbers"),
+        ({"axis": [0, 0, 1], "schedule": [{"until": 1, "velocity": [0, 0, 1], "rate": 2}]}, "a motion of its own"),
     ],
 )
-def test_a_velocity_in_a_schedule_is_answered_by_what_there_is_for_it(motion):
+def test_a_velocity_in_a_schedule_of_rates_is_answered_by_what_there_is_for_it(motion, remedy):
     with pytest.raises(SceneError) as error:
         Scene.model_validate({**BASE, "frame": motion})
-    assert "velocity" in str(error.value) and "time samples of a USD prim (usd and prim)" in str(error.value)
+    assert "frame.schedule[0].velocity" in str(error.value) and remedy in str(error.value)
     assert "phases" in KEYS and "frame.usd" in KEYS and "axis" not in str(error.value).split("\n")[1]
 
 

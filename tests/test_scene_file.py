@@ -221,6 +221,10 @@ BAD = [
     ("walls.1.mesh=meshes/box.stl", ["walls[1]", "exactly one of mesh, plane"]),
     ("walls.1.scale=2", ["walls[1].scale = 2", "mesh"]),
     ("walls.0.scale=-1", ["walls[0].scale = -1", "> 0"]),
+    ("walls.0.scale=[1, 2]", ["walls[0].scale", "list of 3"]),
+    ("walls.0.scale=[1, 2, -1]", ["walls[0].scale[2] = -1", "> 0"]),
+    ("walls.0={name='a', material='glass', mesh='a.ply', part='lid'}", ["walls[0].part", ".stl, .obj", "a PLY file has none"]),
+    ("walls.0={name='a', material='glass', mesh='a.usd', part='lid'}", ["walls[0].part", ".stl, .obj", "give prim"]),
     ("walls.0.scale='3 mm'", ["walls[0].scale", "pure number"]),
     # files
     ("walls.0.mesh=meshes/bx.stl", ["walls[0].mesh", "bx.stl", "no such file", "similar files there: box.stl"]),

@@ -4,6 +4,9 @@ import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from warpdem.core.device import pick_device
 from warpdem.core.snapshot import WallMesh
@@ -156,6 +159,33 @@ class Simulation(RunReadings):
     def prepare(self) -> None:
         """Evaluate the forces of the present time if they are not: what every reader asks for first."""
         self.loop.prepare()
+
+    def set_motion(self, wall: str, motion: Any) -> None:
+        """Give a wall another motion from the next step on, from where it is now.
+
+        The forces of the present time stay those of the motion before. A checkpoint keeps the motion; ``resume`` of a run in
+        Python goes on with it, bit for bit.
+
+        Args:
+            wall: name of a wall with ``driven = true`` in the scene.
+            motion: one motion or a list of them, as the key ``motion`` of a wall, such as ``{"velocity": [0, 0, 0.1]}``; its
+                time begins now; None for rest.
+
+        Raises:
+            SceneError: there is no such wall, or it is not driven, or the motion is wrong, or too fast for the time step.
+        """
+        driven = self.model.schedule.driven
+        if wall not in driven:
+            known = ", ".join(repr(name) for name in driven) or "none"
+            has = any(one.name == wall for one in self.scene.walls)
+            reason = "is not driven: add driven = true to it" if has else "is no wall of the scene"
+            raise SceneError(f"set_motion: {wall!r} {reason}; driven walls: {known}")
+        self.prepare()  # whether the forces of the present time were asked for before must not matter
+        mesh = self.meshes.get(wall)
+        points = mesh.vertices if mesh is not None else np.zeros((0, 3))
+        radius = float(self.model.expected.radius.min(initial=math.inf))
+        driven[wall].set(self.time, motion, points, radius, self.dt)
+        self.engine.motion_changed()
 
     # -- checkpoint -----------------------------------------------------------------------------
 

@@ -41,10 +41,8 @@ class Engine:
         self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
-        executor = self.executor
-        self.lists = NeighborLists(
-            model, state, clock, self.batch, timers, executor.launch, executor.storage, self.leavers
-        )
+        pool, list_build = self.executor.storage.pool, self.executor.list_build
+        self.lists = NeighborLists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
         self.structs = Structs(model, state, self.lists)
         self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
 
@@ -101,6 +99,11 @@ class Engine:
     def ignore_overlaps(self) -> None:
         """Let batches go on whatever the overlaps."""
         self.batch.control.max_overlap.fill_(np.inf)
+
+    def motion_changed(self) -> None:
+        """A wall moves otherwise than the schedule said, from the present step on."""
+        self.batch.forget_schedule()
+        self.lists.flights.end_paths()
 
     def restore(self, extreme: np.ndarray) -> None:
         """Take over the extremes of a checkpoint; schedule and structs are made again."""

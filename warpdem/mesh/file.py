@@ -6,6 +6,7 @@ trimesh takes index 0 for the first point, counts relative indices from the end 
 even if they are not convex.
 """
 
+import io
 import struct
 import warnings
 from array import array
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.mesh.parts import ObjectFaces, PartProblem, solid_text
 from warpdem.mesh.polygons import triangulate
 
 STL_HEADER, STL_TRIANGLE = 84, 50
@@ -31,12 +33,13 @@ PLY_BYTES = {
 """Size of the data types of a PLY file [bytes]."""
 
 
-def read_triangles(path: Path, key: str) -> np.ndarray:
+def read_triangles(path: Path, key: str, part: str = "") -> np.ndarray:
     """Corners of all triangles of a file in its own units, in the order of the file, shape (t, 3, 3), float64.
 
     Args:
         path: File ending in .stl, .obj or .ply.
         key: Scene key, for messages.
+        part: Name of the solid, object or group whose triangles are wanted; "" for all.
 
     Raises:
         SceneError: The file is missing, of another type, unreadable, damaged or without triangles.
@@ -47,7 +50,9 @@ def read_triangles(path: Path, key: str) -> np.ndarray:
         raise SceneError(f"{key}: {path.name}: a mesh file ends in one of {', '.join(READERS)}, or in one of USD's")
     size = path.stat().st_size
     try:
-        corners = READERS[path.suffix.lower()](path, size)
+        corners = READERS[path.suffix.lower()](path, size, part)
+    except PartProblem as problem:
+        raise SceneError(f"{key}: {path.name}: {problem}") from None
     except Exception as error:  # any error of the parsers
         raise SceneError(f"{key}: {path.name} ({size} bytes) cannot be read as a mesh: {error}") from error
     if len(corners) == 0:
@@ -55,7 +60,7 @@ def read_triangles(path: Path, key: str) -> np.ndarray:
     return corners
 
 
-def _read_stl(path: Path, size: int) -> np.ndarray:
+def _read_stl(path: Path, size: int, part: str) -> np.ndarray:
     with path.open("rb") as file:
         start = file.read(STL_HEADER)
     count = struct.unpack("<I", start[-4:])[0] if len(start) == STL_HEADER else 0
@@ -66,7 +71,13 @@ def _read_stl(path: Path, size: int) -> np.ndarray:
         return np.zeros((0, 3, 3))
     from trimesh.exchange.stl import load_stl  # slow to import: only scenes with meshes pay
 
-    corners = np.concatenate([vertices[faces] for vertices, faces in _parsed(path, load_stl)])
+    text = None
+    if part:
+        if is_binary:
+            raise PartProblem(f"part = {part!r}: a binary STL has no names of parts: write it as ASCII STL, or as OBJ")
+        text = solid_text(path.read_bytes(), part)
+        count = text.lower().count(b"endfacet")
+    corners = np.concatenate([vertices[faces] for vertices, faces in _parsed(path, load_stl, text)])
     if len(corners) != count:
         raise ValueError(f"it has {count} facets but corners for {len(corners)}; damaged?")
     return corners
@@ -88,13 +99,15 @@ def _check_ascii_stl(path: Path, start: bytes, count: int) -> int:
     return faces
 
 
-def _read_ply(path: Path, size: int) -> np.ndarray:
+def _read_ply(path: Path, size: int, part: str) -> np.ndarray:
+    if part:
+        raise PartProblem(f"part = {part!r}: a PLY file has no names of parts: write it as OBJ")
     declared = _check_ply_header(path, size)
     if 0 in declared:
         return np.zeros((0, 3, 3))
     from trimesh.exchange.ply import load_ply  # slow to import: only scenes with meshes pay
 
-    ((vertices, faces),) = _parsed(path, load_ply, skip_materials=True, fix_texture=False)
+    ((vertices, faces),) = _parsed(path, load_ply, None, skip_materials=True, fix_texture=False)
     if len(vertices) != declared[0] or len(faces) < declared[1]:
         raise ValueError(
             f"its header declares {declared[0]} vertices and {declared[1]} faces, it holds {len(vertices)} and {len(faces)}"
@@ -137,12 +150,15 @@ def _check_ply_header(path: Path, size: int) -> tuple[int, int]:
     return counts.get("vertex", 0), counts.get("face", 0)
 
 
-def _parsed(path: Path, load: Callable[..., Any], **options: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+def _parsed(
+    path: Path, load: Callable[..., Any], text: bytes | None, **options: Any
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Points (v, 3), float64, and point numbers of each face (f, corners), of the parts returned by a loader of trimesh.
 
+    ``text`` stands for the content of the file, if given.
     The loaders are called directly: `trimesh.load_mesh` would weld and drop corners of files with several parts.
     """
-    with path.open("rb") as file, warnings.catch_warnings():
+    with path.open("rb") if text is None else io.BytesIO(text) as file, warnings.catch_warnings():
         # NumPy's warning for text that is no number
         warnings.simplefilter("error", DeprecationWarning)
         found = load(file, **options)
@@ -152,7 +168,8 @@ def _parsed(path: Path, load: Callable[..., Any], **options: Any) -> list[tuple[
     return [(np.asarray(part["vertices"], np.float64), np.asarray(part["faces"])) for part in parts]
 
 
-def _read_obj(path: Path, size: int) -> np.ndarray:
+def _read_obj(path: Path, size: int, part: str) -> np.ndarray:
+    named_faces = ObjectFaces(part)
     points, corners, counts = array("d"), array("q"), array("q")
     number, continued = 0, b""
     with path.open("rb") as file:
@@ -163,6 +180,8 @@ def _read_obj(path: Path, size: int) -> np.ndarray:
             line = continued + line.rstrip()
             continued = line[:-1] + b" " if line.endswith(b"\\") else b""
             words = line.split() if not continued else []
+            if part and words:
+                named_faces.line(words)
             try:
                 if words and words[0] == b"v":
                     points.extend([float(words[1]), float(words[2]), float(words[3])])
@@ -184,7 +203,11 @@ def _read_obj(path: Path, size: int) -> np.ndarray:
     vertices = np.frombuffer(points, np.float64).reshape(-1, 3) if points else np.zeros((0, 3))
     if not counts:
         raise ValueError(f"it holds no faces ({number} lines, {len(vertices)} points)")
-    triangles = triangulate(vertices, np.frombuffer(counts, np.int64), np.frombuffer(corners, np.int64))
+    sizes, numbers = np.frombuffer(counts, np.int64), np.frombuffer(corners, np.int64)
+    if part:
+        member = named_faces.faces()
+        sizes, numbers = sizes[member], numbers[np.repeat(member, sizes)]
+    triangles = triangulate(vertices, sizes, numbers)
     return np.asarray(vertices[triangles])
 
 

@@ -67,19 +67,20 @@ def _was_flipped(one: TriangleMesh, other: TriangleMesh, corners: np.ndarray) ->
 
 def corners_in_file(
     path: Path,
-    scale: float,
+    scale: float | Sequence[float],
     rotate: Rotate | None,
     translate: Sequence[float],
     prim: str,
     key: str,
     folders: Sequence[Path] | None = None,
+    part: str = "",
 ) -> np.ndarray:
     """Corners of the triangles of a mesh file [m], shape (t, 3, 3), with its own winding; arguments as of ``load_mesh``."""
     if Path(path).suffix.lower() in USD_SUFFIXES:
         corners, _ = usd_geometry.read_triangles(path, prim, key, folders)
     else:
-        corners = mesh_file.read_triangles(path, key)
+        corners = mesh_file.read_triangles(path, key, part)
     matrix = np.eye(3)
     if rotate is not None:
         matrix = matrix + rotation_increment(unit(rotate.axis), np.array([rotate.angle]))[0].astype(float)
-    return np.asarray((np.asarray(corners, float) * float(scale)) @ matrix.T + np.asarray(translate, float))
+    return np.asarray((np.asarray(corners, float) * np.asarray(scale, float)) @ matrix.T + np.asarray(translate, float))

@@ -101,23 +101,25 @@ class TriangleMesh:
 
 def load_mesh(
     path: str | Path,
-    scale: float = 1.0,
+    scale: float | Sequence[float] = 1.0,
     rotate: Rotate | None = None,
     translate: Sequence[float] = (0.0, 0.0, 0.0),
     prim: str = "",
     key: str = "mesh",
     folders: Sequence[Path] | None = None,
+    part: str = "",
 ) -> TriangleMesh:
     """Read a mesh file, weld its corners, then scale, rotate, translate and repair it (see `warpdem.mesh.repair`).
 
     Args:
         path: STL (binary or ASCII), OBJ, PLY or USD file; a USD file is converted to metres with z upwards first.
-        scale: Metres per unit of the file [m].
+        scale: Metres per unit of the file [m], or three numbers, one along each axis of the file.
         rotate: Rotation about the origin; None for none.
         translate: Translation after scaling and rotation [m].
         prim: Path of a prim of a USD file; "" if the file holds one surface only.
         key: Scene key, for messages.
         folders: Folders that must hold all files which a USD file refers to; None for no restriction.
+        part: Name of a solid of an ASCII STL, or of an object or group of an OBJ; "" for the whole file.
 
     Raises:
         SceneError: The file is missing, unreadable, empty, or has a corner that is not a finite number.
@@ -127,8 +129,8 @@ def load_mesh(
     if path.suffix.lower() in USD_SUFFIXES:
         corners, notes = usd_geometry.read_triangles(path, prim, key, folders)
     else:
-        corners = mesh_file.read_triangles(path, key)
-    pose = (_rotation_matrix(rotate) * float(scale), np.asarray(translate, float))
+        corners = mesh_file.read_triangles(path, key, part)
+    pose = (_rotation_matrix(rotate) * np.asarray(scale, float), np.asarray(translate, float))
     return build_mesh(corners, pose, path.name, key, notes)
 
 
@@ -162,6 +164,8 @@ def build_mesh(
     if pose is not None:
         matrix, shift = pose
         size = np.cbrt(abs(np.linalg.det(matrix)))
+        if (stretch := np.linalg.norm(matrix, axis=0)).max() > (1.0 + 1e-9) * stretch.min():
+            size = stretch.max()  # the rounding of the file is that of its most stretched axis
         rounding *= size
         vertices = vertices @ matrix.T + shift
     solid, single = Shape(vertices, triangles, rounding).area > 0.0, first_of_each(triangles)

@@ -121,6 +121,11 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
             if not (isinstance(motion, Translation) or along) and frame.rotates:
                 raise SceneError(f"{key}: periodic, but the frame turns about another axis; only the axis of rotation may be")
         for number, wall in enumerate(scene.walls):
+            if wall.driven:
+                raise SceneError(
+                    f"{key}: periodic, but walls[{number}] ({wall.name!r}) is driven: where it will go is not known, "
+                    "nor at which periodic images it acts; take the periodic border away, or driven"
+                )
             for motion in wall.motion or ():
                 axis = getattr(motion, "axis", None)
                 if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):

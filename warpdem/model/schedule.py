@@ -4,6 +4,7 @@ import numpy as np
 
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
+from warpdem.model.driven import DrivenMotion
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
@@ -11,7 +12,7 @@ from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 class WallMotion:
     """How a group of walls moves: fixed to the frame or the laboratory, and moving by itself in it or not."""
 
-    def __init__(self, fixed_to: str, own: Chain) -> None:
+    def __init__(self, fixed_to: str, own: Chain | DrivenMotion) -> None:
         self.fixed_to, self.own = fixed_to, own
 
     @property
@@ -35,6 +36,7 @@ class Schedule:
         motions: wall motions, those that move relative to the frame first.
         wall_motion: motion number of each wall of the scene, shape (w,).
         moving: how many of the motions move relative to the frame.
+        driven: motions that may be changed in the run, by the names of their walls.
         max_rate: bound of the frame's angular velocity [rad/s].
         period: length of the domain along each axis [m], 0 where it is not periodic: the kernels see a wall that has gone by
             a period where it was.
@@ -52,11 +54,14 @@ class Schedule:
         self.turning, self.shifting, self.max_rate = self.frame.rotates, self.frame.moves, self.frame.max_rate
         found: dict[str, WallMotion] = {}
         keys = []
+        self.driven: dict[str, DrivenMotion] = {}
         for number, wall in enumerate(scene.walls):
-            own = wall_chain(scene, number)
+            own: Chain | DrivenMotion = wall_chain(scene, number)
+            if wall.driven:
+                own = self.driven[wall.name] = DrivenMotion(scene, number, wall_chain(scene, number))
             # in a frame that coincides with it the laboratory is the frame
             fixed_to = wall.fixed_to if self.frame.displaces else "frame"
-            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}")
+            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}" + (f" {number}" if wall.driven else ""))
             found.setdefault(keys[-1], WallMotion(fixed_to, own))
         order = sorted(found, key=lambda key: found[key].rests_in_frame)
         self.motions = [found[key] for key in order]

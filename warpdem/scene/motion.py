@@ -18,16 +18,33 @@ from warpdem.core.pose import SampledPart, TranslationPart
 from warpdem.core.rigid_motion import PI, WIDE, Increment, Pose
 from warpdem.scene.base import FileName, Point, SceneModel, Vec3, unit_vector, validation_error
 from warpdem.scene.motion_base import Frequency, Phase, Timed
+from warpdem.scene.rates import (
+    PiecewiseRate,
+    Velocity,
+    VelocityKnot,
+    VelocitySegment,
+    require_increasing,
+)
 from warpdem.scene.rotation import Rotation
 from warpdem.scene.units import Quantity, Vector
 from warpdem.usd.stage import USD_SUFFIXES
 
 
 class Translation(Timed):
-    """Translation by velocity t + amplitude (sin(2 pi frequency t + phase) - sin(phase))."""
+    """Translation by the integral of the velocity + amplitude (sin(2 pi frequency t + phase) - sin(phase)).
 
-    velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
-        (0.0, 0.0, 0.0), description="Constant velocity [m/s], default 0."
+    The velocity is constant, scheduled, or interpolated in a table. After the last ``until`` of a schedule it is 0. That of a
+    table is constant before its first and after its last entry.
+    """
+
+    velocity: Velocity = Field(
+        (0.0, 0.0, 0.0), description="Constant velocity [m/s], default 0; this, schedule or table."
+    )
+    schedule: Annotated[list[VelocitySegment], Field(min_length=1)] | None = Field(
+        None, description="Segments of constant or linearly changing velocity, one after the other."
+    )
+    table: Annotated[list[VelocityKnot], Field(min_length=1)] | None = Field(
+        None, description="Times [s], >= 0 and increasing, and velocities [m/s] there: [[t, x, y, z], ...]."
     )
     amplitude: Annotated[Vec3, Vector(Quantity("m"))] | None = Field(
         None, description="Amplitude of the oscillation along each axis [m], default none; needs frequency."
@@ -42,9 +59,31 @@ class Translation(Timed):
         for key, given in (("frequency", self.frequency is not None), ("phase", self.phase != 0.0)):
             if given and self.amplitude is None:
                 raise validation_error([((key,), getattr(self, key), "only for an oscillation: give an amplitude [m] too")])
-        if "velocity" not in self.model_fields_set and self.amplitude is None:
-            raise ValueError("give velocity, amplitude with frequency, or both; found none")
+        courses = [key for key in ("schedule", "table") if getattr(self, key) is not None]
+        if any(self.velocity):
+            courses.append("velocity")
+        if len(courses) > 1:
+            raise ValueError(f"give one of velocity, schedule and table; found {' and '.join(courses)}")
+        if not courses and "velocity" not in self.model_fields_set and self.amplitude is None:
+            raise ValueError("give velocity, schedule or table, amplitude with frequency, or both; found none")
+        require_increasing(self.schedule, self.table)
         return self
+
+    @functools.cached_property
+    def _pieces(self) -> PiecewiseRate | None:
+        """The velocity where it changes; None for a constant one."""
+        if self.table is not None:
+            return PiecewiseRate.tabulated([(time, velocity) for time, *velocity in self.table])
+        return PiecewiseRate.scheduled(self.schedule, (0.0, 0.0, 0.0)) if self.schedule is not None else None
+
+    @property
+    def max_speed(self) -> float:
+        """Largest magnitude of the velocity without the oscillation [m/s]: a ramp is fastest at one of its ends."""
+        if self._pieces is None:
+            return float(np.linalg.norm(self.velocity))
+        found = [velocity for _, *velocity in self.table or ()]
+        velocities = [np.reshape(found, (-1, 3)), *(np.reshape(part.velocity, (-1, 3)) for part in self.schedule or ())]
+        return float(np.linalg.norm(np.concatenate(velocities), axis=1).max())
 
     @property
     def rotates(self) -> bool:
@@ -59,7 +98,7 @@ class Translation(Timed):
     @property
     def moves(self) -> bool:
         """Whether the body ever moves."""
-        return any(self.velocity) or any(self.amplitude or ())
+        return self.max_speed > 0.0 or any(self.amplitude or ())
 
     def _oscillation(self) -> tuple[np.ndarray, np.floating, np.floating]:
         """Amplitude [m] (3,), 2 pi f [rad/s] and phase [rad] in long double."""
@@ -71,14 +110,21 @@ class Translation(Timed):
         amplitude, pulsation, phase = self._oscillation()
         begin, end = np.asarray(begin, dtype=WIDE), np.asarray(end, dtype=WIDE)
         change = 2 * np.cos(pulsation * (end + begin) / 2 + phase) * np.sin(pulsation * (end - begin) / 2)
-        return np.outer(end - begin, np.array(self.velocity, dtype=WIDE)) + np.outer(change, amplitude)
+        if self._pieces is None:
+            steady = np.outer(end - begin, np.array(self.velocity, dtype=WIDE))
+        else:
+            steady = self._pieces.at(end, end)[0] - self._pieces.at(begin, begin)[0]
+        return steady + np.outer(change, amplitude)
 
     def pose(self, time: np.ndarray, segment_time: np.ndarray) -> Pose:
-        """Poses at ``time`` [s], shape (k,); ``segment_time`` has no effect."""
+        """Poses at ``time`` [s], shape (k,); velocities are those of the segments at ``segment_time`` [s]."""
         amplitude, pulsation, phase = self._oscillation()
         angle = pulsation * np.asarray(time, dtype=WIDE) + phase
         velocity = np.array(self.velocity, dtype=WIDE) + np.outer(pulsation * np.cos(angle), amplitude)
         acceleration = -np.outer(pulsation * pulsation * np.sin(angle), amplitude)
+        if self._pieces is not None:
+            _, scheduled, change = self._pieces.at(np.asarray(time, dtype=WIDE), segment_time)
+            velocity, acceleration = velocity + scheduled, acceleration + change
         return rigid_motion.translation_by(self._displacement(np.zeros_like(time), time), velocity, acceleration)
 
     def increments(self, time: np.ndarray) -> Increment:
@@ -91,15 +137,15 @@ class Translation(Timed):
         return TranslationPart(self._displacement(np.zeros(1), np.array([time]))[0].astype(float))
 
     def speed_bound(self, points: np.ndarray, radius: float) -> float:
-        """Upper bound of the speed of any points [m/s]: |velocity| + 2 pi f |amplitude|."""
+        """Upper bound of the speed of any points [m/s]: max |velocity| + 2 pi f |amplitude|."""
         amplitude, pulsation, _ = self._oscillation()
-        return float(np.linalg.norm(self.velocity) + pulsation * np.linalg.norm(amplitude.astype(float)))
+        return float(self.max_speed + pulsation * np.linalg.norm(amplitude.astype(float)))
 
     def bounding_balls(self, points: np.ndarray, radius: float, end: float) -> tuple[np.ndarray, float]:
         """Points and a radius [m]: balls that hold the given balls at every time up to ``end`` [s]."""
         amplitude, _, _ = self._oscillation()
         stroke = 2.0 * float(np.linalg.norm(amplitude.astype(float)))
-        return points, radius + float(np.linalg.norm(self.velocity)) * end + stroke
+        return points, radius + self.max_speed * end + stroke
 
 
 class Sampled(Timed):
@@ -175,12 +221,33 @@ class FixedPlacement(SceneModel):
 def _motion_tag(value: Any) -> str:
     """Tag of the motion that a table describes, by its known keys, so that a message can name a misspelt one."""
     keys = set(value) if isinstance(value, dict) else set(getattr(type(value), "model_fields", ()))
+    if isinstance(value, Translation) or (isinstance(value, dict) and _of_velocities(value)):
+        return "~translation"
     for tag, model in (("~sampled", Sampled), ("~translation", Translation), ("~placement", FixedPlacement)):
         if keys & (set(model.model_fields) - set(Timed.model_fields)) and not keys & _ROTATION_KEYS:
             return tag
     return "~rotation"
 
 
+def _of_velocities(value: dict[str, Any]) -> bool:
+    """Whether a table describes a motion without an axis by a schedule or a table, whose entries hold velocities."""
+    if set(value) & _AXIS_KEYS:
+        return False
+    if set(value) & {"velocity", "amplitude"}:
+        return True
+    entries = [*_entries(value.get("schedule")), *_entries(value.get("table"))]
+    return any(
+        (isinstance(entry, dict) and "velocity" in entry)
+        or (isinstance(entry, (list, tuple)) and len(entry) == 4)
+        for entry in entries
+    )
+
+
+def _entries(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, (list, tuple)) else []
+
+
+_AXIS_KEYS = {"axis", "origin", "rate", "sinusoid", "pitch"}
 _ROTATION_KEYS = set(Rotation.model_fields) - set(Timed.model_fields)
 Motion = Rotation | Translation | Sampled | FixedPlacement
 _TaggedMotion = Annotated[

@@ -1,10 +1,10 @@
-"""Common parts of the motions of a scene: a time of their own, frequencies and phases."""
+"""Common parts of the motions of a scene: a time of their own, in which they begin and end, frequencies and phases."""
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from warpdem.scene.base import SceneModel
+from warpdem.scene.base import Duration, SceneModel, validation_error
 from warpdem.scene.units import Quantity
 
 Frequency = Annotated[float, Quantity("1/s", gt=0)]
@@ -17,3 +17,17 @@ class Timed(SceneModel):
     elapsed: Annotated[float, Quantity("s", ge=0)] = Field(
         0.0, description="Time of the motion at time 0 of the run [s], >= 0, default 0: the motion is ahead by this."
     )
+    start: Annotated[float, Quantity("s", ge=0)] = Field(
+        0.0,
+        description="Time at which the motion begins [s], >= 0, default 0. It rests before; schedules, tables and phases count "
+        "from here.",
+    )
+    until: Duration | None = Field(
+        None, description="Time at which the motion ends [s], later than start, default never. It stays where it then is."
+    )
+
+    @model_validator(mode="after")
+    def _ends_after_its_start(self) -> "Timed":
+        if self.until is not None and self.until <= self.start:
+            raise validation_error([(("until",), self.until, f"must be later than start = {self.start:g} s")])
+        return self

@@ -1,7 +1,8 @@
 """Chains of motions, outermost first: the motion of the frame and of each wall of a scene."""
 
+import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -12,6 +13,9 @@ from warpdem.core.pose import Part
 from warpdem.core.rigid_motion import WIDE, Increment, Pose
 from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement, Motion, Sampled
+from warpdem.scene.motion_base import Timed
+from warpdem.scene.rotation import Rotation
+from warpdem.scene.screw import Advance
 from warpdem.usd import motion as usd_motion
 
 
@@ -74,11 +78,50 @@ class ElapsedMotion:
         return self.motion.bounding_balls(points, radius, end + float(self.elapsed))
 
 
+class BoundedMotion:
+    """A motion that begins at ``start`` [s] and ends at ``until`` [s], None for never: at rest before and after.
+
+    At ``start`` its own time is 0.
+    """
+
+    def __init__(self, motion: RigidMotion, start: float, until: float | None) -> None:
+        self.motion, self.start, self.until = motion, WIDE(start), WIDE(np.inf if until is None else until)
+        self.rotates, self.moves, self.max_rate = motion.rotates, motion.moves, motion.max_rate
+
+    def _own(self, time: np.ndarray) -> np.ndarray:
+        """Time of the motion itself [s] at ``time`` [s]."""
+        return np.clip(np.asarray(time, dtype=WIDE), self.start, self.until) - self.start
+
+    def pose(self, time: np.ndarray, segment_time: np.ndarray) -> Pose:
+        """Poses at ``time`` [s]; velocities are 0 where ``segment_time`` [s] is before the start or not before the end."""
+        pose = self.motion.pose(self._own(time), self._own(segment_time))
+        runs = ((segment_time >= self.start) & (segment_time < self.until))[:, None]
+        moving = ("spin", "velocity", "spin_rate", "acceleration")
+        return dataclasses.replace(pose, **{name: np.where(runs, getattr(pose, name), WIDE(0)) for name in moving})
+
+    def increments(self, time: np.ndarray) -> Increment:
+        """Increments between consecutive times [s]; shape (k + 1,) gives k."""
+        return self.motion.increments(self._own(time))
+
+    def part(self, time: float) -> Part:
+        """The motion at one time [s], for writers."""
+        return self.motion.part(float(self._own(np.asarray(time))))
+
+    def speed_bound(self, points: np.ndarray, radius: float) -> float:
+        """Upper bound of the speed of points [m/s]."""
+        return self.motion.speed_bound(points, radius)
+
+    def bounding_balls(self, points: np.ndarray, radius: float, end: float) -> tuple[np.ndarray, float]:
+        """Points and a radius [m]: balls that hold the given balls at every time up to ``end`` [s]."""
+        return self.motion.bounding_balls(points, radius, float(self._own(np.asarray(end))))
+
+
 class Chain:
     """Motions within motions, outermost first; an empty chain never moves.
 
     Attributes:
-        motions: The single motions.
+        motions: The single motions, a screw motion as two: its advance and its rotation.
+        keys: Source and key of each of them in the scene.
         rotates: Whether the innermost axes ever rotate.
         moves: Whether the innermost body ever moves.
         displaces: Whether the innermost axes ever differ from the outer ones.
@@ -102,16 +145,13 @@ class Chain:
         folders: Sequence[Path] | None = None,
     ) -> None:
         given = motions or ()
-        keys = [f"{where}[{k}]" if len(given) > 1 else where for k in range(len(given))]
         self.motions: list[RigidMotion] = []
-        for motion, key in zip(given, keys, strict=True):
-            course: RigidMotion
-            if isinstance(motion, Sampled):
-                course = usd_motion.read(resolve(motion.usd), motion.prim, key, folders)
-            else:
-                course = motion
-            elapsed = 0.0 if isinstance(motion, FixedPlacement) else motion.elapsed
-            self.motions.append(ElapsedMotion(course, elapsed) if elapsed > 0.0 else course)
+        self.keys: list[str] = []
+        for k, motion in enumerate(given):
+            key = f"{where}[{k}]" if len(given) > 1 else where
+            for course in _courses(motion, resolve, key, folders):
+                self.motions.append(_timed(course, motion) if isinstance(motion, Timed) else course)
+                self.keys.append(key)
         self.rotates = any(motion.rotates for motion in self.motions)
         self.moves = any(motion.moves for motion in self.motions)
         self.max_rate = sum(motion.max_rate for motion in self.motions)
@@ -152,6 +192,25 @@ class Chain:
         return total
 
 
+def _courses(
+    motion: Motion, resolve: Callable[[str], Path], key: str, folders: Sequence[Path] | None
+) -> Iterator[RigidMotion]:
+    """The motions of time that one motion of the scene consists of, outermost first."""
+    if isinstance(motion, Sampled):
+        yield usd_motion.read(resolve(motion.usd), motion.prim, key, folders)
+        return
+    if isinstance(motion, Rotation) and motion.pitch != 0.0:
+        yield Advance(motion)
+    yield motion
+
+
+def _timed(course: RigidMotion, motion: Timed) -> RigidMotion:
+    """A motion in the time of the scene."""
+    if motion.start > 0.0 or motion.until is not None:
+        course = BoundedMotion(course, motion.start, motion.until)
+    return ElapsedMotion(course, motion.elapsed) if motion.elapsed > 0.0 else course
+
+
 def frame_chain(scene: Scene) -> Chain:
     """Motion of the frame of a scene."""
     return Chain(scene.frame, scene.resolve, f"{scene.source}: frame", scene.access.folders)
@@ -165,10 +224,10 @@ def wall_chain(scene: Scene, number: int) -> Chain:
 
 def largest_rates(scene: Scene) -> dict[str, float]:
     """Maximum magnitude [rad/s] of the rate of each motion of a scene, by key; motions that never rotate are left out."""
-    chains = {"frame": frame_chain(scene)} | {f"walls[{k}].motion": wall_chain(scene, k) for k in range(len(scene.walls))}
+    chains = [frame_chain(scene), *(wall_chain(scene, k) for k in range(len(scene.walls)))]
     return {
-        f"{key}[{k}]" if len(chain.motions) > 1 else key: motion.max_rate
-        for key, chain in chains.items()
-        for k, motion in enumerate(chain.motions)
+        key.removeprefix(f"{scene.source}: "): motion.max_rate
+        for chain in chains
+        for key, motion in zip(chain.keys, chain.motions, strict=True)
         if motion.rotates
     }

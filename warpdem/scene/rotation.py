@@ -12,12 +12,13 @@ from warpdem.core.pose import RotationPart
 from warpdem.core.rigid_motion import PI, WIDE, Increment, Pose
 from warpdem.scene.base import AngularRate, Direction, Point, exactly_one, validation_error
 from warpdem.scene.motion_base import Timed
-from warpdem.scene.rates import Knot, PiecewiseRate, RateSegment, Sinusoid
+from warpdem.scene.rates import Knot, PiecewiseRate, RateSegment, Sinusoid, require_increasing
+from warpdem.scene.units import Quantity
 
 _TRANSLATION_KEYS = ("velocity", "amplitude")
-_NO_SCHEDULE = (
-    "a schedule is one of angular rates about an axis; a velocity is constant, with an optional oscillation (amplitude and "
-    "frequency). For a velocity that changes, give the motion as time samples of a USD prim (usd and prim), or use phases"
+_NO_VELOCITIES = (
+    "about an axis a schedule is one of angular rates; a schedule of velocities is a motion of its own, without axis, and a "
+    "list of both is a chain. For a screw motion give the rotation a pitch"
 )
 
 
@@ -40,6 +41,9 @@ class Rotation(Timed):
     table: Annotated[list[Knot], Field(min_length=1)] | None = Field(
         None, description="Times [s], >= 0 and increasing, and angular rates [rad/s] there: [[t, rate], ...]."
     )
+    pitch: Annotated[float, Quantity("m")] = Field(
+        0.0, description="Advance along the axis per revolution [m], of either sign, default 0: a screw motion (helix)."
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -49,52 +53,23 @@ class Rotation(Timed):
         key_paths: list[KeyPath] = [
             ("schedule", k, key) for k, part in enumerate(parts) for key in _TRANSLATION_KEYS if key in part
         ]
-        if schedule is not None and "axis" not in value:
-            key_paths += [(key,) for key in _TRANSLATION_KEYS if key in value]
         if key_paths:
-            raise validation_error([(key_paths[0], None, _NO_SCHEDULE)])
+            raise validation_error([(key_paths[0], None, _NO_VELOCITIES)])
         return value
 
     @model_validator(mode="after")
     def _one_rate(self) -> "Rotation":
         exactly_one(self, "rate", "schedule", "sinusoid", "table")
-        end = 0.0
-        for k, segment in enumerate(self.schedule or []):
-            until = ("schedule", k, "until")
-            if segment.until is None:
-                if k + 1 < len(self.schedule or []):
-                    raise validation_error([(until, None, "missing: only the last segment may omit it")])
-                if isinstance(segment.rate, tuple):
-                    raise validation_error([(until, None, "missing: a ramp must end")])
-            elif segment.until <= end:
-                reason = f"must be later than {end:g} s, where the segment before it ends"
-                raise validation_error([(until, segment.until, reason)])
-            else:
-                end = segment.until
-        times = [time for time, _ in self.table or []]
-        for k in range(1, len(times)):
-            if times[k] <= times[k - 1]:
-                reason = f"must be later than {times[k - 1]:g} s, the entry before"
-                raise validation_error([(("table", k, 0), times[k], reason)])
+        require_increasing(self.schedule, self.table)
         return self
 
     @functools.cached_property
     def _pieces(self) -> PiecewiseRate:
         if self.table is not None:
-            (first_time, first_rate), *_ = self.table
-            segments = [(first_time, first_rate, first_rate)] if first_time > 0 else []
-            segments += [(b[0], a[1], b[1]) for a, b in zip(self.table[:-1], self.table[1:], strict=True)]
-            return PiecewiseRate.of(segments, self.table[-1][1])
+            return PiecewiseRate.tabulated(self.table)
         if self.rate is not None:
             return PiecewiseRate.of([], self.rate)
-        segments, last = [], 0.0
-        for segment in self.schedule or []:
-            initial, final = segment.rate if isinstance(segment.rate, tuple) else (segment.rate, segment.rate)
-            if segment.until is None:  # the last one, of constant rate
-                last = final
-            else:
-                segments.append((segment.until, initial, final))
-        return PiecewiseRate.of(segments, last)
+        return PiecewiseRate.scheduled(self.schedule or [], 0.0)
 
     def angle_and_rates(self, time: np.ndarray, segment_time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle [rad] at ``time`` [s] >= 0, and there rate and acceleration [rad/s2], shapes (k,), long double.

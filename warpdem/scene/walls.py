@@ -3,14 +3,21 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, StrictBool, field_validator, model_validator
+from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, model_validator
 
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.motion import Motions
-from warpdem.scene.units import Quantity
+from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 from warpdem.usd.stage import USD_SUFFIXES
 
+PART_SUFFIXES = (".stl", ".obj")
+_Factor = Annotated[float, Quantity("-", gt=0)]
+Scale = Annotated[
+    Annotated[_Factor, Tag("~number")]
+    | Annotated[tuple[float, float, float], Vector(Quantity("-", gt=0)), Tag("~axes")],
+    Discriminator(lambda value: "~axes" if isinstance(value, (list, tuple)) else "~number"),
+]
 MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES)
 
 
@@ -36,13 +43,19 @@ class Wall(SceneModel):
         description='With a USD mesh: path of the prim whose surfaces are the wall, such as "/World/Drum"; not needed if the '
         "file holds only one surface.",
     )
+    part: str = Field(
+        "",
+        description="Part of the mesh file that is the wall, by name: a solid of an ASCII STL, an object or group of an OBJ; "
+        "default the whole file.",
+    )
     plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
     cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
     cone: Cone | None = Field(None, description="Cone; this, mesh or another shape.")
     sphere: Sphere | None = Field(None, description="Sphere; this, mesh or another shape.")
-    scale: Annotated[float, Quantity("-", gt=0)] = Field(
+    scale: Scale = Field(
         1.0,
-        description="Factor from the file's lengths to metres [-], > 0, default 1; 0.001 for a mesh in millimetres.",
+        description="Factor from the file's lengths to metres [-], > 0, default 1; 0.001 for a mesh in millimetres. Or three, "
+        "one along each axis of the file.",
     )
     translate: Point = Field((0.0, 0.0, 0.0), description="Translation of the mesh [m], after scale and rotate, default 0.")
     rotate: FixedRotation | None = Field(
@@ -54,6 +67,11 @@ class Wall(SceneModel):
     motion: Motions | None = Field(
         None,
         description="Motion of the wall relative to what it is fixed to: one motion, or a list, outermost first; default none.",
+    )
+    driven: StrictBool = Field(
+        False,
+        description="Whether a program gives the wall other motions in a live run, by sim.set_motion of Python, default false. "
+        "Until then it moves as motion says.",
     )
     torque_about: Point | None = Field(
         None,
@@ -79,10 +97,18 @@ class Wall(SceneModel):
         return self
 
     @model_validator(mode="after")
+    def _part_is_of_a_file_with_names(self) -> "Wall":
+        if self.part and self.mesh is not None and not self.mesh.lower().endswith(PART_SUFFIXES):
+            text = "a USD mesh has prims: give prim" if self.mesh.lower().endswith(USD_SUFFIXES) else "a PLY file has none"
+            reason = f"only for a mesh with named parts, a file ending in {', '.join(PART_SUFFIXES)}; {text}"
+            raise validation_error([(("part",), self.part, reason)])
+        return self
+
+    @model_validator(mode="after")
     def _mesh_or_shape(self) -> "Wall":
         exactly_one(self, "mesh", *SHAPES)
         if self.mesh is None:
-            mesh_keys = ("prim", "scale", "translate", "rotate", "open")
+            mesh_keys = ("prim", "part", "scale", "translate", "rotate", "open")
             stray = [key for key in mesh_keys if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
                 reason = "only for a mesh; a shape is positioned by its own keys"

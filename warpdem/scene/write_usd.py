@@ -234,6 +234,8 @@ def _typed(value: Any) -> tuple[Any, Any]:
     numbers = np.array(value)
     if numbers.ndim == 1 and numbers.dtype.kind == "i":
         return _NUMBERS.Int64Array, Vt.Int64Array(value)
+    if numbers.shape[1:] == (4,):
+        return _NUMBERS.Double4Array, Vt.Vec4dArray.FromNumpy(numbers.astype(float))
     types = {2: (_NUMBERS.Double2, Gf.Vec2d, Vt.Vec2dArray), 3: (_NUMBERS.Double3, Gf.Vec3d, Vt.Vec3dArray)}
     value_type, vector, array = types.get(numbers.shape[-1], (None, None, None))
     if numbers.ndim == 2 and value_type:

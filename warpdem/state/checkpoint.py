@@ -131,6 +131,7 @@ def _about(view: RunView) -> dict[str, Any]:
         "scene_hash": given.hash,
         "files": given.files,
         "groups": scene.groups,
+        "driven": {name: one.state() for name, one in view.model.schedule.driven.items() if one.is_changed},
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
@@ -335,6 +336,8 @@ def restore(run: Run, data: dict[str, Any]) -> None:
     _check(view, data)
     view.state.restore(data)
     view.clock.step_number = data["step"]
+    for name, state in data.get("driven", {}).items():
+        view.model.schedule.driven[name].restore(state)
     run.engine.restore(data["extreme"])
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])

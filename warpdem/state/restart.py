@@ -131,7 +131,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
 
 def _geometry(wall: dict[str, Any], contents: str | None) -> tuple[Any, ...]:
     """What a wall's table says of its surface; ``contents`` of its mesh file count, not what that is called."""
-    return contents, *(wall.get(key) for key in ("prim", "scale", "translate", "rotate", *SHAPES))
+    return contents, *(wall.get(key) for key in ("prim", "part", "scale", "translate", "rotate", *SHAPES))
 
 
 def _geometries(scene: Scene, data: dict[str, Any]) -> tuple[dict[str, tuple[Any, ...]], dict[str, tuple[Any, ...]]]:
@@ -205,6 +205,11 @@ def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
         else:
             known = ", ".join(["frame", "streams", *(wall for wall in now if wall in then)])
             raise SceneError(f'{scene.source}: start.continues: "{name}" is not in both scenes; allowed: {known}')
+        if name in data.get("driven", {}):
+            raise SceneError(
+                f'{scene.source}: start.continues: "{name}" moves in {data["path"]} as set_motion said, not as its scene does; '
+                "give its motion in this scene"
+            )
         if pair[0] != pair[1]:
             raise SceneError(
                 f'{scene.source}: start.continues: "{name}" is not what it was in {data["path"]}; only what has not changed '
