@@ -9,7 +9,7 @@ from warpdem.kernels.api.listed_grains import ListedGrains
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.schedule import Placement
-from warpdem.kernels.wall import places, record
+from warpdem.kernels.wall import contact_points, record
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
 
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
@@ -74,7 +74,7 @@ class MeshWall(ListedGrains):
         wall_contacts.first, wall_contacts.candidates = first, self.ints(n)
         wall_contacts.load = wp.zeros(n, dtype=Load, device=device)
         wall_contacts.feature, wall_contacts.hit_state, wall_contacts.hit_mask = (self.ints(slots) for _ in range(3))
-        wall_contacts.hit = wp.zeros(slots, dtype=places.Hit, device=device)
+        wall_contacts.hit = wp.zeros(slots, dtype=contact_points.Hit, device=device)
         wall_contacts.found = wp.zeros(slots, dtype=record.Found, device=device)
         wall_contacts.result = wp.zeros(slots, dtype=self.kernels.Result, device=device)
         wall_contacts.place_count = self.ints((2, n))

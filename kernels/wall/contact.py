@@ -27,7 +27,7 @@ from warpdem.kernels.step.schedule import (
     wall_velocity,
 )
 from warpdem.kernels.wall import record
-from warpdem.kernels.wall.places import Hit, direction_of, point_of
+from warpdem.kernels.wall.contact_points import Hit, direction_of, point_of
 
 Inverse = wp.types.vector(2, wp.float64)
 vec6 = wp.types.vector(6, wp.float64)
@@ -72,14 +72,18 @@ def build(
     def point_in(wall_contact: Memory) -> wp.vec3d:
         """Contact point in body axes of the wall [m]."""
         return wp.vec3d(
-            wall_contact[wp.static(at.point)], wall_contact[wp.static(at.point + 1)], wall_contact[wp.static(at.point + 2)]
+            wall_contact[wp.static(at.point)],
+            wall_contact[wp.static(at.point + 1)],
+            wall_contact[wp.static(at.point + 2)],
         )
 
     @wp.func
     def normal_in(wall_contact: Memory) -> wp.vec3d:
         """Unit vector from the wall to the grain."""
         return wp.vec3d(
-            wall_contact[wp.static(at.normal)], wall_contact[wp.static(at.normal + 1)], wall_contact[wp.static(at.normal + 2)]
+            wall_contact[wp.static(at.normal)],
+            wall_contact[wp.static(at.normal + 1)],
+            wall_contact[wp.static(at.normal + 2)],
         )
 
     @wp.func
@@ -95,7 +99,9 @@ def build(
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
         normal_force = n * p[wp.static(PARTS_AT.damping)]
         tangential_force = wp.vec3d(
-            p[wp.static(PARTS_AT.tangential)], p[wp.static(PARTS_AT.tangential + 1)], p[wp.static(PARTS_AT.tangential + 2)]
+            p[wp.static(PARTS_AT.tangential)],
+            p[wp.static(PARTS_AT.tangential + 1)],
+            p[wp.static(PARTS_AT.tangential + 2)],
         )
         sliding_force = tangential_force * p[wp.static(PARTS_AT.slides)]
         sticking_force = tangential_force - sliding_force

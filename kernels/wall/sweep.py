@@ -15,7 +15,7 @@ from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.wall.contact import Inverse, vec6
-from warpdem.kernels.wall.places import Hit
+from warpdem.kernels.wall.contact_points import Hit
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
@@ -30,7 +30,9 @@ def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str
         each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[{index}[k] * {width} + f];"
         return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
     parts = rows.starts(width, lanes)
-    return text + "".join(f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts)
+    return text + "".join(
+        f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts
+    )
 
 
 def same(name: str, kind: type, address: str) -> str:

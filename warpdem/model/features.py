@@ -215,8 +215,8 @@ class Features:
         wall_entry = WALL_ENTRY_AT.width + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
         result = record.RESULT.width if law.rolling else record.FRICTION
-        place = 8 * (2 * record.columns(law.history).width + result) + 64 + 12
-        beside_walls = 48 + 8 + 0.4 * place if walls.present else 0
+        contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
+        beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
         return int(fixed + listed * contact + near + beside_walls)
 
     def explain(self) -> list[str]:
