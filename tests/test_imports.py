@@ -16,7 +16,10 @@ LAYERS = (
     "simulation", "drawing", "app", "runner", "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
-KERNEL_IMPORTS = {"warp", "functools", "numpy", "ctypes", "os", "types", "math", "dataclasses", "typing", "collections"}
+KERNEL_IMPORTS = {
+    "warp", "functools", "numpy", "ctypes", "os", "types", "math", "dataclasses", "typing", "collections",
+    "ast", "inspect", "textwrap",  # of the translator to SIMD lanes
+}  # fmt: skip
 RESULTS = {"errors", "core.atomic_file", "core.pose", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
 """What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
-from warpdem.measure.observers import LEAST_OVERLAP
+from warpdem.measure.elastic import LEAST_OVERLAP
 from warpdem.model.impact import secant
 
 GAP, PULL = 4e-4, 2e-3

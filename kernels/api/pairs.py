@@ -9,7 +9,8 @@ from warpdem.kernels.api.drift import step_row
 from warpdem.kernels.api.grains import Grains, Load
 from warpdem.kernels.api.listed_grains import ListedGrains
 from warpdem.kernels.lists.cells import SizeGrids
-from warpdem.kernels.lists.numbering import starts
+from warpdem.kernels.lists.neighbors import NeighborRows
+from warpdem.kernels.lists.numbering import Counts, Starts, starts
 from warpdem.kernels.lists.path import Flight
 
 EVERYWHERE = 1.0e30  # inner skin within which all partners of the neighbor list are evaluated [m]
@@ -40,7 +41,7 @@ class Pairs(ListedGrains):
     def __init__(self, grains: Grains, law: ContactLaw, skin: float) -> None:
         super().__init__(grains, law, skin)
         self._capacity = CAPACITY
-        self._old: list | None = None
+        self._old: NeighborRows | None = None
         self._no_walls, self._no_load = self.ints(0), wp.zeros(0, dtype=Load, device=grains.device)
         self._no_entry = wp.zeros(0, dtype=self.kernels.pair_kernels.Entry, device=grains.device)
         self.history = wp.zeros((0, max(law.history, 1), 1), dtype=wp.float64, device=grains.device)
@@ -90,28 +91,32 @@ class Pairs(ListedGrains):
             if longest <= self._capacity:
                 break
             self._capacity = longest + longest // 4
-        contact = self.ints(slot.shape, -1)
+        rows = NeighborRows()
+        rows.start, rows.count, rows.slot, rows.contact = start, count, slot, self.ints(slot.shape, -1)
         if self._old is not None:
-            self.launch(lists.carry_contacts, n, [0, g.id, start, count, slot, self.ints(0), g.id, *self._old, contact])
-        listed, touching, apart, width = self.ints(slot.shape), self.ints(n), self.ints(n), self.ints(n)
+            self.launch(lists.carry_contacts, n, [0, g.id, self.ints(0), g.id, self._old, rows])
+        listed, counts = self.ints(slot.shape), Counts()
+        counts.touching, counts.near, counts.slots = self.ints(n), self.ints(n), self.ints(n)
         flight = wp.zeros(0, dtype=Flight, device=g.device)
-        self.launch(lists.select_contacts, n, [
-            0, g.record, g.id, start, count, slot, EVERYWHERE, flight, listed, touching, apart, width
-        ])  # fmt: skip
-        first = starts(touching.numpy() + apart.numpy())
-        row_start = starts(width.numpy())
-        contacts, second = int(first[-1]), first[:-1] + touching.numpy()
+        grains = lists.ListedGrains()
+        grains.record, grains.inverse, grains.material, grains.id = g.record, g.inverse, g.material, g.id
+        self.launch(lists.select_contacts, n, [0, grains, rows, EVERYWHERE, flight, listed, counts])
+        first = starts(counts.touching.numpy() + counts.near.numpy())
+        row_start = starts(counts.slots.numpy())
+        contacts, second = int(first[-1]), first[:-1] + counts.touching.numpy()
         owner, partner, pair, slot_i, slot_j = (self.ints((contacts, 1)) for _ in range(5))
         history = wp.zeros((contacts, max(self.law.history, 1), 1), dtype=wp.float64, device=g.device)
         constants = wp.zeros((0, 1, 1), dtype=wp.float64, device=g.device)
         upload = functools.partial(wp.array, dtype=wp.int32, device=g.device)
-        self._row_start = upload(row_start)
-        self.launch(lists.fill_contacts, n, [
-            0, g.record, g.inverse, g.material, self.law.materials, self._table, g.id, start, count, slot, listed,
-            upload(first[:-1]), upload(second), self._row_start, self.history, contact, owner, partner, pair, constants,
-            slot_i, slot_j, history,
-        ])  # fmt: skip
+        begin, listed_contacts = Starts(), lists.ListedContacts()
+        begin.touching, begin.near, begin.slot = upload(first[:-1]), upload(second), upload(row_start)
+        for name, array in (("owner", owner), ("partner", partner), ("kind", pair), ("constants", constants),
+                            ("slot_i", slot_i), ("slot_j", slot_j), ("history", history)):  # fmt: skip
+            setattr(listed_contacts, name, array)
+        law = self.law.materials, self._table
+        self.launch(lists.fill_contacts, n, [0, grains, *law, rows, listed, begin, self.history, listed_contacts])
+        self._row_start = begin.slot
         self.start, self.count, self.neighbor = start, count, slot
         self.owner, self.partner, self.history = owner, partner, history
-        self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, [start, count, slot, contact]
+        self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, rows
         self._share = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)

@@ -150,11 +150,20 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
         return result, now, ratio, approach, for_i, for_j
 
     @wp.func
-    def margin(gi: g.Record, gj: g.Record) -> wp.float64:
-        """Cutoff^2 - distance^2 of two grains [m2]; negative where they are out of reach, by more than round-off."""
-        across = border.nearest(g.position(gi) - g.position(gj))
+    def margin_at(across: wp.vec3d, gi: g.Record, gj: g.Record) -> wp.float64:
         cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
         return cutoff * cutoff * wp.float64(1.000001) - wp.dot(across, across)
+
+    @wp.func
+    def margin(gi: g.Record, gj: g.Record) -> wp.float64:
+        """Cutoff^2 - distance^2 of two grains [m2]; negative where they are out of reach, by more than round-off."""
+        return margin_at(border.nearest(g.position(gi) - g.position(gj)), gi, gj)
+
+    @wp.func
+    def margin_before(gi: g.Record, gj: g.Record, slip_time: wp.float64) -> wp.float64:
+        """The same one step before."""
+        across = border.nearest(g.position(gi) - g.position(gj))
+        return margin_at(across - (g.velocity(gi) - g.velocity(gj)) * slip_time, gi, gj)
 
     @wp.func
     def reduced_radius(gi: g.Record, gj: g.Record) -> wp.float64:
@@ -162,7 +171,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
         return gi[3] * gj[3] / (gi[3] + gj[3])
 
     return Built(
-        contact=contact, margin=margin, reduced_radius=reduced_radius, cast_rotation=cast_rotation,
-        cast_coefficients=cast_coefficients, law=law, real=real, has_parts=parts is not None, spins=spins,
-        PairForce=PairForce, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
+        contact=contact, margin=margin, margin_before=margin_before, reduced_radius=reduced_radius,
+        cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,
+        has_parts=parts is not None, PairForce=PairForce, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
     )  # fmt: skip

@@ -33,6 +33,8 @@ def translated(pairs, turning_frame: bool) -> Built:
     """
     law = Translator()
     functions = {name: getattr(pairs, name) for name in ("contact", "margin", "reduced_radius", "cast_coefficients")}
+    if pairs.has_parts:
+        functions["margin_before"] = pairs.margin_before
     if turning_frame and pairs.law.history.at.width:
         functions["rotated"] = pairs.law.history.rotated
     names = {name: law.add(function).name for name, function in functions.items()}
@@ -69,16 +71,23 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         by_kind = f"coefficients.data[kind.data[p * {lanes} + k]].c[f]"
         chosen = f"        for (int k = 0; k < {lanes}; ++k) for (int f = 0; f < {coefficients}; ++f) c.c[f][k] = {by_kind};\n"
     places = [f"slot_{side}.data[p * {lanes} + k]" for side, _ in sides]
-    idle = ""
-    if not pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
-        idle = f"""        if (!__builtin_reduce_or(batch::{law.margin}(gi, gj) >= f64(0.0))) {{  // the law gives zero
-            for (int k = 0; k < {lanes}; ++k) row.data[{places[0]}] = row.data[{places[1]}] = {{}};
+    in_reach = f"batch::{law.margin}(gi, gj) >= f64(0.0)"
+    announced = ["row.data + slot_i.data[k]", "row.data + slot_j.data[k]"]
+    zeros = f"row.data[{places[0]}] = row.data[{places[1]}] = {{}};"
+    if pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
+        in_reach = f"({in_reach}) | (batch::{law.margin_before}(gi, gj, f64(slip_time)) >= f64(0.0))"
+        announced += [f"(const char*)(entry.data + slot_{side}.data[k]) + {at}" for side, _ in sides for at in (0, 64)]
+        zeros += f" entry.data[{places[0]}] = entry.data[{places[1]}] = {{}};"
+    prefetch = "".join(f"            __builtin_prefetch({address}, 1);\n" for address in announced)
+    idle = f"""        if (!__builtin_reduce_or({in_reach})) {{  // the law gives zero
+            for (int k = 0; k < {lanes}; ++k) {{ {zeros} }}
 {lines(f"batch::store({history_out}, {lane}(0));", remembers, 12)}\
             worst = worst < {lane}(0) ? {lane}(0) : worst;
             fastest = fastest < {lane}(0) ? {lane}(0) : fastest;
             continue;
         }}
 """
+    records = f"{read(near)}{read(far)}{idle}" if pairs.has_parts else f"{read(near)}{idle}{read(far)}"
     return f"""{declarations(lanes)}
     struct batch {{
         enum {{ LANES = {lanes} }};
@@ -95,11 +104,10 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
             const char* record = (const char*)(grains.data + partner.data[k]);
             __builtin_prefetch(record);
             __builtin_prefetch(record + 64);
-            __builtin_prefetch(row.data + slot_i.data[k], 1);
-            __builtin_prefetch(row.data + slot_j.data[k], 1);
+{prefetch}\
         }}
         wp::vec_t<{width}, f64> gi, gj;
-{read(near)}{idle}{read(far)}\
+{records}\
         wp::vec_t<{own}, {lane}> numbers;
 {lines(f"numbers.c[{{f}}] = {constant};", own)}\
         wp::vec_t<{max(remembers, 1)}, {lane}> remembered;
@@ -144,7 +152,7 @@ def build(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: boo
 
     Args:
         pairs: namespace of ``pairs.build``.
-        lanes: contacts of a batch, a power of two up to 16.
+        lanes: contacts of a batch: 2, 4 or 8.
         stored: columns of the constants that are kept of each contact.
         turning_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.

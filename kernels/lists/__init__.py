@@ -2,6 +2,7 @@
 
     cells           grains on cell grids, one grid per size class
     neighbors       outer list (skin) and inner list (inner skin)
+    inner           the inner list as CPU threads build it, in one launch each
     numbering       where the contacts, force slots and wall slots of each grain begin
     displacement    how far grains have moved since the lists were built
     rebuild         the parts of an outer list build that only a captured graph needs

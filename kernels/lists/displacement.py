@@ -33,6 +33,17 @@ class Watched:
     high: wp.array(dtype=wp.vec3d)
 
 
+@wp.struct
+class References:
+    """Where grains were when the lists were built, and how far from there they may be."""
+
+    inner: wp.array2d(dtype=wp.vec3d)  # (known, 1 + motions) of the inner list; grains beyond were inserted since
+    outer: wp.array2d(dtype=wp.vec3d)  # (known, 1 + motions) of the outer list
+    flight: wp.array(dtype=Flight)  # (known,), or of size 0
+    inner_limit: wp.float64  # displacement that the inner list allows [m]
+    outer_limit: wp.float64  # displacement that the outer list allows [m]
+
+
 @functools.cache
 def build(travel, border, Control, *, spins: bool, moving: int, stages: int, leave: bool):
     """Return the kernels.
@@ -66,45 +77,32 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                     fast = fast or inside > wp.float64(0.0)
         return fast
 
-    @kernel
-    def check_lists(
-        first: int,
-        grains: wp.array(dtype=g.Record),  # (n,)
-        inner_reference: wp.array2d(dtype=wp.vec3d),  # (known, 1 + motions); grains beyond were inserted since
-        outer_reference: wp.array2d(dtype=wp.vec3d),  # the same of the outer list
-        flight: wp.array(dtype=Flight),  # (known,), or of size 0
-        control: Control,
-        watched: Watched,
-        dt: wp.float64,
-        max_displacement: wp.float64,  # displacement that the inner list allows [m]
-        outer_max_displacement: wp.float64,  # the same of the outer list [m]
-        # written
-        found_out: wp.array(dtype=wp.int32),  # (n,) what was found of each grain; of size 0: only the conditions are asked for
-        clock_out: wp.array(dtype=wp.int32),
-    ):
-        """What has become of each grain; conditions BUILD_OUTER and ASK_HOST of the clock."""
-        i = first + wp.tid()
-        state = grains[i]
+    @wp.func
+    def check_grain(
+        i: int, state: g.Record, references: References, control: Control, schedule_row: int, watched: Watched, dt: wp.float64
+    ) -> int:  # fmt: skip
+        """What has become of grain ``i`` at the present step, that of row ``schedule_row`` of the schedule."""
         found = int(0)
         if not g.gone(state):
             q = g.position(state)
-            row = (clock_out[SCHEDULE_ROW] + 1) * wp.static(stages)
-            if i < outer_reference.shape[0]:
-                if in_flight(flight, i):
-                    now = wp.float64(control.origin[0] + clock_out[SCHEDULE_ROW])
-                    if not travel.holds(flight[i], state, now, dt):
+            row = (schedule_row + 1) * wp.static(stages)
+            if i < references.outer.shape[0]:
+                if in_flight(references.flight, i):
+                    now = wp.float64(control.origin[0] + schedule_row)
+                    if not travel.holds(references.flight[i], state, now, dt):
                         found = wp.static(OFF_PATH)
                 else:
-                    left = travel.allowed_displacement(state, max_displacement, dt)
-                    square = travel.squared_displacement(i, state, inner_reference, control.placement, row)
+                    left = travel.allowed_displacement(state, references.inner_limit, dt)
+                    square = travel.squared_displacement(i, state, references.inner, control.placement, row)
                     if not (square <= wp.float64(0.25) * left * left):
                         found = found | wp.static(INNER_HALF)
                     if not (square <= left * left):
                         found = found | wp.static(INNER)
-                    square = travel.squared_displacement(i, state, outer_reference, control.placement, row)
-                    if not (square <= wp.float64(0.25) * outer_max_displacement * outer_max_displacement):
+                    left = references.outer_limit
+                    square = travel.squared_displacement(i, state, references.outer, control.placement, row)
+                    if not (square <= wp.float64(0.25) * left * left):
                         found = found | wp.static(OUTER_HALF)
-                    if not (square <= outer_max_displacement * outer_max_displacement):
+                    if not (square <= left * left):
                         found = found | wp.static(OUTER)
             if travel.outlet_of(q, control.outlet) >= 0:
                 found = found | wp.static(IN_OUTLET)
@@ -114,12 +112,47 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                 found = found | wp.static(NOT_FINITE)
             if is_fast(state, control, row, watched, dt):
                 found = found | wp.static(FAST)
+        return found
+
+    @kernel
+    def check_lists(
+        first: int,
+        grains: wp.array(dtype=g.Record),  # (n,)
+        references: References,
+        control: Control,
+        watched: Watched,
+        dt: wp.float64,
+        # written
+        found_out: wp.array(dtype=wp.int32),  # (n,) what was found of each grain; of size 0: only the conditions are asked for
+        clock_out: wp.array(dtype=wp.int32),
+    ):
+        """What has become of each grain; conditions BUILD_OUTER and ASK_HOST of the clock."""
+        i = first + wp.tid()
+        found = check_grain(i, grains[i], references, control, clock_out[SCHEDULE_ROW], watched, dt)
         if found_out.shape[0] > 0:
             found_out[i] = found
         if (found & wp.static(OUT_OF_DATE)) > 0:
             clock_out[BUILD_OUTER] = 1
         if (found & wp.static(FOR_THE_HOST)) > 0:
             clock_out[ASK_HOST] = 1
+
+    @wp.func
+    def put_reference(
+        i: int, q_now: wp.vec3d, placements: wp.array(dtype=Placement), flight: wp.array(dtype=Flight),
+        reference_out: wp.array2d(dtype=wp.vec3d),
+    ):  # fmt: skip
+        """As ``save_reference``, of grain ``i`` at ``q_now`` [m]."""
+        far = wp.float64(FAR)
+        q = q_now
+        flying = in_flight(flight, i)
+        if flying:
+            q = wp.vec3d(far, far, far)
+        reference_out[i, 0] = q
+        for m in range(wp.static(moving)):
+            body = q
+            if not flying:
+                body = local(placements[m], q)
+            reference_out[i, m + 1] = body
 
     @kernel
     def save_reference(
@@ -131,16 +164,8 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
     ):
         """Where grains are when a list is built. Those in flight are far from their reference: it is the path that counts."""
         i = first + wp.tid()
-        q = g.position(grains[i])
-        far = wp.float64(FAR)
-        flying = in_flight(flight, i)
-        if flying:
-            q = wp.vec3d(far, far, far)
-        reference_out[i, 0] = q
-        for m in range(wp.static(moving)):
-            body = q
-            if not flying:
-                body = local(placements[m], q)
-            reference_out[i, m + 1] = body
+        put_reference(i, g.position(grains[i]), placements, flight, reference_out)
 
-    return Built(check_lists=check_lists, save_reference=save_reference)
+    return Built(
+        check_lists=check_lists, save_reference=save_reference, check_grain=check_grain, put_reference=put_reference
+    )

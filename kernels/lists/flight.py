@@ -6,7 +6,7 @@ place where it was when the path was laid,
 
     P(t) = q + V t + (1/2) a t^2,      |q(t) - P(t)| <= allowance  at every step up to the last of the path,
 
-and the path was laid so that up to there its grain can touch no other outside of its row in the near list:
+and the path was laid so that up to there its grain can touch no other outside of its row in the outer list:
 
     |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
@@ -17,8 +17,9 @@ Whether the fall is free does not matter for the proof: a grain that leaves its 
 is. So what is laid here changes no bit of the result.
 
 The first time at which a path may come too near is found by conservative advancement: over a distance d that is free now the
-grain needs at least the time 2 d / (v + sqrt(v^2 + 2 |a| d)); then it is looked at again from there. References of other
-grains are first asked for by the boxes around BLOCK of them that follow each other in memory, and so are close together.
+grain needs at least the time 2 d / (v + sqrt(v^2 + 2 |a| d)); then it is looked at again from there. A look goes no further
+than a distance that doubles with each: what is beyond is neither searched for in the mesh nor among the grains. References of
+other grains are first asked for by the boxes around BLOCK of them that follow each other in memory, and so are close together.
 """
 
 import functools
@@ -26,17 +27,19 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.lists.displacement import Watched
+from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, place_at, velocity_at
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
 BLOCK = 64
 LOOKS = 24  # along one path
+FIRST_LOOK = 8.0  # how far the first one goes, over the radius [-]
 
 
 @wp.func
 def least_time(distance: wp.float64, speed: wp.float64, acceleration: wp.float64) -> wp.float64:
-    """Time [s] that a way of this length [m] takes at least, from this speed [m/s] on."""
+    """Time [s] that travelling this distance [m] takes at least, from this speed [m/s] on."""
     zero = wp.float64(0.0)
     if distance <= zero:
         return zero
@@ -45,8 +48,8 @@ def least_time(distance: wp.float64, speed: wp.float64, acceleration: wp.float64
 
 
 @wp.func
-def longest_way(time: wp.float64, speed: wp.float64, acceleration: wp.float64) -> wp.float64:
-    """Way [m] that can be made in this time [s] at most."""
+def largest_distance(time: wp.float64, speed: wp.float64, acceleration: wp.float64) -> wp.float64:
+    """Distance [m] that can be travelled in this time [s] at most."""
     return (speed + wp.float64(0.5) * acceleration * time) * time
 
 
@@ -158,11 +161,11 @@ def build(
             first = low[b]
             last = high[b]
             if first[0] <= last[0]:
-                if gap_to_box(x, first, last) - need < longest_way(time, speed, acceleration):
+                if gap_to_box(x, first, last) - need < largest_distance(time, speed, acceleration):
                     for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
                         if j != f and not in_flight(flight, j) and not g.gone(grains[j]):
-                            way = wp.length(border.nearest(x - reference[j, 0])) - need - grains[j][3]
-                            until = least_time(way, speed, acceleration)
+                            free = wp.length(border.nearest(x - reference[j, 0])) - need - grains[j][3]
+                            until = least_time(free, speed, acceleration)
                             if until < time:
                                 if not is_listed(j, at, count, slot):
                                     time = until
@@ -192,17 +195,22 @@ def build(
                 turning = acceleration + wp.float64(2.0) * most[1] * closing
                 away = gap_to_box_alone(body, watched.low[m], watched.high[m])
                 # what is fast beside a mesh is for the guard of the travel to see (``travel``)
-                way = away - need - closing * dt * wp.float64(2.0)
+                free = away - need - closing * dt * wp.float64(2.0)
                 slow = closing * dt * wp.float64(1.1) < watched.max_travel[m] * radius
-                if slow and way < longest_way(time, closing, turning):
+                ahead = largest_distance(time, closing, turning)
+                if slow and free < ahead:
                     p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
-                    found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(1.0e30))
+                    # nothing further than that matters; somewhat more for the rounding of single precision
+                    within = (need + ahead) * wp.float64(1.001) + wp.float64(1.0e-4) * wp.length(body)
+                    within = within + wp.float64(2.0) * surface.rounding[wall]
+                    found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(wp.min(within, wp.float64(FAR))))
+                    free = ahead
                     if found.result:
                         point = wp.mesh_eval_position(mesh[m], found.face, found.u, found.v)
                         apart = body - wp.vec3d(wp.float64(point[0]), wp.float64(point[1]), wp.float64(point[2]))
                         rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + surface.rounding[wall]
-                        way = wp.length(apart) - need - rounding
-                time = wp.min(time, least_time(way, closing, turning))
+                        free = wp.length(apart) - need - rounding
+                time = wp.min(time, least_time(free, closing, turning))
         if wp.static(shapes):
             for s in range(surface.planes + surface.revolutions + surface.spheres):
                 feature = surface.triangles + s
@@ -220,20 +228,18 @@ def build(
         return time
 
     @kernel
-    def lay(
+    def steps_of_paths(
         first: int,
-        wanted: wp.array(dtype=wp.int32),  # slots of the grains whose paths are laid
+        wanted: wp.array(dtype=wp.int32),  # (k,) slots of the grains whose paths are looked at
         flyer: wp.array(dtype=wp.int32),  # of all in flight, those among them
         now: wp.float64,  # present step
         longest: int,  # steps to look ahead
-        grains: wp.array(dtype=g.Record),
-        reference: wp.array2d(dtype=wp.vec3d),  # of the near list
-        flight: wp.array(dtype=Flight),
-        low: wp.array(dtype=wp.vec3d),
+        grains: wp.array(dtype=g.Record),  # (n,)
+        reference: wp.array2d(dtype=wp.vec3d),  # (n, 1 + motions) of the outer list
+        flight: wp.array(dtype=Flight),  # (n,)
+        low: wp.array(dtype=wp.vec3d),  # (blocks,) of ``enclose``
         high: wp.array(dtype=wp.vec3d),
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
+        rows: NeighborRows,  # the outer list
         skin: wp.float64,
         wall_contacts: WallContacts,
         near_feature: wp.array(dtype=wp.int32),
@@ -245,7 +251,7 @@ def build(
         swiftest: wp.array(dtype=wp.vec2d),  # of each motion: largest speed at the origin [m/s] and spin [rad/s]
         watched: Watched,
         dt: wp.float64,
-        steps_out: wp.array(dtype=wp.int32),
+        steps_out: wp.array(dtype=wp.int32),  # (k,)
     ):
         """Steps from now on for which each path holds."""
         t = first + wp.tid()
@@ -257,8 +263,8 @@ def build(
                     return
         path = flight[f]
         radius = grains[f][3]
-        at = start[f]
-        own = count[f]
+        at = rows.start[f]
+        own = rows.count[f]
         base = radius + wp.float64(wp.static(gap)) + path[9]
         steps = int(longest)
         for n in range(flyer.shape[0]):
@@ -268,16 +274,19 @@ def build(
                 until = until_meeting(path, other, now, dt, base + grains[j][3] + other[9]) / dt
                 # a path that ends before does not count beyond its end: a new one will be laid against this one
                 if until < wp.float64(steps) and until < other[11] - now:
-                    if not is_listed(j, at, own, slot):
+                    if not is_listed(j, at, own, rows.slot):
                         steps = int(until)
         k = int(0)
         look = int(0)
         bent = wp.length(bend(path))
+        reaching = wp.float64(1.0)
         while k < steps and look < wp.static(LOOKS):
             x = place_at(path, (now - path[10] + wp.float64(k)) * dt)
             v = velocity_at(path, (now - path[10] + wp.float64(k)) * dt)
             speed = wp.length(v)
-            time = wp.float64(steps - k) * dt
+            reach = wp.float64(wp.static(FIRST_LOOK)) * radius * reaching + wp.float64(16.0) * speed * dt
+            time = wp.min(wp.float64(steps - k) * dt, least_time(reach, speed, bent))
+            reaching = reaching * wp.float64(2.0)
             look += 1
             if wp.static(periodic):
                 if not border.within(x, wp.float64(0.0)):
@@ -290,11 +299,11 @@ def build(
                     wall_contacts, near_feature,
                 )  # fmt: skip
             half = wp.float64(0.5) * skin
-            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, slot, low, high)
+            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, rows.slot, low, high)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)
             k += int(go)
         steps_out[t] = k
 
-    return Built(enclose=enclose, lay=lay)
+    return Built(enclose=enclose, steps_of_paths=steps_of_paths)

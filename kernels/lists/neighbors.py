@@ -16,7 +16,18 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
+from warpdem.kernels.lists.numbering import Counts, Starts
 from warpdem.kernels.lists.path import Flight, in_flight
+
+
+@wp.struct
+class NeighborRows:
+    """The outer list: of each grain a row of partners in ascending order of id."""
+
+    start: wp.array(dtype=wp.int32)  # (n + 1,) first entry of each row, end of the last; rows may have capacity to spare
+    count: wp.array(dtype=wp.int32)  # (n,) partners of each grain
+    slot: wp.array(dtype=wp.int32)  # (entries,) memory slot of the partner
+    contact: wp.array(dtype=wp.int32)  # (entries,) number of the pair in the inner list or -1, in the row of the lower id
 
 
 @functools.cache
@@ -32,6 +43,28 @@ def build(
     g = grain.build(spins)
     Coefficients = law.Coefficients
     Inverse = wp.types.vector(2, wp.float64)
+
+    @wp.struct
+    class ListedGrains:
+        """What the lists are made of, in memory order; read only."""
+
+        record: wp.array(dtype=g.Record)  # (n,)
+        inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg] and 1/I [1/(kg m2)]
+        material: wp.array(dtype=wp.int32)  # (n,) material index
+        id: wp.array(dtype=wp.int64)  # (n,)
+
+    @wp.struct
+    class ListedContacts:
+        """Contacts of the inner list in batches of ``lanes``; written."""
+
+        owner: wp.array2d(dtype=wp.int32)  # (batches, lanes) memory slot of the grain of the lower id
+        partner: wp.array2d(dtype=wp.int32)  # (batches, lanes) memory slot of the other
+        kind: wp.array2d(dtype=wp.int32)  # (batches, lanes) row of the coefficients; (0, lanes) where there is one row
+        constants: wp.array3d(dtype=real)  # (batches, numbers, lanes), or of size 0
+        slot_i: wp.array2d(dtype=wp.int32)  # (batches, lanes) force slot of the owner
+        slot_j: wp.array2d(dtype=wp.int32)  # (batches, lanes) force slot of the partner
+        history: wp.array3d(dtype=real)  # (batches, numbers, lanes) contact history
+
     law_constants_width, rolling = law.Constants._length_, "inertia" in stored
     radius_at, inertia_at = (stored.radius, stored.inertia) if rolling else (0, 0)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -53,10 +86,10 @@ def build(
             stride = stride // 3
 
     @wp.func
-    def place_of(
+    def entry_of(
         wanted: wp.int64, start: int, count: int, id: wp.array(dtype=wp.int64), slot: wp.array(dtype=wp.int32)
     ) -> int:  # fmt: skip
-        """Place of the partner of that id in the row at ``start``, where it is."""
+        """Entry of the partner of that id in the row at ``start``, which has it."""
         low = int(start)
         high = start + count - 1
         while low < high:
@@ -107,9 +140,9 @@ def build(
                                 while j >= 0:
                                     other = grains[j]
                                     there = g.position(other)
-                                    way = border.nearest(g.position(me) - there)
+                                    separation = border.nearest(g.position(me) - there)
                                     far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # so it is the same seen from j
-                                    near = wp.dot(way, way) < far * far and j != i
+                                    near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(border.images > 1):  # a cell may be seen from several images
                                         seen = place - there
                                         near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
@@ -124,17 +157,11 @@ def build(
     @kernel
     def carry_contacts(
         first: int,
-        id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        old_slot: wp.array(dtype=wp.int32),  # slot of this grain in the old list, -1 if it is new; of size 0: the same
-        old_id: wp.array(dtype=wp.int64),
-        old_start: wp.array(dtype=wp.int32),
-        old_count: wp.array(dtype=wp.int32),
-        old_partner: wp.array(dtype=wp.int32),
-        old_contact: wp.array(dtype=wp.int32),
-        contact_out: wp.array(dtype=wp.int32),
+        id: wp.array(dtype=wp.int64),  # (n,)
+        old_slot: wp.array(dtype=wp.int32),  # (n,) slot of each grain in the old list, -1 if it is new; of size 0: the same
+        old_id: wp.array(dtype=wp.int64),  # ids by slot of the old list
+        old: NeighborRows,
+        rows_out: NeighborRows,  # read but for ``contact``
     ):
         """Contact number of each owned pair in the list that is being replaced, -1 if it had none."""
         i = first + wp.tid()
@@ -144,48 +171,34 @@ def build(
         f = int(0)
         end = int(0)
         if o >= 0:
-            f = old_start[o]
-            end = f + old_count[o]
-        for e in range(start[i], start[i] + count[i]):
-            j = slot[e]
+            f = old.start[o]
+            end = f + old.count[o]
+        for e in range(rows_out.start[i], rows_out.start[i] + rows_out.count[i]):
+            j = rows_out.slot[e]
             found = int(-1)
             if id[j] > id[i]:
-                while f < end and old_id[old_partner[f]] < id[j]:
+                while f < end and old_id[old.slot[f]] < id[j]:
                     f += 1
-                if f < end and old_id[old_partner[f]] == id[j]:
-                    found = old_contact[f]
-            contact_out[e] = found
+                if f < end and old_id[old.slot[f]] == id[j]:
+                    found = old.contact[f]
+            rows_out.contact[e] = found
 
-    @kernel
-    def select_contacts(
-        first: int,
-        grains: wp.array(dtype=g.Record),
-        id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        inner_skin: wp.float64,
-        flight: wp.array(dtype=Flight),
-        listed_out: wp.array(dtype=wp.int32),
-        touching_count_out: wp.array(dtype=wp.int32),
-        near_count_out: wp.array(dtype=wp.int32),
-        listed_count_out: wp.array(dtype=wp.int32),
-    ):
-        """Which pairs are closer than the inner skin, or in flight; both grains decide alike, bit for bit.
-
-        ``listed_out`` holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if they touch.
-        """
-        i = first + wp.tid()
-        me = grains[i]
+    @wp.func
+    def select_row(
+        i: int, grains: ListedGrains, rows: NeighborRows, inner_skin: wp.float64, flight: wp.array(dtype=Flight),
+        listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
+    ):  # fmt: skip
+        """As ``select_contacts``, of grain ``i``."""
+        me = grains.record[i]
         touching = int(0)
         near = int(0)
         listed = int(0)
         flying = in_flight(flight, i)
-        for e in range(start[i], start[i] + count[i]):
-            j = slot[e]
-            other = grains[j]
-            way = border.nearest(g.position(me) - g.position(other))
-            square = wp.dot(way, way)
+        for e in range(rows.start[i], rows.start[i] + rows.count[i]):
+            j = rows.slot[e]
+            other = grains.record[j]
+            separation = border.nearest(g.position(me) - g.position(other))
+            square = wp.dot(separation, separation)
             cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
             far = cutoff + inner_skin
             entry = int(-1)
@@ -194,26 +207,38 @@ def build(
                 listed += 1
                 if square < cutoff * cutoff:
                     entry += 1
-                if id[j] > id[i]:
+                if grains.id[j] > grains.id[i]:
                     if entry & 1:
                         touching += 1
                     else:
                         near += 1
             listed_out[e] = entry
-        touching_count_out[i] = touching
-        near_count_out[i] = near
-        listed_count_out[i] = listed
+        counts_out.touching[i] = touching
+        counts_out.near[i] = near
+        counts_out.slots[i] = listed
+
+    @kernel
+    def select_contacts(
+        first: int, grains: ListedGrains, rows: NeighborRows, inner_skin: wp.float64, flight: wp.array(dtype=Flight),
+        listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
+    ):  # fmt: skip
+        """Which pairs are closer than the inner skin [m], or in flight; both grains decide alike, bit for bit.
+
+        ``listed_out`` (entries,) holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if
+        they touch; ``counts_out`` how many there are of each kind. ``flight``: (n,), or of size 0.
+        """
+        select_row(first + wp.tid(), grains, rows, inner_skin, flight, listed_out, counts_out)
 
     @wp.func
     def put_constants(
-        p: int, k: int, i: int, j: int, grains: wp.array(dtype=g.Record), inverse: wp.array(dtype=Inverse),
+        p: int, k: int, i: int, j: int, record: wp.array(dtype=g.Record), inverse: wp.array(dtype=Inverse),
         kind: wp.array2d(dtype=wp.int32), coefficients: wp.array(dtype=Coefficients), constants_out: wp.array3d(dtype=real),
     ):  # fmt: skip
         """What does not change of the contact of grains ``i`` and ``j`` in lane ``k`` of contact batch ``p``."""
         c = coefficients[0]
         if wp.static(table):
             c = coefficients[kind[p, k]]
-        radius = grains[i][3] * grains[j][3] / (grains[i][3] + grains[j][3])
+        radius = record[i][3] * record[j][3] / (record[i][3] + record[j][3])
         numbers = law.constants(c, radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
         for f in range(wp.static(law_constants_width)):
             constants_out[p, f, k] = real(numbers[f])
@@ -223,92 +248,84 @@ def build(
                 wp.float64(wp.static(inertia_factor)) / (inverse[i][1] + inverse[j][1])
             )
 
+    @wp.func
+    def clear_lane(p: int, k: int, partner: int, unused_slot: int, contacts_out: ListedContacts):
+        """No contact in lane ``k`` of batch ``p``: a pair of grains with no stiffness."""
+        contacts_out.owner[p, k] = 0
+        contacts_out.partner[p, k] = partner
+        contacts_out.slot_i[p, k] = unused_slot
+        contacts_out.slot_j[p, k] = unused_slot
+        if wp.static(table):
+            contacts_out.kind[p, k] = 0
+        if wp.static(keep_constants):
+            for f in range(wp.static(stored.width)):
+                contacts_out.constants[p, f, k] = real(0.0)
+
     @kernel
     def clear_contacts(
         first: int,
         partner: int,  # a grain that is not grain 0, if there is one
         unused_slot: int,  # force slot that belongs to no grain
-        # per lane, written
-        owner_out: wp.array2d(dtype=wp.int32),
-        partner_out: wp.array2d(dtype=wp.int32),
-        kind_out: wp.array2d(dtype=wp.int32),
-        constants_out: wp.array3d(dtype=real),
-        slot_i_out: wp.array2d(dtype=wp.int32),
-        slot_j_out: wp.array2d(dtype=wp.int32),
+        contacts_out: ListedContacts,
     ):
-        """Batches of no contact: what fills the last one of a class is a pair of grains with no stiffness."""
+        """Batches of no contact: those that fill the last one of a class stay such."""
         p = first + wp.tid()
         for k in range(wp.static(lanes)):
-            owner_out[p, k] = 0
-            partner_out[p, k] = partner
-            slot_i_out[p, k] = unused_slot
-            slot_j_out[p, k] = unused_slot
-            if wp.static(table):
-                kind_out[p, k] = 0
-            if wp.static(keep_constants):
-                for f in range(wp.static(stored.width)):
-                    constants_out[p, f, k] = real(0.0)
+            clear_lane(p, k, partner, unused_slot, contacts_out)
 
-    @kernel
-    def fill_contacts(
-        first: int,
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        kind: wp.array(dtype=wp.int32),
-        materials: int,
-        coefficients: wp.array(dtype=Coefficients),
-        id: wp.array(dtype=wp.int64),
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        listed: wp.array(dtype=wp.int32),
-        touching_start: wp.array(dtype=wp.int32),
-        near_start: wp.array(dtype=wp.int32),
-        row_start: wp.array(dtype=wp.int32),
-        old_memory: wp.array3d(dtype=real),
-        contact_out: wp.array(dtype=wp.int32),
-        owner_out: wp.array2d(dtype=wp.int32),
-        partner_out: wp.array2d(dtype=wp.int32),
-        kind_out: wp.array2d(dtype=wp.int32),
-        constants_out: wp.array3d(dtype=real),
-        slot_i_out: wp.array2d(dtype=wp.int32),
-        slot_j_out: wp.array2d(dtype=wp.int32),
-        memory_out: wp.array3d(dtype=real),
-    ):
-        """Write the contacts that grain ``i`` owns into their contact batches, with the force slots of both grains."""
-        i = first + wp.tid()
-        touching = touching_start[i]
-        near = near_start[i]
-        for e in range(start[i], start[i] + count[i]):
-            j = slot[e]
-            if id[j] > id[i]:
-                old = contact_out[e]
-                contact_out[e] = -1
+    @wp.func
+    def fill_row(
+        i: int, grains: ListedGrains, materials: int, coefficients: wp.array(dtype=Coefficients), rows: NeighborRows,
+        listed: wp.array(dtype=wp.int32), starts: Starts, old_history: wp.array3d(dtype=real), contacts_out: ListedContacts,
+    ):  # fmt: skip
+        """As ``fill_contacts``, of grain ``i``."""
+        touching = starts.touching[i]
+        near = starts.near[i]
+        me = grains.id[i]
+        for e in range(rows.start[i], rows.start[i] + rows.count[i]):
+            j = rows.slot[e]
+            if grains.id[j] > me:
+                old = rows.contact[e]
+                number = int(-1)
                 if listed[e] >= 0:
-                    at = int(0)
                     if listed[e] & 1:
-                        at = touching
+                        number = touching
                         touching += 1
                     else:
-                        at = near
+                        number = near
                         near += 1
-                    contact_out[e] = at
-                    p = at // wp.static(lanes)
-                    k = at % wp.static(lanes)
-                    owner_out[p, k] = i
-                    partner_out[p, k] = j
-                    slot_i_out[p, k] = row_start[i] + listed[e] // 2
-                    slot_j_out[p, k] = row_start[j] + listed[place_of(id[i], start[j], count[j], id, slot)] // 2
+                    p = number // wp.static(lanes)
+                    k = number % wp.static(lanes)
+                    contacts_out.owner[p, k] = i
+                    contacts_out.partner[p, k] = j
+                    contacts_out.slot_i[p, k] = starts.slot[i] + listed[e] // 2
+                    back = entry_of(me, rows.start[j], rows.count[j], grains.id, rows.slot)
+                    contacts_out.slot_j[p, k] = starts.slot[j] + listed[back] // 2
                     if wp.static(table):
-                        kind_out[p, k] = kind[i] * materials + kind[j]
+                        contacts_out.kind[p, k] = grains.material[i] * materials + grains.material[j]
                     if wp.static(keep_constants):
-                        put_constants(p, k, i, j, grains, inverse, kind_out, coefficients, constants_out)
+                        put_constants(
+                            p, k, i, j, grains.record, grains.inverse, contacts_out.kind, coefficients, contacts_out.constants
+                        )
                     if wp.static(history > 0):
                         for f in range(wp.static(history)):
                             value = real(0.0)
                             if old >= 0:
-                                value = old_memory[old // wp.static(lanes), f, old % wp.static(lanes)]
-                            memory_out[p, f, k] = value
+                                value = old_history[old // wp.static(lanes), f, old % wp.static(lanes)]
+                            contacts_out.history[p, f, k] = value
+                rows.contact[e] = number
+
+    @kernel
+    def fill_contacts(
+        first: int, grains: ListedGrains, materials: int, coefficients: wp.array(dtype=Coefficients),
+        rows: NeighborRows,  # read but for ``contact``
+        listed: wp.array(dtype=wp.int32),  # (entries,) of ``select_contacts``
+        starts: Starts,
+        old_history: wp.array3d(dtype=real),  # (batches, numbers, lanes) of the list that is replaced
+        contacts_out: ListedContacts,
+    ):  # fmt: skip
+        """Write the contacts that each grain owns into their contact batches, with the force slots of both grains."""
+        fill_row(first + wp.tid(), grains, materials, coefficients, rows, listed, starts, old_history, contacts_out)
 
     @kernel
     def contact_constants(
@@ -334,6 +351,13 @@ def build(
         clear_contacts=clear_contacts,
         fill_contacts=fill_contacts,
         contact_constants=contact_constants,
+        select_row=select_row,
+        clear_lane=clear_lane,
+        fill_row=fill_row,
+        ListedGrains=ListedGrains,
+        Coefficients=Coefficients,
+        real=real,
+        ListedContacts=ListedContacts,
         constants_width=stored.width,
         keeps_constants=keep_constants,
     )

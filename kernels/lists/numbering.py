@@ -35,32 +35,87 @@ def capped(sum: wp.int32) -> wp.int32:
     return 2147483647 if sum < 0 else sum
 
 
-@wp.kernel(enable_backward=False)
-def sum_blocks(
-    first: wp.int32,
-    lanes: wp.int32,
-    # per grain, read
-    touching: wp.array[wp.int32],
-    near: wp.array[wp.int32],
-    shares: wp.array[wp.int32],
-    candidates: wp.array[wp.int32],
-    # written
-    sums_out: wp.array[Sums],
-):
-    """Sums of each block."""
-    b = first + wp.tid()
+@wp.struct
+class Counts:
+    """How many each grain has; an array of size 0 stands for what is not asked for."""
+
+    touching: wp.array[wp.int32]  # (n,) contacts that it owns and that touch
+    near: wp.array[wp.int32]  # (n,) its other contacts
+    slots: wp.array[wp.int32]  # (n,) force slots
+    candidates: wp.array[wp.int32]  # (n,) wall features that it may reach
+
+
+@wp.struct
+class Starts:
+    """Where those of each grain begin; arrays of size 0 where nothing is asked for."""
+
+    touching: wp.array[wp.int32]  # (n,) number of its first contact that touches
+    near: wp.array[wp.int32]  # (n,) number of its first other contact
+    slot: wp.array[wp.int32]  # (n + 1,) its first force slot, and the end of the last
+    wall_grain: wp.array[wp.int32]  # (n,) memory slots of the grains beside a wall
+
+
+@wp.func
+def block_sums(b: wp.int32, lanes: wp.int32, counts: Counts) -> Sums:
+    """Sums of block ``b``."""
     total = Sums()
-    for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), shares.shape[0])):
-        if touching.shape[0] > 0:
-            total[0] = total[0] + touching[i]
-            total[1] = total[1] + near[i]
-        total[2] = total[2] + shares[i]
-        if candidates.shape[0] > 0:
-            if candidates[i] > 0:
+    for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), counts.slots.shape[0])):
+        if counts.touching.shape[0] > 0:
+            total[0] = total[0] + counts.touching[i]
+            total[1] = total[1] + counts.near[i]
+        total[2] = total[2] + counts.slots[i]
+        if counts.candidates.shape[0] > 0:
+            if counts.candidates[i] > 0:
                 total[3] = total[3] + 1
     total[0] = (total[0] + lanes - 1) // lanes * lanes
     total[1] = (total[1] + lanes - 1) // lanes * lanes
-    sums_out[b] = total
+    return total
+
+
+@wp.func
+def joined(a: Sums, b: Sums) -> Sums:
+    """Sum of two sums."""
+    out = Sums()
+    for c in range(4):
+        out[c] = capped(a[c] + b[c])
+    return out
+
+
+@wp.func
+def start_block(b: wp.int32, lanes: wp.int32, counts: Counts, at: Sums, starts_out: Starts):
+    """Where each grain of block ``b`` begins, which grain each wall row belongs to; ``at``: sums of the blocks before."""
+    begin = b * wp.static(BLOCK)
+    n = counts.slots.shape[0]
+    touch = at[0] + at[1]
+    slot = at[2]
+    wall = at[3]
+    last = wp.min(begin + wp.static(BLOCK), n)
+    other = wp.int32(0)
+    if counts.touching.shape[0] > 0:
+        for i in range(begin, last):
+            other += counts.touching[i]
+    other = touch + (other + lanes - 1) // lanes * lanes
+    for i in range(begin, last):
+        if counts.touching.shape[0] > 0:
+            starts_out.touching[i] = touch
+            starts_out.near[i] = other
+            touch += counts.touching[i]
+            other += counts.near[i]
+        starts_out.slot[i] = slot
+        slot += counts.slots[i]
+        if counts.candidates.shape[0] > 0:
+            if counts.candidates[i] > 0:
+                starts_out.wall_grain[wall] = i
+                wall += 1
+    if last == n:
+        starts_out.slot[n] = slot
+
+
+@wp.kernel(enable_backward=False)
+def sum_blocks(first: wp.int32, lanes: wp.int32, counts: Counts, sums_out: wp.array[Sums]):
+    """Sums of each block, shape (blocks,)."""
+    b = first + wp.tid()
+    sums_out[b] = block_sums(b, lanes, counts)
 
 
 @wp.kernel(enable_backward=False)
@@ -88,46 +143,7 @@ def start_blocks(
 
 
 @wp.kernel(enable_backward=False)
-def start_grains(
-    first: wp.int32,
-    lanes: wp.int32,
-    # per grain, read
-    touching: wp.array[wp.int32],
-    near: wp.array[wp.int32],
-    shares: wp.array[wp.int32],
-    candidates: wp.array[wp.int32],
-    starts: wp.array[Sums],
-    # written
-    touching_start_out: wp.array[wp.int32],
-    near_start_out: wp.array[wp.int32],
-    row_start_out: wp.array[wp.int32],  # one more than grains
-    wall_grain_out: wp.array[wp.int32],
-):
-    """Where each grain begins, and which grain each wall row belongs to."""
+def start_grains(first: wp.int32, lanes: wp.int32, counts: Counts, starts: wp.array[Sums], starts_out: Starts):
+    """Where each grain begins; ``starts``: sums of the blocks before each block, shape (blocks,)."""
     b = first + wp.tid()
-    begin = b * wp.static(BLOCK)
-    n = shares.shape[0]
-    at = starts[b]
-    touch = at[0] + at[1]
-    row = at[2]
-    wall = at[3]
-    last = wp.min(begin + wp.static(BLOCK), n)
-    other = wp.int32(0)
-    if touching.shape[0] > 0:
-        for i in range(begin, last):
-            other += touching[i]
-    other = touch + (other + lanes - 1) // lanes * lanes
-    for i in range(begin, last):
-        if touching.shape[0] > 0:
-            touching_start_out[i] = touch
-            near_start_out[i] = other
-            touch += touching[i]
-            other += near[i]
-        row_start_out[i] = row
-        row += shares[i]
-        if candidates.shape[0] > 0:
-            if candidates[i] > 0:
-                wall_grain_out[wall] = i
-                wall += 1
-    if last == n:
-        row_start_out[n] = row
+    start_block(b, lanes, counts, starts[b], starts_out)

@@ -10,6 +10,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, OUTER_BUILDS_LEFT, OUTER_NOT_BEFORE, PARITY, STEPS_DONE
 
@@ -48,17 +49,10 @@ def build(WallContacts):
     @kernel
     def replace_outer(
         first: int,
-        # the new rows
-        start: wp.array(dtype=wp.int32),
-        count: wp.array(dtype=wp.int32),
-        slot: wp.array(dtype=wp.int32),
-        contact: wp.array(dtype=wp.int32),
-        # the old rows, replaced
-        start_out: wp.array(dtype=wp.int32),
-        count_out: wp.array(dtype=wp.int32),
-        slot_out: wp.array(dtype=wp.int32),
-        contact_out: wp.array(dtype=wp.int32),
-        flight_out: wp.array(dtype=Flight),
+        rows: NeighborRows,  # the new ones
+        # replaced
+        rows_out: NeighborRows,
+        flight_out: wp.array(dtype=Flight),  # (n,), or of size 0
     ):
         """The new rows replace the old ones. Paths of flight were laid against those, and end."""
         i = first + wp.tid()
@@ -66,13 +60,13 @@ def build(WallContacts):
             path = flight_out[i]
             path[11] = wp.float64(-1.0)
             flight_out[i] = path
-        start_out[i] = start[i]
-        if i + 1 == count.shape[0]:
-            start_out[i + 1] = start[i + 1]
-        count_out[i] = count[i]
-        for e in range(start[i], start[i] + count[i]):
-            slot_out[e] = slot[e]
-            contact_out[e] = contact[e]
+        rows_out.start[i] = rows.start[i]
+        if i + 1 == rows.count.shape[0]:
+            rows_out.start[i + 1] = rows.start[i + 1]
+        rows_out.count[i] = rows.count[i]
+        for e in range(rows.start[i], rows.start[i] + rows.count[i]):
+            rows_out.slot[e] = rows.slot[e]
+            rows_out.contact[e] = rows.contact[e]
 
     @kernel
     def move_wall_contacts(

@@ -165,8 +165,8 @@ class _Source:
             case ast.If():
                 self.branch(s)
             case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds), orelse=[]):
-                numbers = [self.value(bound).number for bound in bounds]
-                if not all(isinstance(n, int) for n in numbers):
+                numbers = [self.whole(bound) for bound in bounds]
+                if None in numbers:
                     self.fail(s.iter, "a loop whose length depends on data")
                 for k in range(*numbers):
                     self.local[name] = Value("", None, k)
@@ -368,11 +368,19 @@ class _Source:
             self.fail(e, "not two numbers of one type")
         return Value(f"({a.text} {operator} {b.text})", Kind(a.kind.scalar, mask=True))
 
+    def whole(self, e: ast.expr) -> int | None:
+        """A whole number that is known now, else None."""
+        try:
+            number = self.value(e).number
+        except NotStraight:
+            return None
+        return number if isinstance(number, int) else None
+
     def element(self, e: ast.AST, of: Value, place: ast.expr) -> Value:
-        places = [self.value(p).number for p in (place.elts if isinstance(place, ast.Tuple) else [place])]
+        places = [self.whole(p) for p in (place.elts if isinstance(place, ast.Tuple) else [place])]
         if not isinstance(of.kind, Kind) or len(places) != len(of.kind.shape) or of.kind.mask:
             self.fail(e, "no element of a vector or a matrix")
-        if not all(isinstance(p, int) and 0 <= p < n for p, n in zip(places, of.kind.shape, strict=True)):
+        if not all(p is not None and 0 <= p < n for p, n in zip(places, of.kind.shape, strict=True)):
             self.fail(e, "an index that is not known beforehand")
         member = "c" if len(places) == 1 else "data"
         return Value(f"{of.text}.{member}" + "".join(f"[{p}]" for p in places), Kind(of.kind.scalar))
@@ -406,9 +414,9 @@ class _Source:
             return None
         if not x:
             return b
-        if len(x) == 2 and x[1] == y[0]:
-            return Kind(a.scalar, (x[0], *y[1:]))
-        return Kind(a.scalar, y[1:]) if len(y) == 2 and len(x) == 1 and x[0] == y[0] else None
+        if len(x) + len(y) != 3 or x[-1] != y[0]:  # of two matrices Warp makes fused products, of numbers only
+            return None
+        return Kind(a.scalar, (x[0],) if len(x) == 2 else (y[1],))
 
     # --- calls --------------------------------------------------------------------------------------------------------
 

@@ -98,23 +98,12 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                             n = add(c, fill, at, n, feature_out)
         count_out[i] = n
 
-    @kernel
-    def close_features(
-        first: int,
-        grains: wp.array(dtype=g.Record),
-        travel: wp.float64,
-        surface: Surface,
-        placements: wp.array(dtype=Placement),
-        near_feature: wp.array(dtype=wp.int32),
-        flight: wp.array(dtype=Flight),
-        wall_contacts: WallContacts,
-    ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
-
-        All that are near one in flight.
-        """
-        i = first + wp.tid()
-        state = grains[i]
+    @wp.func
+    def select_features(
+        i: int, state: g.Record, travel: wp.float64, surface: Surface, placements: wp.array(dtype=Placement),
+        near_feature: wp.array(dtype=wp.int32), flight: wp.array(dtype=Flight), wall_contacts: WallContacts,
+    ):  # fmt: skip
+        """As ``close_features``, of grain ``i``."""
         q = g.position(state)
         radius = state[3]
         at = wall_contacts.first[i]
@@ -137,16 +126,36 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             wall_contacts.place_count[1, i] = 0
 
     @kernel
+    def close_features(
+        first: int,
+        grains: wp.array(dtype=g.Record),
+        travel: wp.float64,
+        surface: Surface,
+        placements: wp.array(dtype=Placement),
+        near_feature: wp.array(dtype=wp.int32),
+        flight: wp.array(dtype=Flight),
+        wall_contacts: WallContacts,
+    ):
+        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
+
+        All that are near one in flight.
+        """
+        i = first + wp.tid()
+        select_features(i, grains[i], travel, surface, placements, near_feature, flight, wall_contacts)
+
+    @kernel
     def carry_wall_contacts(
         first: int,
         parity: int,
-        old_slot: wp.array(dtype=wp.int32),  # its slot in the lists that are being replaced, -1 if it is new
+        old_slot: wp.array(dtype=wp.int32),  # slot in the lists that are being replaced, -1 if it is new; of size 0: the same
         before: WallContacts,
         now: WallContacts,
     ):
         """Copy the contact points of the last force call to the new slots of the grain."""
         i = first + wp.tid()
-        o = old_slot[i]
+        o = int(i)
+        if old_slot.shape[0] > 0:
+            o = old_slot[i]
         n = int(0)
         if o >= 0:
             n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])
@@ -156,4 +165,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             d = now.first[i] + k
             now.place[parity, d] = before.place[parity, s]
 
-    return Built(near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts)
+    return Built(
+        near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts,
+        select_features=select_features,
+    )  # fmt: skip

@@ -81,6 +81,7 @@ class Threads:
     def __init__(self, count: int, as_pays: bool = False) -> None:
         self.count = count
         self.as_pays = as_pays
+        self._loaded: set[tuple[wp.Kernel, str]] = set()
         self._pool = (
             ThreadPoolExecutor(count, thread_name_prefix="warpdem", initializer=request_short_time_slices)
             if count > 1
@@ -118,11 +119,17 @@ class Threads:
         for job in others:
             job.result()
 
+    def load(self, kernel: wp.Kernel, device: wp.Device) -> None:
+        """Load the module of a kernel, once: loading is not safe from several threads, and asking costs as much as a launch."""
+        if (kernel, device.alias) not in self._loaded:
+            wp.load_module(kernel.module, device=device)
+            self._loaded.add((kernel, device.alias))
+
     def split(self, kernel: wp.Kernel, count: int, inputs: Sequence[object], device: wp.Device) -> None:
         """Launch ``kernel`` over ``count`` indices, in one range per thread; its first argument is the first index."""
         if count == 0:
             return
-        wp.load_module(kernel.module, device=device)  # loading is not thread-safe
+        self.load(kernel, device)
         parts = [r for r in ranges(count, self.count if device.is_cpu and count >= 512 else 1) if r[1] > r[0]]
 
         def job(first: int, last: int) -> Callable[[], None]:

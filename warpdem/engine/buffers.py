@@ -24,6 +24,7 @@ class BufferPool:
     def __init__(self, device: wp.Device, exact: bool) -> None:
         self._device, self._exact = device, exact
         self._buffers: dict[str, wp.array] = {}
+        self._views: dict[str, wp.array] = {}
         self._capacities: dict[str, int] = {}
 
     def zeros(self, shape: int | tuple[int, ...], dtype: type) -> wp.array:
@@ -35,13 +36,17 @@ class BufferPool:
         return in_huge_pages(wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._device))
 
     def buffer(self, name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
-        """An array whose memory is kept; its content is not set."""
+        """An array whose memory is kept, the same one as long as it fits; its content is not set."""
         size = int(np.prod(shape))
         kept = self._buffers.get(name)
         if kept is None or kept.shape[0] < size:
             more = 0 if self._exact else size // 2 + 64
             kept = self._buffers[name] = in_huge_pages(wp.empty(size + more, dtype=dtype, device=self._device))
-        return wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
+        view = self._views.get(name)
+        if view is None or view.ptr != kept.ptr or view.shape != shape or view.dtype is not dtype:
+            view = self._views[name] = wp.array(ptr=kept.ptr, shape=shape, dtype=dtype, device=self._device)
+            view._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+        return view
 
     def capacity(self, name: str, need: int) -> int:
         """Length of a list of ``need`` entries: a device that builds the next one in the same arrays has some to spare."""

@@ -143,6 +143,11 @@ class ContactLists:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
         self.totals, self.contact_count, self.row_count = totals, totals[1] // 2, totals[2]
 
+    def inner_built(self) -> None:
+        """Take note that the host has built the inner list."""
+        self.refreshes += 1
+        self.version += 1
+
     def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:
         """Take over an outer list, for the next build to carry its contacts over; arguments as ``OuterList``."""
         self.outer = OuterList(*(self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)))
@@ -172,18 +177,29 @@ class ContactLists:
 
     def view(self) -> ListedContacts:
         """The contacts of the inner list, to be read."""
-        arrays = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        for name in ("owner", "partner", "slot_i", "slot_j", "history"):
+            if arrays[name] is not None:  # before the first list there are none
+                arrays[name] = self._used(arrays[name])
         return ListedContacts(
             self.state, self.model.features.contact.history, self.contact_count, self.row_count, **arrays,
             constants=self.contact_constants, walls=self.wall_contacts,
         )  # fmt: skip
 
+    def _used(self, array: wp.array) -> wp.array:
+        """The contact batches of an array that the list uses, without the capacity that it has to spare."""
+        batches = self.totals[0] // self.model.features.backend.lanes
+        if batches >= array.shape[0]:
+            return array
+        return array[:batches] if batches else wp.empty((0, *array.shape[1:]), dtype=array.dtype, device=array.device)
+
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
         lists, state, features = self.model.kernels.lists, self.state, self.model.features
         if self.constants.size:
-            return self.constants
-        out = self.pool.zeros((self.owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
-        inputs = [state.record, state.inverse, self.model.coefficients, self.owner, self.partner, self.kind, out]
-        wp.launch(lists.contact_constants, self.owner.size, inputs, device=self.model.device)
+            return self._used(self.constants)
+        owner, partner, kind = (self._used(array) for array in (self.owner, self.partner, self.kind))
+        out = self.pool.zeros((owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
+        inputs = [state.record, state.inverse, self.model.coefficients, owner, partner, kind, out]
+        wp.launch(lists.contact_constants, owner.size, inputs, device=self.model.device)
         return out

@@ -5,7 +5,6 @@ phase, and none of them comes back to Python before the batch is done or a grain
 """
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -14,6 +13,7 @@ from warpdem.core.threads import Threads, ranges
 from warpdem.engine.batch import Batch
 from warpdem.engine.buffers import BufferPool
 from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.cpu_lists import ThreadedBuild, threads_for_lists
 from warpdem.engine.host_build import HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.pace import Pace
@@ -30,12 +30,12 @@ GRAIN_STEPS = 200_000  # of a batch that takes about as long as people wait for 
 
 
 class CpuStorage:
-    """Arrays of the lists, of just the length that they need; the contact history goes back and forth between two."""
+    """Arrays of the lists with spare capacity; the contact history goes back and forth between two."""
 
     rows_are_counted = False
 
     def __init__(self, device: wp.Device) -> None:
-        self.pool = BufferPool(device, exact=False)
+        self.pool = BufferPool(device, exact=True)
 
     def selection(self, entries: int) -> wp.array:
         """As ``host_build.Storage``."""
@@ -73,6 +73,18 @@ class CpuExecutor:
         low, high = SCHEDULE_STEPS
         return min(max(GRAIN_STEPS // max(len(self._state), 1), low), high)
 
+    def list_build(self, lists: ContactLists, batch: Batch) -> ThreadedBuild:
+        """What builds the lists."""
+        return ThreadedBuild(self._model, self._state, lists, batch, self.launch, self.storage, self._threads_of_lists)
+
+    def _threads_of_lists(self, grains: int) -> int:
+        return threads_for_lists(grains, self._at_work()[0])
+
+    def _at_work(self) -> tuple[int, int]:
+        """Threads of the next batch, and how many there would be on a machine with nothing else to do."""
+        most = self._threads.at_work(len(self._state))
+        return self.pace.threads(most) if self._threads.as_pays else most, most
+
     def load_kernels(self) -> None:
         """Load the kernels of the steps and the lists, the last first: ``app.compile_ahead`` compiles from the other end."""
         for kernel in reversed(step_kernels(self._model.kernels)):
@@ -85,31 +97,26 @@ class CpuExecutor:
         self, count: int, forces_first: bool, hold: bool, lists: NeighborLists, structs: Structs, batch: Batch
     ) -> tuple[int, int]:
         """One launch per thread for the whole batch; as ``Engine.advance``."""
-        model, control, threads = self._model, batch.control, self._threads
+        model, control = self._model, batch.control
         base, _ = batch.row()
         grains, contacts, wall_contacts = structs.arguments()
-        max_threads = threads.at_work(len(self._state))
-        n = self.pace.threads(max_threads) if threads.as_pays else max_threads
+        n, most = self._at_work()
         kernel = model.kernels.loop.run
-        wp.load_module(kernel.module, device=model.device)  # loading is not safe from several threads
-        thread_ranges = np.zeros(control.thread_ranges.shape, dtype=np.int32)
-        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (contacts.owner.shape[0], self._state.slots, lists.row_count)])
-        control.thread_ranges.assign(thread_ranges)
-        control.meeting.zero_()
-        control.moved.zero_()
+        # views of the memory that the kernel reads and writes
+        thread_ranges, moved = control.thread_ranges.numpy(), control.moved.numpy()
+        batches = lists.totals[0] // model.features.backend.lanes
+        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.slots, lists.row_count)])
+        control.meeting.numpy()[:] = 0
+        moved[:] = 0
         surface = model.walls.surface if model.walls is not None else Surface()
         before = base, count, int(forces_first), int(hold), self._clock.step_number & 1
         after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
 
-        def job(thread: int) -> Callable[[], None]:
-            inputs = [thread, n, *before, grains, contacts, wall_contacts, surface, *after]
-            return lambda: wp.launch(kernel, dim=1, inputs=inputs, device=model.device)
-
         wall, used = time.perf_counter(), time.process_time()
-        threads.together([job(t) for t in range(n)])
+        self.launch.on_each(kernel, n, *before, grains, contacts, wall_contacts, surface, *after)
         if count == 0:
             return 0, 0
         done = int(control.done.numpy()[0])
-        if max_threads > 1:
-            self.pace.done(max_threads, done, time.perf_counter() - wall, time.process_time() - used)
-        return done, int(np.bitwise_or.reduce(control.moved.numpy()[::SPAN]))
+        if most > 1:
+            self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
+        return done, int(np.bitwise_or.reduce(moved[::SPAN]))

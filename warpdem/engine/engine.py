@@ -41,10 +41,8 @@ class Engine:
         self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
-        executor = self.executor
-        self.lists = NeighborLists(
-            model, state, clock, self.batch, timers, executor.launch, executor.storage, self.leavers
-        )
+        pool, list_build = self.executor.storage.pool, self.executor.list_build
+        self.lists = NeighborLists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
         self.structs = Structs(model, state, self.lists)
         self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
 

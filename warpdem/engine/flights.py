@@ -6,11 +6,14 @@ often. Where every wall moves, the lists follow the walls and use no position in
 either where walls act at their periodic images, which paths do not take into account.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.list_structs import rows_of
 from warpdem.engine.program import Launch
 from warpdem.kernels import grain
 from warpdem.kernels.lists.displacement import INNER, OFF_PATH, OUTER
@@ -79,7 +82,7 @@ class Flights:
         """
         must = (stray & (INNER | OUTER | OFF_PATH)) > 0
         lost = np.flatnonzero(stray & OFF_PATH)
-        self._wait = max(self._wait - 1, 0)
+        self.list_built()
         none = np.zeros(0, dtype=np.int64)
         if not self._possible or not must.any() or not (len(lost) or (hasty and not self._wait)):
             return stray, none
@@ -98,6 +101,10 @@ class Flights:
         self._wait = 0 if helped else min(2**self._failed, LONGEST_WAIT)
         return stray, np.flatnonzero(must)
 
+    def list_built(self) -> None:
+        """Count a list build: after some of them another try may help."""
+        self._wait = max(self._wait - 1, 0)
+
     def reassign_paths(self, wanted: np.ndarray) -> None:
         """Assign paths again after a rebuild, unless that has not helped lately."""
         if self._failed <= 1 and len(self.assign_paths(wanted, pairs=MAX_PAIRS_AFTER_REBUILD)) == len(wanted):
@@ -114,38 +121,27 @@ class Flights:
         Returns:
             Slots of those of ``wanted`` that fly now.
         """
-        model, lists, state = self.model, self.lists, self.state
+        model, lists = self.model, self.lists
         others = np.setdiff1d(self.slots, wanted)
         none = np.zeros(0, dtype=np.int64)
         if not len(wanted) or len(wanted) * (len(wanted) + len(others)) > pairs:
             return none
         self.laid += 1
-        n = lists.known
+        n, now = lists.known, float(self.clock.step_number)
         path = np.full((n, 12), -1.0)
         path[: lists.flight.shape[0]] = lists.flight.numpy().reshape(-1, 12)  # it has no row for newcomers yet
         path[wanted] = self._from_here(wanted)
         lists.flight = wp.array(path, dtype=Flight, device=model.device)
-        blocks = -(-n // BLOCK)
-        low, high = (self.pool.buffer(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
-        row, now = self._instant()
-        longest, swiftest = self._walls_ahead()
-        walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
-        wall_contacts, beside = model.kernels.WallContacts(), wp.zeros(0, dtype=wp.int32)
-        if model.walls is not None:
-            walls = [model.walls.surface, *model.walls.mesh_arrays[:2]]
-            wall_contacts, beside = lists.wall_contacts, lists.near_feature
-        record, kernels = state.record, model.kernels.paths
-        for _ in range(ROUNDS):
-            self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
-            slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (wanted, np.union1d(wanted, others)))
-            steps = self.pool.zeros(len(wanted), wp.int32)
-            self.launch(
-                kernels.lay, len(wanted), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight, low,
-                high, *lists.outer[:3], lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row,
-                swiftest,
-                self.batch.watched, model.dt, steps,
-            )  # fmt: skip
-            found = steps.numpy()
+        steps_of = self._steps_of_paths()
+        needed = wanted[must[wanted]] if must is not None else none
+        if 0 < len(needed) < len(wanted):
+            found = steps_of(needed, np.union1d(wanted, others))
+            if (found < LEAST_STEPS).any() or (1.0 / found).sum() > MAX_PATH_ENDS_PER_STEP:
+                path[wanted, 11] = -1.0  # without these it is no use: the others need not be looked at
+                wanted = none
+        found = none
+        for _ in range(ROUNDS if len(wanted) else 0):
+            found = steps_of(wanted, np.union1d(wanted, others))
             good = found >= LEAST_STEPS
             ends = (1.0 / found[good]).sum() + (1.0 / np.maximum(path[others, 11] - now, 1.0)).sum()
             if ends > MAX_PATH_ENDS_PER_STEP or (must is not None and must[wanted[~good]].any()):
@@ -166,6 +162,32 @@ class Flights:
         lists.flight = wp.array(path, dtype=Flight, device=model.device) if len(self.slots) else self._none
         self.drop_reference()
         return wanted
+
+    def _steps_of_paths(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Gives steps for which the paths of some grains hold from now on, from their slots and those of all in flight."""
+        model, lists, record, kernels = self.model, self.lists, self.state.record, self.model.kernels.paths
+        blocks = -(-lists.known // BLOCK)
+        low, high = (self.pool.buffer(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
+        row, now = self._instant()
+        longest, swiftest = self._walls_ahead()
+        walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
+        wall_contacts, beside = model.kernels.WallContacts(), wp.zeros(0, dtype=wp.int32)
+        if model.walls is not None:
+            walls = [model.walls.surface, *model.walls.mesh_arrays[:2]]
+            wall_contacts, beside = lists.wall_contacts, lists.near_feature
+
+        def steps_of(some: np.ndarray, flying: np.ndarray) -> np.ndarray:
+            self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
+            slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (some, flying))
+            steps = self.pool.zeros(len(some), wp.int32)
+            self.launch(
+                kernels.steps_of_paths, len(some), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight,
+                low, high, rows_of(lists.outer), lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row,
+                swiftest, self.batch.watched, model.dt, steps,
+            )  # fmt: skip
+            return steps.numpy()
+
+        return steps_of
 
     def _from_here(self, slots: np.ndarray) -> np.ndarray:
         """Paths of free fall, without end, shape (k, 12)."""

@@ -15,7 +15,7 @@ from warpdem.core.threads import Threads
 from warpdem.engine.batch import Batch
 from warpdem.engine.buffers import BufferPool
 from warpdem.engine.contact_lists import ContactLists, NewOuterList
-from warpdem.engine.host_build import HostLaunch
+from warpdem.engine.host_build import HostBuild, HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.program import ListBuild, Step
 from warpdem.engine.structs import Structs
@@ -132,6 +132,10 @@ class GraphExecutor:
     def steps_ahead(self) -> int:
         """Steps of the next schedule."""
         return SCHEDULE_STEPS
+
+    def list_build(self, lists: ContactLists, batch: Batch) -> HostBuild:
+        """What builds the lists where the device does not."""
+        return HostBuild(self._model, self._state, lists, batch, self.launch, self.storage)
 
     def load_kernels(self) -> None:
         """Nothing: they are compiled where the graph is captured."""
@@ -254,7 +258,8 @@ class Captured:
     def replace_outer(self) -> None:
         """As ``program.Decisions``."""
         lists = self.lists
-        self.launch(self.model.kernels.rebuild.replace_outer, self.state.slots, *lists.new.rows, *lists.outer, lists.flight)
+        new, old = self.build.structs.new(), self.build.structs.outer()
+        self.launch(self.model.kernels.rebuild.replace_outer, self.state.slots, new, old, lists.flight)
 
     def move_wall_contacts(self) -> None:
         """As ``program.Decisions``."""

@@ -4,6 +4,8 @@ The host sorts the grains in memory and gives the arrays their length; ``program
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +15,7 @@ from warpdem.core.threads import Threads
 from warpdem.engine.batch import Batch
 from warpdem.engine.buffers import LONGEST, BufferPool
 from warpdem.engine.contact_lists import ContactLists, NewOuterList
+from warpdem.engine.list_structs import put
 from warpdem.engine.program import ListBuild
 from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
@@ -24,6 +27,10 @@ from warpdem.model.model import Model
 from warpdem.state.particles import State
 
 LEAST_CAPACITY = 12  # of a row of the outer list to begin with
+
+
+BUILDS_IN_ORDER = 8
+"""Outer lists that a CPU builds before it sorts the grains in memory again: until then they move by a few radii at most."""
 
 
 class HostLaunch:
@@ -42,6 +49,24 @@ class HostLaunch:
     def once(self, kernel: wp.Kernel, *inputs: Any) -> None:
         """As ``program.Launch``."""
         wp.launch(kernel, dim=1, inputs=inputs, device=self._device)
+
+    def on_each(self, kernel: wp.Kernel, threads: int, *inputs: Any) -> None:
+        """One launch on each of ``threads`` threads at the same time; first arguments: number of the thread, and of all."""
+        self._threads.load(kernel, self._device)
+        launches = [partial(wp.launch, kernel, 1, [t, threads, *inputs], device=self._device) for t in range(threads)]
+        self._threads.together(launches)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a check of the lists has found (``kernels.lists.displacement``)."""
+
+    all: int
+    """Of all grains: the bits of each."""
+    of_grain: np.ndarray
+    """(slots,) of each grain."""
+    inner_built: bool = False
+    """Only the inner list was out of date, and it was built."""
 
 
 class Storage(Protocol):
@@ -100,27 +125,76 @@ class HostBuild:
         self.program = ListBuild(model, state, lists, batch, launch, self)
         self._row_capacity = RowRoom(LEAST_CAPACITY)
         self._classes = np.zeros(0, dtype=np.int64)
+        self._nothing = storage.pool.zeros(0, wp.int32)
+        self._builds_in_order, self._side, self._entries = 0, 0, 0
+        self._capacity_start: wp.array | None = None
+        self._old_wall_contacts: Any = None
 
-    def check(self, outer_limit: float) -> np.ndarray:
-        """What has become of each grain (``kernels.lists.displacement``), shape (slots,)."""
+    def check(self, outer_limit: float, inner_skin: float | None = None) -> Found:
+        """What has become of each grain.
+
+        Args:
+            outer_limit: displacement that the outer list allows [m].
+            inner_skin: skin of the inner list [m], if it may be built at once where it alone is out of date.
+        """
         found = self.storage.pool.buffer("found", (self.state.slots,), wp.int32)
         self.batch.set_time()
         self.program.check(found, outer_limit)
-        return found.numpy()
+        of_grain = found.numpy()
+        return Found(int(np.bitwise_or.reduce(of_grain, initial=0)), of_grain)
 
     # -- outer list -----------------------------------------------------------------------------
 
-    def outer(self) -> np.ndarray | None:
-        """Sort the grains in memory, without those that have left, and build the outer list.
+    def outer(self, sort: bool = True) -> np.ndarray | None:
+        """Build the outer list; before it, sort the grains in memory, without those that have left, where that is due.
+
+        Args:
+            sort: sort whether it is due or not.
 
         Returns:
             Slot that each grain had before, shape (n,); None where no grain is left.
         """
+        a, state, known = self.lists, self.state, self.lists.known
+        self._side = 1 - self._side
+        a.rows_are_counted = self.storage.rows_are_counted
+        stays = state.slots == len(state) == known and a.built and self._builds_in_order < BUILDS_IN_ORDER
+        if sort or not stays or a.rows_are_counted:
+            old_id = wp.clone(state.id)
+            order = self._sort()
+            if order is None:
+                return None
+            old_slot = self.storage.pool.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32)
+            self._builds_in_order, self._capacity_start = 0, None
+        else:
+            order, old_id, old_slot = np.arange(state.slots), state.id, self._nothing
+            self._builds_in_order += 1
+        a.known = n = len(order)
+        nothing, counts = self._nothing, [self._array(name, n) for name in ("neighbors", "near features")]
+        a.new = NewOuterList(
+            start=self._array("rows", n + 1), count=counts[0], slot=nothing, contact=nothing, capacity_start=nothing,
+            old_slot=old_slot, old_id=old_id, feature_count=counts[1], first=self._array("wall slots", n + 1),
+        )  # fmt: skip
+        if not a.rows_are_counted:
+            self._give_rows_capacity()
+        self.program.build_outer()
+        a.rebuilds += 1
+        return order
+
+    def _array(self, name: str, size: int) -> wp.array:
+        """Array of an outer list: on a CPU one of two, since the list before is still needed; else of its own."""
+        pool = self.storage.pool
+        if self.storage.rows_are_counted:
+            return pool.zeros(size, wp.int32)
+        return pool.buffer(f"{name} {self._side}", (size,), wp.int32)
+
+    def _sort(self) -> np.ndarray | None:
+        """Sort the grains in memory, without those that have left, and make the cell grids; return as ``outer``."""
         a, state, pool = self.lists, self.state, self.storage.pool
-        kept, record, known = np.flatnonzero(state.here), state.record.numpy(), a.known
-        n = a.known = len(kept)
+        kept, record = np.flatnonzero(state.here), state.record.numpy()
+        n = len(kept)
         if n == 0:
             state.reorder(kept)
+            a.known = 0
             a.forget_outer()
             a.set_totals([0, 0, 0])
             return None
@@ -129,30 +203,19 @@ class HostBuild:
         classes = size_classes(radius)
         order = morton_order(position, finest_cell(radius, classes, beyond), self.model.device)
         position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
-        old_id = wp.clone(state.id)
         state.reorder(order)
         a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         a.grids = grids_for(position, radius, self._classes, beyond, self.model.device)
-        counts = [pool.zeros(n, wp.int32) for _ in range(2)]
-        starts = [pool.zeros(n + 1, wp.int32) for _ in range(2)]
-        nothing = pool.zeros(0, wp.int32)
-        a.new = NewOuterList(
-            start=starts[0], count=counts[0], slot=nothing, contact=nothing, capacity_start=nothing,
-            old_slot=pool.upload(np.where(order < known, order, -1).astype(np.int32), wp.int32), old_id=old_id,
-            feature_count=counts[1], first=starts[1],
-        )  # fmt: skip
-        a.rows_are_counted = self.storage.rows_are_counted
-        if not a.rows_are_counted:
-            self._give_rows_capacity()
-        self.program.build_outer()
-        a.rebuilds += 1
         return order
 
     def _give_rows_capacity(self) -> None:
         """Rows as long as the size of their grain asks for: one search counts and writes."""
-        new, start = self.lists.new, self._row_capacity.starts(self._classes)
-        new.start = new.capacity_start = self.storage.pool.upload(start, wp.int32)
-        new.slot = self.storage.pool.zeros(int(start[-1]), wp.int32)
+        new = self.lists.new
+        if self._capacity_start is None:
+            start = self._row_capacity.starts(self._classes)
+            self._entries, self._capacity_start = int(start[-1]), self.storage.pool.upload(start, wp.int32)
+        new.start = new.capacity_start = self._capacity_start
+        new.slot = self._array("partners", self._entries)
 
     def outer_fits(self, write: Callable[[], None]) -> None:
         """As ``program.Decisions``: give the arrays the length that the list has."""
@@ -164,13 +227,14 @@ class HostBuild:
                 entries = self._row_capacity.entries(self._classes)
                 if entries > LONGEST:
                     raise too_long_a_list(self.state, a.clock, entries, new.count)
+                self._capacity_start = None
                 self._give_rows_capacity()
                 self.program.find_neighbors(new.capacity_start)
-        new.contact = pool.zeros(new.slot.shape, wp.int32)
+        new.contact = self._array("contacts", new.slot.shape[0])
         if not a.built:
             new.contact.fill_(-1)
         if self.model.walls is not None:
-            a.near_feature = pool.zeros(self._length("slots", scratch.slots, new.feature_count), wp.int32)
+            a.near_feature = self._array("near feature", self._length("slots", scratch.slots, new.feature_count))
         write()
 
     def _length(self, name: str, total: wp.array, count: wp.array) -> int:
@@ -187,16 +251,33 @@ class HostBuild:
     def move_wall_contacts(self) -> None:
         """As ``program.Decisions``."""
         a = self.lists
-        wall_contacts = a.new_wall_contacts(self.state.slots, a.near_feature.shape[0])
-        wall_contacts.first = a.new.first
+        wall_contacts = self._free_wall_contacts(self.state.slots, a.near_feature.shape[0])
+        put(wall_contacts, first=a.new.first)
         inputs = a.force_parity, a.new.old_slot, a.wall_contacts, wall_contacts
         self.launch(self.model.kernels.walls.carry_wall_contacts, self.state.slots, *inputs)
+        if not (a.rows_are_counted or self.model.features.measures.energy):  # of those some arrays must be zero
+            self._old_wall_contacts = a.wall_contacts
         a.wall_contacts = wall_contacts
+
+    def _free_wall_contacts(self, grains: int, slots: int) -> Any:
+        """Wall contacts for that many: those of the list before the last, if they have that length."""
+        old, self._old_wall_contacts = self._old_wall_contacts, None
+        if old is None or (old.candidates.shape[0], old.feature.shape[0]) != (grains, slots):
+            return self.lists.new_wall_contacts(grains, slots)
+        old.candidates.zero_()
+        old.place_count.zero_()
+        return old
 
     # -- inner list -----------------------------------------------------------------------------
 
     def inner(self) -> None:
         """Build the inner list."""
+        self.size_by_grains()
+        self.program.build_inner()
+        self.lists.inner_built()
+
+    def size_by_grains(self) -> None:
+        """Give the arrays of the inner list that have an entry per grain their length."""
         a, n, buffer = self.lists, self.state.slots, self.storage.pool.buffer
         a.listed = self.storage.selection(a.outer.slot.shape[0])
         for name in ("touching", "near", "width", "touching_start", "near_start"):
@@ -204,16 +285,18 @@ class HostBuild:
         a.row_start = buffer("row start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         if a.wall_contacts is not None:
-            a.wall_contacts.grain = buffer("wall grain", (n,), wp.int32)
-        self.program.build_inner()
-        a.refreshes += 1
-        a.version += 1
+            put(a.wall_contacts, grain=buffer("wall grain", (n,), wp.int32))
 
     def inner_fits(self, write: Callable[[], None]) -> None:
         """As ``program.Decisions``: give the arrays the length that the list has."""
+        self.lists.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
+        self.size_by_contacts()
+        write()
+
+    def size_by_contacts(self) -> None:
+        """Give the arrays of the inner list that have an entry per contact the length that ``lists.totals`` asks for."""
         a, features, pool = self.lists, self.model.features, self.storage.pool
         law, width = features.contact, features.backend.lanes
-        a.set_totals(self.batch.clock.numpy()[TOTALS].tolist())
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(law.memory, 1), width)
         a.row = self.storage.force_slots((slots + 1, pair_force_width(law.spins)), history, a.outer.slot.shape[0], a.real)
@@ -227,7 +310,6 @@ class HostBuild:
             "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )
         a.next_history = self.storage.next_history(history, a.version, a.real)
-        write()
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from warpdem.engine.host_build import Found
 from warpdem.engine.stops import beyond_border, crossed_domain
 from warpdem.kernels import grain
 from warpdem.kernels.lists.displacement import CROSSED, IN_OUTLET
@@ -30,11 +31,11 @@ class Leavers:
         self.left: dict[str, list] = {name: [0, 0.0] for name in domain.names}
         self.before_leaving: Callable[[np.ndarray], None] = lambda slots: None
 
-    def take(self, found: np.ndarray) -> np.ndarray:
+    def take(self, found: Found) -> np.ndarray:
         """Count the grains that are not in the domain any more.
 
         Args:
-            found: what ``check_lists`` found of each grain, shape (slots,).
+            found: what the check of the lists found.
 
         Returns:
             Their memory slots, shape (m,).
@@ -43,11 +44,11 @@ class Leavers:
             StabilityError: one is beyond a border that stops the run, or crossed a whole periodic domain in a step.
         """
         state = self._state
-        if (crossed := found & CROSSED).any():
-            raise crossed_domain(state, self._clock, int(np.flatnonzero(crossed)[0]))
-        gone = np.flatnonzero(found & IN_OUTLET)
-        if not len(gone):
-            return gone
+        if found.all & CROSSED:
+            raise crossed_domain(state, self._clock, int(np.flatnonzero(found.of_grain & CROSSED)[0]))
+        if not found.all & IN_OUTLET:
+            return np.zeros(0, dtype=np.int64)
+        gone = np.flatnonzero(found.of_grain & IN_OUTLET)
         self._count(gone, self._domain.left_by(state.record.numpy()[gone, grain.POSITION]))
         self.before_leaving(gone)
         return gone

@@ -11,9 +11,10 @@ import numpy as np
 
 from warpdem.core.timers import Timers
 from warpdem.engine.batch import Batch
+from warpdem.engine.buffers import BufferPool
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.flights import Flights
-from warpdem.engine.host_build import HostBuild, HostLaunch, Storage
+from warpdem.engine.host_build import Found, HostBuild
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.stops import not_finite
@@ -57,7 +58,8 @@ class NeighborLists(ContactLists):
     Args:
         model, state, clock, batch: of the run.
         timers: add up the time of the builds.
-        launch, storage: of the executor.
+        pool: memory of the lists.
+        list_build: of the executor, gives what builds them.
         leavers: take grains out that left the domain.
 
     Attributes:
@@ -74,14 +76,14 @@ class NeighborLists(ContactLists):
     fastest: Callable[[], float]
 
     def __init__(
-        self, model: Model, state: State, clock: Clock, batch: Batch, timers: Timers, launch: HostLaunch, storage: Storage,
-        leavers: Leavers,
+        self, model: Model, state: State, clock: Clock, batch: Batch, timers: Timers, pool: BufferPool,
+        list_build: Callable[[ContactLists, Batch], HostBuild], leavers: Leavers,
     ) -> None:  # fmt: skip
         self._skin_bounds = skin_bounds(model)
-        super().__init__(model, state, clock, storage.pool, self._skin_bounds[0])
+        super().__init__(model, state, clock, pool, self._skin_bounds[0])
         self._batch, self._timers, self._leavers = batch, timers, leavers
-        self.build = HostBuild(model, state, self, batch, launch, storage)
-        self.flights = Flights(self, batch, launch)
+        self.build = list_build(self, batch)
+        self.flights = Flights(self, batch, self.build.launch)
         self._newcomers = Newcomers(self, batch)
         self._last_refresh = self._last_rebuild = 0
         self.device_builds_left = self._device_builds = self._rebuilds_then = 0
@@ -102,26 +104,33 @@ class NeighborLists(ContactLists):
         changed = grown or force_rebuild or not self.built
         if not changed and not pending:
             return
-        found = self.build.check(max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0))
-        if (found & NOT_FINITE).any():
+        steps = self.clock.step_number - self._last_refresh
+        few_left = len(self.state) < KEPT_SHARE * self.state.slots
+        # where grains may fly instead, or the arrays are made for others, the inner list has to wait for what is found
+        at_once = pending & BEYOND and not (changed or few_left or steps < INNER_STEPS[0])
+        found = self._check(self.next_inner_skin if at_once else None)
+        if found.inner_built:
+            return
+        if found.all & NOT_FINITE:
             raise not_finite(self.state, self.clock, self.fastest())
+        of_grain = found.of_grain
         gone = self._leavers.take(found)
         if len(gone):
             self._remove(gone)
-            found[gone] = 0
+            of_grain[gone] = 0
             # energies are kept by contact: what the spring of a partner has lost would count twice
             force_rebuild |= self.model.features.measures.energy
         force_rebuild |= len(self.state) < KEPT_SHARE * self.state.slots
         if not (changed or force_rebuild or pending & BEYOND):
             return
-        if (found & FAST).any():
+        if found.all & FAST:
             self.watch_travel(self.state.record.numpy(), self._batch.placements_ahead()[0])
         self.force_parity = (self.clock.step_number - 1) & 1
         force_rebuild |= not self.built
         fast = self.flights.slots
         if not force_rebuild:
             with self._timers.measure("lists"):
-                validity, fast = self._validity(found[: self.known] & DISPLACED)
+                validity, fast = self._validity(of_grain[: self.known] & DISPLACED)
                 if validity is Validity.VALID and not grown:
                     return
                 force_rebuild = validity is Validity.OUTER_OUT_OF_DATE or (grown and not self._insert())
@@ -133,19 +142,32 @@ class NeighborLists(ContactLists):
             self._rebuild_outer(fast)
         self._rebuild_inner()
 
+    def _check(self, inner_skin: float | None) -> Found:
+        """What has become of each grain; builds the inner list at once where it alone is out of date, if its skin is given."""
+        outer_limit = max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0)
+        with self._timers.measure("refresh"):
+            found = self.build.check(outer_limit, inner_skin)
+            if found.inner_built:
+                assert inner_skin is not None
+                self.force_parity = (self.clock.step_number - 1) & 1
+                self.inner_skin, self._last_refresh = inner_skin, self.clock.step_number
+                self.flights.list_built()
+                self.flights.drop_reference()
+        return found
+
     def make(self) -> None:
         """Build both lists for the present positions."""
         self._batch.set_time()
         self._last_refresh = self._last_rebuild = self.clock.step_number
-        self._rebuild_outer()
+        self._rebuild_outer(sort=True)
         self._rebuild_inner()
 
-    def _rebuild_outer(self, fast: np.ndarray = NO_SLOTS) -> None:
-        """Build the outer list; the grains in slots ``fast`` fly if they can."""
+    def _rebuild_outer(self, fast: np.ndarray = NO_SLOTS, sort: bool = False) -> None:
+        """Build the outer list; the grains in slots ``fast`` fly if they can. ``sort``: as of ``HostBuild.outer``."""
         self.before_build()
         self.flights.clear_paths()
         with self._timers.measure("lists"):
-            order = self.build.outer()
+            order = self.build.outer(sort)
             if order is not None and len(fast):
                 self.flights.reassign_paths(np.flatnonzero(np.isin(order, fast)))
 

@@ -89,7 +89,7 @@ class Newcomers:
         return True
 
     def _neighbours(self, record: np.ndarray, known: int) -> np.ndarray:
-        """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named both ways."""
+        """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named in both orders."""
         model, here, beyond = self.model, self.state.here, self.model.features.contact.gap + self.lists.skin
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
@@ -97,15 +97,15 @@ class Newcomers:
         middle, half = 0.5 * (low + high), 0.5 * (high - low) + (radius[new].max() + model.expected.radius.max() + beyond)
         close = np.flatnonzero(here)
         for k in (2, 0, 1):
-            way = position[close, k] - middle[k]
+            separation = position[close, k] - middle[k]
             if period := model.domain.period[k]:
-                way -= period * np.rint(way / period)
-            close = close[np.abs(way) <= half[k]]
+                separation -= period * np.rint(separation / period)
+            close = close[np.abs(separation) <= half[k]]
         out = [np.zeros((0, 2), dtype=np.int64)]
         for i in new[here[new]]:
-            way = model.domain.nearest(position[i] - position[close])
+            separation = model.domain.nearest(position[i] - position[close])
             far = (radius[i] + radius[close] + beyond) * (1.0 + 1.0e-12)
-            near = close[(np.einsum("ij,ij->i", way, way) < far * far) & (close != i)]
+            near = close[(np.einsum("ij,ij->i", separation, separation) < far * far) & (close != i)]
             out.append(np.stack([np.full(len(near), i), near], axis=1))
         return np.concatenate(out)
 

@@ -15,17 +15,19 @@
 
 Two executors run it. ``graph`` captures these launches: the device decides at the capacity checks. On a CPU the host decides
 (``host_build``), each launch is split over threads (``cpu``), and the launches of a step are fused into one kernel per thread,
-``kernels.step.loop.run``, in the same order. What each launch computes is said where its kernel stands: ``kernels/lists``,
-``kernels/step``.
+``kernels.step.loop.run``, in the same order; so are those of the check and of the inner list, ``kernels.lists.inner``. What
+each launch computes is said where its kernel stands: ``kernels/lists``, ``kernels/step``.
 """
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.list_structs import ListStructs, of_each
 from warpdem.kernels import Built
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.step.clock import TOTALS
@@ -115,6 +117,11 @@ class ListBuild:
         self.launch, self.decide = launch, decide
         self.kernels: Built = model.kernels
 
+    @functools.cached_property
+    def structs(self) -> ListStructs:
+        """What the kernels take; made where they are launched, not where a graph that was captured is replayed."""
+        return ListStructs(self.model, self.state, self.lists)
+
     @property
     def n(self) -> int:
         """Slots of grains."""
@@ -129,13 +136,9 @@ class ListBuild:
             found: what is found of each grain, shape (n,); of size 0 for the conditions of the clock only.
             outer_max_displacement: displacement that the outer list allows [m].
         """
-        a, b = self.lists, self.batch
-        references = a.reference, a.outer_reference, a.flight
-        limits = a.max_displacement, outer_max_displacement
-        self.launch(
-            self.kernels.displacement.check_lists, self.n, self.state.record, *references, b.control, b.watched, self.model.dt,
-            *limits, found, b.clock,
-        )  # fmt: skip
+        b, references = self.batch, self.structs.references(self.lists.max_displacement, outer_max_displacement)
+        shared = self.state.record, references, b.control, b.watched, self.model.dt
+        self.launch(self.kernels.displacement.check_lists, self.n, *shared, found, b.clock)
 
     # -- outer list -----------------------------------------------------------------------------
 
@@ -157,9 +160,8 @@ class ListBuild:
         if a.rows_are_counted:
             self.find_neighbors(a.new.start)
         if a.built:
-            rows = a.new.start, a.new.count, a.new.slot
-            old = a.new.old_slot, a.new.old_id, *a.outer
-            self.launch(k.carry_contacts, self.n, self.state.id, *rows, *old, a.new.contact)
+            old, new = self.structs.outer(), self.structs.new()
+            self.launch(k.carry_contacts, self.n, self.state.id, a.new.old_slot, a.new.old_id, old, new)
         self.decide.replace_outer()
         if self.model.walls is not None:
             self._near_features(1)
@@ -184,49 +186,40 @@ class ListBuild:
 
     def build_inner(self) -> None:
         """Pairs and wall features closer than the inner skin, where the arrays hold them."""
-        a, k, b = self.lists, self.kernels.lists, self.batch
-        counts = [a.touching, a.near, a.width]
-        rows = a.outer.start, a.outer.neighbors, a.outer.slot
-        self.launch(
-            k.select_contacts, self.n, self.state.record, self.state.id, *rows, a.inner_skin, a.flight, a.listed, *counts
-        )
-        candidates = wall_grain = b.scratch(self.n).nothing
+        a, k, b, structs = self.lists, self.kernels.lists, self.batch, self.structs
+        counts = structs.counts()
+        selected = structs.grains(), structs.outer(), a.inner_skin, a.flight, a.listed, counts
+        self.launch(k.select_contacts, self.n, *selected)
         if self.model.walls is not None:
             near = a.near_feature, a.flight, a.wall_contacts
             shared = self.state.record, 0.5 * a.inner_skin, self.model.walls.surface, b.placements
             self.launch(self.kernels.walls.close_features, self.n, *shared, *near)
-            candidates, wall_grain = a.wall_contacts.candidates, a.wall_contacts.grain
-        starts = [a.touching_start, a.near_start, a.row_start, wall_grain]
-        self.number([*counts, candidates], b.clock[TOTALS], starts)
+        self.number(counts, b.clock[TOTALS], structs.starts())
         self.decide.inner_fits(self._write_inner)
 
     def _write_inner(self) -> None:
-        a, s, k, m = self.lists, self.state, self.kernels.lists, self.model
-        unused_slot = a.row.shape[0] - 1
-        lanes = a.owner, a.partner, a.kind, a.constants, a.slot_i, a.slot_j
-        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), unused_slot, *lanes)
-        self.launch(
-            k.fill_contacts, self.n, s.record, s.inverse, s.kind, m.features.contact.materials, m.coefficients, s.id,
-            a.outer.start, a.outer.neighbors, a.outer.slot, a.listed, a.touching_start, a.near_start, a.row_start,
-            a.history,
-            a.outer.contact, *lanes, a.next_history,
-        )  # fmt: skip
+        a, k, m, structs = self.lists, self.kernels.lists, self.model, self.structs
+        unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
+        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), unused_slot, contacts)
+        law = m.features.contact.materials, m.coefficients
+        lists = structs.outer(), a.listed, structs.starts(), a.history
+        self.launch(k.fill_contacts, self.n, structs.grains(), *law, *lists, contacts)
         self.decide.adopt_history()
         self._save_reference(a.reference)
 
     # -- both -----------------------------------------------------------------------------------
 
-    def number(self, counts: Sequence[wp.array], total: wp.array, starts: Sequence[wp.array]) -> None:
+    def number(self, counts: Any, total: wp.array, starts: Any) -> None:
         """How many there are of what ``counts`` gives per grain, and where each grain begins (``kernels.lists.numbering``)."""
         sums, lanes = self.batch.scratch(self.n).sums, self.model.features.backend.lanes
-        self.launch(numbering.sum_blocks, sums.shape[0], lanes, *counts, sums)
+        self.launch(numbering.sum_blocks, sums.shape[0], lanes, counts, sums)
         self.launch.once(numbering.start_blocks, sums, total)
-        self.launch(numbering.start_grains, sums.shape[0], lanes, *counts, sums, *starts)
+        self.launch(numbering.start_grains, sums.shape[0], lanes, counts, sums, starts)
 
     def _number(self, count: wp.array, total: wp.array, start: wp.array) -> None:
         """Where the row of each grain begins; ``total[1]`` is the length of all."""
-        nothing = self.batch.scratch(self.n).nothing
-        self.number((nothing, nothing, count, nothing), total, (nothing, nothing, start, nothing))
+        counts, starts = of_each(count, start)
+        self.number(counts, total, starts)
 
     def _save_reference(self, reference: wp.array) -> None:
         """Positions of the grains, from which their displacement counts."""

@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpdem.engine.contact_lists import ContactLists
+from warpdem.engine.list_structs import put
 from warpdem.kernels.measure.budget import Energies, Momenta
 from warpdem.model.model import Model
 from warpdem.state.particles import State
@@ -12,56 +13,63 @@ from warpdem.state.particles import State
 
 def packed(array: wp.array, dtype: type) -> wp.array:
     """The same memory as an array of vectors."""
-    return wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=array.device)
+    view: wp.array = wp.array(ptr=array.ptr, shape=array.shape[:-1], dtype=dtype, device=array.device)
+    view._ref = array  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+    return view
 
 
 class Structs:
-    """Structs of grains, contact batches and wall contacts over the present lists."""
+    """Structs of grains, contact batches and wall contacts over the present arrays; only what has changed is written."""
 
     def __init__(self, model: Model, state: State, lists: ContactLists) -> None:
         self._model, self._state, self._lists = model, state, lists
-        self._built: tuple[Any, Any, Any] | None = None
-        self._version = -1  # of the lists that they belong to
+        self._no_wall_contacts = model.kernels.WallContacts()
+        self.forget()
 
     def forget(self) -> None:
         """Let go of the arrays, before others take their place."""
-        self._built, self._version = None, -1
+        loop = self._model.kernels.loop
+        self._grains, self._contacts = loop.Grains(), loop.ContactBatches()
+        self._packed: dict[str, tuple[wp.array, wp.array]] = {}  # array and its packed view
 
     def arguments(self) -> tuple[Any, Any, Any]:
         """``Grains`` and ``ContactBatches`` of ``kernels.step.loop``, ``WallContacts`` of ``kernels.wall.contact``."""
-        lists = self._lists
-        if self._built is None or self._version != lists.version:
-            wall_contacts = lists.wall_contacts if lists.wall_contacts is not None else self._model.kernels.WallContacts()
-            self._built = self._grains(), self._contact_batches(), wall_contacts
-            self._version = lists.version
-        self._built[0].flight = lists.flight  # paths are assigned between two list builds too
-        return self._built
+        walls = self._lists.wall_contacts
+        return self._grains_now(), self._contacts_now(), walls if walls is not None else self._no_wall_contacts
 
-    def _grains(self) -> Any:
+    def _view(self, name: str, array: wp.array, dtype: type) -> wp.array:
+        """``packed``, made once for each array."""
+        there = self._packed.get(name)
+        if there is None or there[0] is not array:
+            there = self._packed[name] = array, packed(array, dtype)
+        return there[1]
+
+    def _grains_now(self) -> Any:
         model, features, state, lists = self._model, self._model.features, self._state, self._lists
-        grains = model.kernels.loop.Grains()
-        grains.record, grains.inverse, grains.kind = state.record, state.inverse, state.kind
+        grains, n, device = self._grains, self._state.slots, self._model.device
+        put(
+            grains, record=state.record, inverse=state.inverse, kind=state.kind, reference=lists.reference,
+            row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
+            entry=self._view("entry", lists.entry, model.kernels.pairs.Entry),
+        )  # fmt: skip
         if features.measures.orientation:
-            grains.orientation = state.orientation
-        grains.reference, grains.row_start = lists.reference, lists.row_start
-        grains.store = wp.zeros((state.slots, features.backend.scheme.STORE), dtype=wp.vec3d, device=model.device)
-        grains.row = packed(lists.row, model.kernels.pairs.PairForce)
-        grains.entry = packed(lists.entry, model.kernels.pairs.Entry)
-        if features.domain.outlets:
-            grains.exit = wp.zeros((state.slots, 2), dtype=wp.int32, device=model.device)
+            put(grains, orientation=state.orientation)
+        if grains.store is None or len(grains.store) != n:
+            grains.store = wp.zeros((n, features.backend.scheme.STORE), dtype=wp.vec3d, device=device)
+            if features.domain.outlets:
+                grains.exit = wp.zeros((n, 2), dtype=wp.int32, device=device)
         for name, dtype in (("energies", Energies), ("momenta", Momenta)):
             if name in features.measures.sums:
-                setattr(grains, name, packed(getattr(state, name), dtype))
+                put(grains, **{name: self._view(name, getattr(state, name), dtype)})
         for name in features.measures.sums.keys() & {"wall_work", "flow"}:
-            setattr(grains, name, getattr(state, name))
+            put(grains, **{name: getattr(state, name)})
         return grains
 
-    def _contact_batches(self) -> Any:
+    def _contacts_now(self) -> Any:
         features, lists = self._model.features, self._lists
-        contacts = self._model.kernels.loop.ContactBatches()
-        for name in ("owner", "partner", "slot_i", "slot_j", "constants", "history"):
-            setattr(contacts, name, getattr(lists, name))
-        contacts.trial = lists.trial if len(features.backend.scheme.STAGES) > 1 else lists.history
+        fields = {name: getattr(lists, name) for name in ("owner", "partner", "slot_i", "slot_j", "constants", "history")}
+        trial = lists.trial if len(features.backend.scheme.STAGES) > 1 else lists.history
+        put(self._contacts, **fields, trial=trial)
         if features.contact.table:
-            contacts.kind = lists.kind
-        return contacts
+            put(self._contacts, kind=lists.kind)
+        return self._contacts

@@ -20,6 +20,7 @@ from warpdem.state.view import RunView
 class ContactColumns:
     """Touching pairs of grains, then contacts with walls, from the results of the last force call.
 
+    To be read before the run goes on or reads its contacts once more: what a column is made of stays in the arrays of the run.
     Names and units of the columns are those of ``observers.Contacts``.
 
     Args:
@@ -31,29 +32,53 @@ class ContactColumns:
 
     def __init__(self, view: RunView, reader: Reader, since: int = 0, listed: ListedContacts | None = None) -> None:
         self._view, self._lists, self._since = view, listed or view.contacts, since
-        self._law, self._state = view.model.features.contact, view.state
-        self._record, self._ids = view.state.record.numpy(), view.state.id.numpy()
+        self._law, self._state, self._reader = view.model.features.contact, view.state, reader
         self._find_pairs(reader)
         self._find_places()
 
     def _find_pairs(self, reader: Reader) -> None:
-        """Lanes, memory slots, overlap and normal of the touching pairs."""
+        """Lanes and overlap of the touching pairs."""
         lists, model = self._lists, self._view.model
-        none = np.zeros(0, dtype=np.int64)
-        self._lane, self._a, self._b, self._pair_overlap, self._pair_normal = none, none, none, np.zeros(0), np.zeros((0, 3))
+        self._lane, self._pair_overlap = np.zeros(0, dtype=np.int64), np.zeros(0)
         if not len(self._state) or not lists.contact_count:
             return
         assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None and lists.row is not None
         owner, partner, slot = (reader.flat(k, getattr(lists, k)) for k in ("owner", "partner", "slot_i"))
         count, record = owner.shape[0], reader.plain("record", self._state.record)
-        overlap, normal = reader.buffer("overlap", (count,), wp.float64), reader.buffer("normal", (count,), wp.vec3d)
+        overlap, normal = (reader.buffer(k, (count,), t) for k, t in (("overlap", wp.float64), ("normal", wp.vec3d)))
         period = self._view.kept.setdefault("period", wp.vec3d(*model.domain.period))  # the same for each launch
         inputs = owner, partner, slot, lists.row.shape[0] - 1, period, overlap, normal
         reader.each(kernels.pair_overlaps, count, record, *inputs)
         overlaps = overlap.numpy()
         self._lane = np.flatnonzero(overlaps > -self._law.gap)
-        self._a, self._b = owner.numpy()[self._lane], partner.numpy()[self._lane]
-        self._pair_overlap, self._pair_normal = overlaps[self._lane], normal.numpy()[self._lane]
+        self._pair_overlap, self._normals = overlaps[self._lane], normal
+
+    @cached_property
+    def _record(self) -> np.ndarray:
+        return self._state.record.numpy()
+
+    @cached_property
+    def _ids(self) -> np.ndarray:
+        return self._state.id.numpy()
+
+    @cached_property
+    def _a(self) -> np.ndarray:
+        """Memory slots of i of the pairs."""
+        return self._of_lanes("owner")
+
+    @cached_property
+    def _b(self) -> np.ndarray:
+        """Memory slots of j of the pairs."""
+        return self._of_lanes("partner")
+
+    def _of_lanes(self, name: str) -> np.ndarray:
+        if not self.pairs:
+            return np.zeros(0, dtype=np.int64)
+        return self._reader.flat(name, getattr(self._lists, name)).numpy()[self._lane]
+
+    @cached_property
+    def _pair_normal(self) -> np.ndarray:
+        return self._normals.numpy()[self._lane] if self.pairs else np.zeros((0, 3))
 
     def _find_places(self) -> None:
         """Memory slot of the grain, history and results of each contact point at a wall."""

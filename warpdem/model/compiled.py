@@ -7,7 +7,7 @@ import warp as wp
 
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
-from warpdem.kernels.lists import displacement, flight, neighbors, numbering, rebuild
+from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
@@ -29,7 +29,8 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
 
     Returns:
         Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
-        ``displacement``, ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``WallContacts``.
+        ``displacement``, ``inner`` (the inner list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains
+        in flight), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -52,10 +53,11 @@ def step_kernels(kernels: Built) -> list[wp.Kernel]:
     Args:
         kernels: of ``compile_kernels``.
     """
-    groups = [vars(group).values() for group in (kernels.lists, kernels.displacement, kernels.walls, numbering)
-              if group is not None]  # fmt: skip
-    step = kernels.loop.run, kernels.loop.read, kernels.loop.read_budget
-    return [thing for thing in (*step, *(one for group in groups for one in group)) if isinstance(thing, wp.Kernel)]
+    lists, walls = kernels.lists, kernels.walls
+    step = kernels.loop.run, kernels.inner.build_inner, kernels.loop.read, kernels.loop.read_budget
+    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
+    beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
+    return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
 
 
 def compile_observers(scene: Scene, device: wp.Device) -> None:
@@ -196,6 +198,9 @@ def _built(features: Features) -> Built:
     moved = displacement.build(
         travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
     )
+    on_threads = inner.build(
+        lists, moved, wall_lists, step.Control, WallContacts, **spins, lanes=backend.lanes, stages=stages
+    )
     graph = again = None
     if backend.resident:
         graph = captured.build(
@@ -205,5 +210,5 @@ def _built(features: Features) -> Built:
     return Built(
         loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
         pairs=pair_kernels, paths=paths,
-        displacement=moved,
+        displacement=moved, inner=on_threads,
     )  # fmt: skip

@@ -26,13 +26,15 @@ def test_numbers_are_prefix_sums(n, device):
     touching, near, shares = (rng.integers(0, 7, n).astype(np.int32) for _ in range(3))
     candidates = rng.integers(0, 2, n).astype(np.int32)
     blocks = -(-n // BLOCK)
-    counts = [wp.array(a, dtype=wp.int32, device=device) for a in (touching, near, shares, candidates)]
+    counts, begin = numbering.Counts(), numbering.Starts()
+    for name, values in (("touching", touching), ("near", near), ("slots", shares), ("candidates", candidates)):
+        setattr(counts, name, wp.array(values, dtype=wp.int32, device=device))
     sums, total = wp.zeros(blocks, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
     out = [wp.zeros(size, dtype=wp.int32, device=device) for size in (n, n, n + 1, n)]
-    inputs = [0, lanes, *counts]
-    wp.launch(numbering.sum_blocks, dim=blocks, inputs=[*inputs, sums], device=device)
+    begin.touching, begin.near, begin.slot, begin.wall_grain = out
+    wp.launch(numbering.sum_blocks, dim=blocks, inputs=[0, lanes, counts, sums], device=device)
     wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
-    wp.launch(numbering.start_grains, dim=blocks, inputs=[*inputs, sums, *out], device=device)
+    wp.launch(numbering.start_grains, dim=blocks, inputs=[0, lanes, counts, sums, begin], device=device)
 
     touching_start, near_start, packs = class_starts(touching, near, lanes)
     row_start, beside = starts(shares), np.flatnonzero(candidates)
@@ -45,10 +47,9 @@ def test_numbers_are_prefix_sums(n, device):
 def test_sums_beyond_32_bits_stay_at_the_largest(device):
     """Grains within each other have so many neighbours: what wrapped around would seem to fit."""
     n, most = 6 * BLOCK, 2**31 - 1
-    counts = wp.full(n, most // (2 * BLOCK), dtype=wp.int32, device=device)
-    nothing = wp.zeros(0, dtype=wp.int32, device=device)
+    counts = numbering.Counts()
+    counts.slots = wp.full(n, most // (2 * BLOCK), dtype=wp.int32, device=device)
     sums, total = wp.zeros(6, dtype=numbering.Sums, device=device), wp.zeros(3, dtype=wp.int32, device=device)
-    inputs = [0, 32, nothing, nothing, counts, nothing, sums]
-    wp.launch(numbering.sum_blocks, dim=6, inputs=inputs, device=device)
+    wp.launch(numbering.sum_blocks, dim=6, inputs=[0, 32, counts, sums], device=device)
     wp.launch(numbering.start_blocks, dim=1, inputs=[sums, total], device=device)
     assert total.numpy()[1] == most
