@@ -51,7 +51,7 @@ class MeshWall(ListedGrains):
             points=wp.array(np.asarray(mesh.vertices, np.float32), dtype=wp.vec3, device=device),
             indices=wp.array(triangles.ravel(), dtype=wp.int32, device=device),
         )
-        at_rest = np.zeros((1, 1, 18))
+        at_rest = np.zeros((1, 1, 24))
         at_rest[..., [0, 4, 8]] = 1.0
         self._placement = wp.array(at_rest, dtype=Placement, device=device)
         self._wall_contacts = self._new_wall_contacts(self.ints(len(grains) + 1), 0)

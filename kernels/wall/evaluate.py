@@ -194,7 +194,7 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         motion = found[wp.static(FOUND.motion)]
         now = placements[now_row, motion]
         then = now
-        if wp.static(moving > 0):
+        if wp.static(one.looks_back):
             then = placements[before_row, motion]
         before = Memory()
         known = wp.float64(0.0)

@@ -62,7 +62,7 @@ class Totals:
 
     @cached_property
     def bodies(self) -> np.ndarray:
-        """Placements of the walls, shape (w, 18)."""
+        """Placements of the walls, shape (w, 24)."""
         view, schedule = self.view, self.view.model.schedule
         return self._still("bodies", schedule.moving > 0 or schedule.shifting, lambda: schedule.bodies(view.clock.time))
 
