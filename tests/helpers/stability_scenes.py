@@ -5,6 +5,9 @@ import math
 import numpy as np
 
 from warpdem import Scene, Simulation, StabilityError
+from warpdem.model import time_step
+from warpdem.model.features import coefficient_columns
+from warpdem.model.impact import impact
 
 RADIUS, DENSITY, POISSON, G = 1e-3, 2500.0, 0.3, 9.81
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
@@ -202,6 +205,19 @@ def _disturbed(position, contact, pair, step, device, max_speed, **keys) -> Simu
     grains |= {"spins": (spin / RADIUS).tolist()} if contact["tangential"] != "none" else {}
     noting = {"guards": "record"}  # steps over the limit are what this is about
     return Simulation(scene(1e7, step, grains, contact, pair, max_speed, engine=noting, **keys), device=device, threads=1)
+
+
+def packing_rule(sim: Simulation) -> float:
+    """The rule's limit [s] of a packing whose contacts are at the overlap of an impact at ``max_speed``."""
+    one = next(time_step.meetings(sim.scene, sim.expected))
+    law, at = sim.scene.contact.normal, coefficient_columns(sim.scene)
+    met = impact(law, one.row[at.stiffness], one.reduced_mass, one.reduced_radius, sim.scene.time.max_speed, one.own)
+    return time_step.limits_at(sim.scene, one, met.secant, met.tangent, None)[0]
+
+
+def contact_rule(sim: Simulation) -> float:
+    """The rule's limit [s] of one such contact."""
+    return sim.limits.stable
 
 
 def grows(sim: Simulation) -> bool:

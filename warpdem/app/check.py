@@ -3,6 +3,7 @@
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
+from warpdem.model.time_step import restitution_error
 from warpdem.output.formats import FORMATS
 from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation
@@ -40,6 +42,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
     steps = sim.steps_until(scene.time.end)
     coming = needs.grains_to_come(scene)
     most = len(sim.state) + sum(coming)
+    error = restitution_error(scene, sim.expected, found.max_speed, sim.dt)
     out = {
         "scene": scene.source,
         "title": scene.title,
@@ -58,6 +61,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "max_speed": found.max_speed,
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,
+        "restitution_error": {**asdict(error), "materials": list(error.materials)} if error is not None else None,
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
@@ -164,6 +168,10 @@ def print_description(data: dict[str, Any], console: Console) -> None:
     if data["steps_per_contact"] is not None:
         console.print(f"expected at {data['max_speed']:.3g} m/s: {data['steps_per_contact']:.3g} steps per contact, "
                       f"overlaps up to {data['expected_overlap']:.2%} of the radius")  # fmt: skip
+    if data["restitution_error"] is not None:
+        error = data["restitution_error"]
+        console.print(f"error of the restitution there, {error['asked']:g} of {' and '.join(error['materials'])}: "
+                      f"{error['mean']:+.2g} in the mean, {error['worst']:+.2g} at worst in a single impact")  # fmt: skip
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:
         console.print(

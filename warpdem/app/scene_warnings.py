@@ -13,7 +13,7 @@ from warpdem.guards.stability import DANGER
 from warpdem.model import needs
 from warpdem.model.features import coefficient_table
 from warpdem.model.impact import damped_time, elastic_energy, own_constants, own_of, stiffness, untouched
-from warpdem.model.time_step import FIELD_ANGLE, FRAME_ANGLE, PACKED_SHARE
+from warpdem.model.time_step import CONTACT_STEPS, FIELD_ANGLE, FRAME_ANGLE, STABLE_SHARE, restitution_error
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.model import Scene
@@ -23,12 +23,9 @@ from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.rotation import Rotation
 from warpdem.simulation import Simulation
 
-STABLE_SHARE = PACKED_SHARE
-"""Step over the stability limit of one impact [-] above which is warned: what "auto" keeps from the limit of a packing."""
-RAYLEIGH_SHARE = 0.2
-"""Step over the Rayleigh time [-] above which is warned."""
-CONTACT_STEPS = 28
-"""Steps per contact at which the default scheme returns the restitution within 1e-3."""
+RESTITUTION_ERROR = 0.005, 0.03
+"""Error of the restitution [-], in the mean and of a single impact, above which is warned: "auto" stays below 0.003 and 0.02 at
+restitutions from 0.1 on."""
 OVERLAP = 0.1
 """Overlap over the radius [-] at time.max_speed above which is warned: contacts of a grain then influence each other."""
 RESTITUTION = 0.05
@@ -53,11 +50,10 @@ def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
     found, speed = sim.limits, sim.limits.max_speed
     travel = 0.5 * sim.lists.skin / speed if speed > 0 and len(sim.state) else math.inf
     rows = [
-        ("rayleigh", "Rayleigh time", found.rayleigh, 0.1),
-        ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / 40.0),
-        ("packing", "dense packing at impact overlaps", found.packed, PACKED_SHARE),
-        ("bed", "stability limit of the bed at rest", found.settled, None),
-        ("impact", "stability limit of one impact", found.stable, None),
+        ("rayleigh", "Rayleigh time", found.rayleigh, None),
+        ("contact", "contact time of an undamped impact", found.contact_time, 1.0 / found.contact_steps),
+        ("bed", "stability limit of the bed at rest", found.settled, 1.0),
+        ("impact", "stability limit of one impact", found.stable, STABLE_SHARE),
         ("frame", "one radian of the frame's turn", found.frame / FRAME_ANGLE, FRAME_ANGLE),
         ("fields", "one radian of the external fields", found.field / FIELD_ANGLE, FIELD_ANGLE),
         ("travel", "limit of travel beside meshes", found.travel, 0.5),
@@ -73,7 +69,6 @@ def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
             "refused": key in ("impact", "travel"),
         }
         for key, name, value, share in rows
-        if key != "packing" or sim.scene.time.step == "auto"  # the caution of "auto", nothing that a step must keep
     ]
 
 
@@ -97,16 +92,13 @@ def _step(sim: Simulation) -> Iterator[str]:
             f"rest: its grains vibrate, and above {DANGER:g} times the limit of the contacts present the run stops "
             f'itself; take at most {rounded_down(found.settled)} s, or "auto"'
         )
-    if dt > RAYLEIGH_SHARE * found.rayleigh:
+    off = restitution_error(sim.scene, sim.expected, found.max_speed, dt)
+    if off is not None and (abs(off.mean) > RESTITUTION_ERROR[0] or abs(off.worst) > RESTITUTION_ERROR[1]):
         yield (
-            f"time.step = {dt:.3g} s is {dt / found.rayleigh:.2g} of the Rayleigh time {found.rayleigh:.3g} s of the smallest "
-            f"grain: usual is {RAYLEIGH_SHARE:g} or less, {rounded_down(RAYLEIGH_SHARE * found.rayleigh)} s"
-        )
-    steps = found.damped_contact / dt
-    if steps < CONTACT_STEPS:
-        yield (
-            f"{steps:.3g} time steps per contact at {found.max_speed:.3g} m/s, where {CONTACT_STEPS} give the restitution "
-            f"asked for: take a time.step of at most {rounded_down(found.damped_contact / CONTACT_STEPS)} s"
+            f"impacts at {found.max_speed:.3g} m/s (time.max_speed) of {off.materials[0]} and {off.materials[1]} give back "
+            f"{off.asked + off.mean:.2g} in the mean and are off by {off.worst:+.2g} at worst, where restitution = "
+            f"{off.asked:g} is asked for: an impact has {found.damped_contact / dt:.3g} steps; take a time.step of at most "
+            f"{rounded_down(found.contact_time / CONTACT_STEPS['impact'])} s"
         )
     if dt * FRAME_ANGLE > found.frame * FRAME_ANGLE:
         yield (

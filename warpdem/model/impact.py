@@ -14,8 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from warpdem.kernels.contact import columns
+from warpdem.kernels.contact.normal_law import NORMAL_CAP
 from warpdem.scene.models import model, using
 
+PHASES = 32  # instants within a step at which a contact may begin
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
 DIFFERENCE = 1.0e-4  # of the overlap: step of the derivatives
 
@@ -161,3 +163,45 @@ def pressed(normal: str, base: float, radius: float, force: float, own: Own = NO
             middle = 0.5 * (low + high)
             low, high = (middle, high) if _force_over_overlap(normal, middle, constant, own) * middle < force else (low, middle)
         return float(secant(normal, high, constant, own)), tangent(normal, high, constant, own)
+
+
+def rebound(
+    normal: str, base: float, damping: float, mass: float, radius: float, speed: float, dt: float, own: Own = NONE
+) -> np.ndarray:
+    """Restitution of a head-on impact [-] as the default scheme makes it, for each instant of its beginning, shape (PHASES,).
+
+    The step is that of ``kernels.integrator.exact_drift``, the dashpot that of ``kernels.contact.normal_law``: damping
+    coefficient ``damping`` sqrt(m* k_n).
+
+    Args:
+        normal: name of the normal law.
+        base: stiffness base of the pair of materials.
+        damping: damping base of it [-].
+        mass: m* [kg].
+        radius: R* [m].
+        speed: at which the two meet [m/s].
+        dt: time step [s].
+        own: the law's own coefficients of the pair.
+
+    Raises:
+        SceneError: a function of the law in a file of the user fails.
+    """
+    with using([normal], "it fails in the estimate of a restitution"):
+        constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
+        half_tangent = 0.5 * getattr(model("normal", normal), "TANGENT", 1.0)
+        overlap = -speed * dt * (np.arange(PHASES) + 0.5) / PHASES
+        rate, before = np.full(PHASES, speed), np.zeros(PHASES)
+        longest = 100.0 * impact(normal, base, mass, radius, speed, own).time
+        for _ in range(math.ceil(longest / dt)):
+            overlap = overlap + dt * rate
+            touching = overlap > 0.0
+            depth: np.ndarray = np.where(touching, overlap, radius)
+            k_n = touching * secant(normal, depth, np.full(PHASES, constant), own)
+            gamma = damping * np.sqrt(mass * k_n)
+            acting = gamma / np.maximum(1.0 + half_tangent * k_n * dt**2 / mass, gamma * dt / (NORMAL_CAP * mass))
+            now = -(k_n * overlap + acting * (rate + 0.5 * dt * before)) / mass
+            rate, before = rate + dt * now, now
+            if not touching.any() and (rate < 0.0).all():
+                break
+        out: np.ndarray = -rate / speed
+        return out
