@@ -4,9 +4,9 @@ The file name of a model is its name in the scene. A model file holds, in this o
 source and limits; ``coefficients`` (host, float64) where the model derives numbers per pair of materials; ``build(real)``,
 cached, which returns the Warp functions for one precision.
 
-Everything that a contact law calls is straight-line code: no early return, no vector assigned inside an ``if``; choices are
-conditional expressions between scalars that are already computed. The pair loop lays ``lanes`` contacts side by side, and
-the compiler then turns the same scalar functions into SIMD code (see ``pairs.py``).
+Everything that a contact law calls is straight-line code: no early return, no loop over data; choices are conditional
+expressions between scalars that are already computed. So a CPU can evaluate several contacts in the lanes of a register
+(``simd``, ``contact.sweep``).
 """
 
 from types import SimpleNamespace

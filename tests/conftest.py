@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import pytest
 import warp as wp
 
+from costs import Costs
 from warpdem import Scene, Simulation
 
 wp.config.quiet = True
@@ -12,6 +13,12 @@ wp.config.quiet = True
 
 def pytest_addoption(parser):
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow (minutes)")
+    parser.addoption("--costs", action="store_true", help="say which files cost most, and what of it is compiling")
+
+
+def pytest_configure(config):
+    if config.getoption("--costs"):
+        config.pluginmanager.register(Costs())
 
 
 def pytest_collection_modifyitems(config, items):

@@ -90,7 +90,11 @@ def everything(folder: Path) -> Scene:
             "walls": [
                 {"name": "a-b", "material": "steel", "plane": {"point": [0, 0, -1], "normal": [1, 2, 3]}},
                 {"name": "lid", "material": "steel", "mesh": "lid.obj", "part": "lid", "scale": [1e-3, 1 / 3, 2], "open": True,
-                 "driven": True},
+                 "driven": True, "surface_velocity": [0.1, 1 / 3, 0]},
+                {"name": "belt", "material": "steel", "cylinder": {"point": [0, 0, -9], "axis": [0, 1, 0], "radius": 0.1},
+                 "surface_velocity": {"axis": [0, 1, 0], "table": [[0, 0.1], [1, 1 / 3]], "until": 0.7}},
+                {"name": "ramp", "material": "steel", "plane": {"point": [0, 0, -2], "normal": [0, 0, 1]},
+                 "surface_velocity": {"axis": [0, 1, 0], "schedule": [{"until": 1, "speed": [0, 1]}, {"speed": 1}]}},
                 {
                     "name": "a_b", "material": "steel", "cone": {"apex": [0, 0, -1], "axis": [0, 0, 1], "half_angle": "30 deg"},
                     "motion": [
@@ -145,6 +149,7 @@ def test_everything_that_a_scene_can_say_comes_back(tmp_path):
     assert [plain(other) == plain(scene) for other in others] == [True] * 4
     # other programs see names that USD allows, all different
     text = (tmp_path / "b.usda").read_text(encoding="utf-8")
+    assert "vector3f physxSurfaceVelocity:surfaceVelocity = (0.1, 0.33333334, 0)" in text
     for part in ('def Material "glass_bead"', 'def Material "glass_bead_2"', 'def "a_b_2"', 'def Points "first_layer"'):
         assert part in text
     assert [validation_errors(tmp_path / name) for name in ("b.usda", "c.usdc")] == [[], []]

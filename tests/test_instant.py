@@ -12,6 +12,7 @@ from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.observers import Particles, read_contacts
 from warpdem.measure.snapshot import take_snapshot
+from warpdem.measure.totals import Totals
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import Instant, Room
 from warpdem.state.listed_contacts import CONTACT_ARRAYS
@@ -132,6 +133,17 @@ def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
     with pytest.raises(AssertionError):
         read_contacts(still)
     assert observation.observed(sim.view) == {}
+
+
+def test_walls_and_grains_are_read_of_an_instant_without_contacts(sim):
+    """As of a frame that shows no contacts: the loads on walls are told, what the springs store is not."""
+    there = Totals(sim.view)
+    assert len(there.contacts) > 5
+    still = Totals(Instant(sim.view, Room(sim.device), contacts=False).view())
+    np.testing.assert_array_equal(still.walls, there.walls)
+    np.testing.assert_array_equal(still.grains["momentum"], there.grains["momentum"])
+    with pytest.raises(AssertionError):
+        _ = still.elastic
 
 
 def test_there_is_an_instant_before_the_first_grain(scene):

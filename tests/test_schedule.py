@@ -153,7 +153,7 @@ def test_placements_follow_the_wall_exactly(fixed_to, motion):
 def test_placements_cover_the_instants_around_a_batch():
     made = schedule([("laboratory", None)])
     many = made.placements(10, 4)
-    assert many.shape == (7, 1, 18)
+    assert many.shape == (7, 1, 24)
     for k in range(7):
         np.testing.assert_array_equal(many[k], made.placements(9 + k, 0)[1])
     np.testing.assert_array_equal(made.placements(0, 0)[0], made.placements(0, 0)[1])
@@ -244,7 +244,7 @@ def test_stages_have_their_own_instants():
     np.testing.assert_array_equal(rows[:, 1:, 5:], 0.0)
     np.testing.assert_array_equal(rows[:-1, 2, 2:5], rows[1:, 0, 2:5])
     np.testing.assert_allclose(rows[1, 1, 2:5], to_laboratory(8.5 * DT).T @ GRAVITY, rtol=0, atol=1e-13)
-    placements = many.placements(7, 3).reshape(6, 3, 1, 18)
+    placements = many.placements(7, 3).reshape(6, 3, 1, 24)
     np.testing.assert_array_equal(placements[:, 0], one.placements(7, 3))
     np.testing.assert_array_equal(placements[:-1, 2], placements[1:, 0])
     np.testing.assert_allclose(placements[2, 1, 0, :9].reshape(3, 3), to_laboratory(8.5 * DT).T, rtol=0, atol=1e-13)

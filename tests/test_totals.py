@@ -93,7 +93,9 @@ def test_sums_over_grains_are_those_of_their_readings(sim):
 
 
 def test_loads_on_walls_are_those_of_their_contacts(sim):
-    contacts, loads = sim.contacts(), sim.wall_loads()
+    contacts, loads, now = sim.contacts(), sim.wall_loads(), Totals(sim.view)
+    assert now.energy["kinetic"] > 0.0  # with all sums at once, or alone
+    np.testing.assert_array_equal(now.walls, Totals(sim.view).walls)
     assert (contacts.j == -1).sum() > 5 and (contacts.j == -2).sum() > 2
     for number, name in enumerate(("floor", "tube")):
         here = contacts.j == -1 - number

@@ -124,6 +124,29 @@ def test_bodies_move_by_their_velocities_or_samples(tmp_path):
     assert paddle.fixed_to == swing.fixed_to == "laboratory"
 
 
+def test_surfaces_move_along_themselves_by_the_schema_of_physx(tmp_path):
+    stage = new_stage(tmp_path / "a.usda", 0.01, "Y")
+    define_grains(stage)
+    belt = define_mesh(stage, "/belt", MESH)
+    belt.AddScaleOp().Set(Gf.Vec3f(2, 2, 2))
+    belt.AddRotateZOp().Set(90.0)
+    belt.GetPrim().AddAppliedSchema("PhysxSurfaceVelocityAPI")
+    velocity = belt.GetPrim().CreateAttribute("physxSurfaceVelocity:surfaceVelocity", Sdf.ValueTypeNames.Vector3f)
+    velocity.Set(Gf.Vec3f(5, 0, 0))
+    # 5 cm/s along the prim's x, which is the stage's y, which is up; its scale does not count
+    np.testing.assert_allclose(read(stage).walls[0].surface_velocity.velocity, [0, 0, 0.05], rtol=0, atol=1e-16)
+    local = belt.GetPrim().CreateAttribute("physxSurfaceVelocity:surfaceVelocityLocalSpace", Sdf.ValueTypeNames.Bool)
+    local.Set(False)
+    np.testing.assert_allclose(read(stage).walls[0].surface_velocity.velocity, [0.05, 0, 0], rtol=0, atol=1e-16)
+    own = belt.GetPrim().CreateAttribute("dem:surface_velocity", Sdf.ValueTypeNames.Double3)
+    own.Set(Gf.Vec3d(0.05, 0, 0))
+    assert read(stage).walls[0].surface_velocity.velocity == (0.05, 0.0, 0.0)
+    own.Set(Gf.Vec3d(0.06, 0, 0))
+    assert "physxSurfaceVelocity:surfaceVelocity = [0.05" in refusal(stage)
+    velocity.Set(Gf.Vec3f(0, 0, 0))
+    assert read(stage).walls[0].surface_velocity.velocity == (0.06, 0.0, 0.0)
+
+
 def test_points_are_grains_with_all_that_usd_knows_of_them(tmp_path):
     stage = new_stage(tmp_path / "a.usda", 0.01, "Y")
     up = UsdGeom.Xform.Define(stage, "/Up")

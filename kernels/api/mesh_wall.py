@@ -9,7 +9,7 @@ from warpdem.kernels.api.listed_grains import ListedGrains
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.schedule import Placement
-from warpdem.kernels.wall import places, record
+from warpdem.kernels.wall import contact_points, record
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
 
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
@@ -51,7 +51,7 @@ class MeshWall(ListedGrains):
             points=wp.array(np.asarray(mesh.vertices, np.float32), dtype=wp.vec3, device=device),
             indices=wp.array(triangles.ravel(), dtype=wp.int32, device=device),
         )
-        at_rest = np.zeros((1, 1, 18))
+        at_rest = np.zeros((1, 1, 24))
         at_rest[..., [0, 4, 8]] = 1.0
         self._placement = wp.array(at_rest, dtype=Placement, device=device)
         self._wall_contacts = self._new_wall_contacts(self.ints(len(grains) + 1), 0)
@@ -74,7 +74,7 @@ class MeshWall(ListedGrains):
         wall_contacts.first, wall_contacts.candidates = first, self.ints(n)
         wall_contacts.load = wp.zeros(n, dtype=Load, device=device)
         wall_contacts.feature, wall_contacts.hit_state, wall_contacts.hit_mask = (self.ints(slots) for _ in range(3))
-        wall_contacts.hit = wp.zeros(slots, dtype=places.Hit, device=device)
+        wall_contacts.hit = wp.zeros(slots, dtype=contact_points.Hit, device=device)
         wall_contacts.found = wp.zeros(slots, dtype=record.Found, device=device)
         wall_contacts.result = wp.zeros(slots, dtype=self.kernels.Result, device=device)
         wall_contacts.place_count = self.ints((2, n))

@@ -4,8 +4,9 @@
     normal_law        one form for all normal laws
     law               force and torque of one contact from the three models
     history           the contact history of one contact as a vector
-    pairs             contacts between grains, ``lanes`` of them side by side; shares of the two grains
-    thread_contact    the same with one contact per GPU thread
+    pairs             one contact of two grains, from their records to what each of them gets
+    sweep             many of them in the lanes of a CPU core's registers
+    thread_contact    one of them in a GPU thread, or on a CPU where the law cannot be in lanes
     dissipation       what each part of the law takes from the grains, for the energy budget
 
 The law is also that of walls; where a grain touches a wall, ``kernels.wall`` says.

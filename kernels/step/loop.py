@@ -171,23 +171,28 @@ def build(
             pair_phase_by_lane(first, last, stride, row, history_out, grains, contacts, control, coefficients, dt, at)
 
     @wp.func
+    def wall_rows(s: int, stage: int, parity: int):
+        """Rows of the placements before and now; generations of the contact points that are read and written."""
+        now_row = (s + 1) * wp.static(stages) + stage
+        before_row = now_row - wp.static(stages)
+        old = 1 - parity
+        new = int(parity)
+        if stage > 0:
+            before_row = now_row - stage
+            old = parity
+            new = 2
+        return before_row, now_row, old, new
+
+    @wp.func
     def wall_forces_of_grain(
         r: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts, surface: Surface, control: Control,
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64,
     ):  # fmt: skip
         """Wall contacts of grain number ``r`` of those at walls, at the force call ``stage`` of step ``s``."""
-        now_row = (s + 1) * wp.static(stages) + stage
-        before_row = now_row - wp.static(stages)
-        old = 1 - parity
-        new = parity
-        if stage > 0:
-            before_row = now_row - stage
-            old = parity
-            new = 2
+        before_row, now_row, old, new = wall_rows(s, stage, parity)
         a, b = evaluate_wall_contacts(
             r, grains.record, grains.inverse, grains.kind, materials, coefficients, surface, wall_contacts,
-            control.placement,
-            before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
+            control.placement, before_row, now_row, control.row[s * wp.static(stages) + stage], old, new, dt,
         )  # fmt: skip
         return a, b
 
@@ -198,14 +203,7 @@ def build(
         coefficients: wp.array(dtype=pairs.Coefficients), materials: int, parity: int, dt: wp.float64, at: int,
     ):  # fmt: skip
         if wp.static(sweep_walls is not None):
-            now_row = (s + 1) * wp.static(stages) + stage
-            before_row = now_row - wp.static(stages)
-            old = 1 - parity
-            new = int(parity)
-            if stage > 0:
-                before_row = now_row - stage
-                old = parity
-                new = 2
+            before_row, now_row, old, new = wall_rows(s, stage, parity)
             sweep_walls(
                 first, last, stride, grains.record, grains.inverse, grains.kind, materials, coefficients, surface,
                 wall_contacts, control.placement, before_row, now_row, control.row[s * wp.static(stages) + stage], old, new,

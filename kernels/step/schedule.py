@@ -1,6 +1,6 @@
 """What changes with time and is known beforehand: one row per force call, made on the host, read by every kernel.
 
-Row (29 numbers)                                     Placement of a wall motion (18 numbers)
+Row (29 numbers)                                     Placement of a wall motion (24 numbers)
     0        slip time: dt, 0 at the first instant       0..8    A, body axes -> frame axes
     1        kick time: dt, dt/2 at the first            9..11   t: x_frame = A x_body + t        [m]
     2..4     gravity in frame axes       [m/s2]          12..14  angular velocity                 [rad/s]
@@ -8,6 +8,10 @@ Row (29 numbers)                                     Placement of a wall motion 
     14..16   shift of that drift         [m]                     the frame origin                 [m/s]
     17..25   R - I of the step before
     26..28   shift of the step before    [m]             absolute, or relative to the frame for a scheme that works there
+                                                         18..20  velocity V of its surface          [m/s]
+                                                         21..23  speed of its surface times axis a  [m/s]
+
+The surface of a wall may move along itself relative to the wall: by V - n (n . V) + a x n, n the normal to the grain.
 
 A point fixed in the laboratory goes from x to x + (R - I) x + shift in frame axes. Vectors are resolved in the axes of their
 own instant.
@@ -29,7 +33,7 @@ import warp as wp
 
 Row = wp.types.vector(29, wp.float64)
 FrameRow = wp.types.vector(31, wp.float64)
-Placement = wp.types.vector(18, wp.float64)
+Placement = wp.types.vector(24, wp.float64)
 
 
 @wp.func
@@ -162,3 +166,21 @@ def wall_spin(p: Placement) -> wp.vec3d:
 def wall_velocity(p: Placement, point: wp.vec3d) -> wp.vec3d:
     """Velocity of the wall's material at a frame point [m/s]."""
     return wp.vec3d(p[15], p[16], p[17]) + wp.cross(wall_spin(p), point)
+
+
+@wp.func
+def surface_vector(p: Placement) -> wp.vec3d:
+    """Velocity of the wall's surface relative to the wall, before its part along the normal is taken off [m/s]."""
+    return wp.vec3d(p[18], p[19], p[20])
+
+
+@wp.func
+def surface_circulation(p: Placement) -> wp.vec3d:
+    """Speed of the wall's surface around an axis, times that axis [m/s]."""
+    return wp.vec3d(p[21], p[22], p[23])
+
+
+@wp.func
+def surface_velocity(vector: wp.vec3d, circulation: wp.vec3d, n: wp.vec3d) -> wp.vec3d:
+    """Velocity of the surface relative to the wall where its normal is ``n`` [m/s]."""
+    return vector - n * wp.dot(n, vector) + wp.cross(circulation, n)

@@ -4,8 +4,10 @@
     triangle, feature          closest point of a triangle, and of any feature: a triangle or an analytic wall
     surface                    all features of the walls as kernels see them
     candidates                 which features a grain may reach until its list is built again
-    places                     from closest points to contact points: each place of a mesh is counted once
-    contact                    forces of the contact points, by the law of ``kernels.contact.law``
+    contact_points             from closest points to contact points: where many triangles meet, a grain has one contact
+    contact                    one contact point: its force, by the law of ``kernels.contact.law``
+    evaluate                   the contact points of a grain: search, history of the step before, sum of the forces
+    sweep                      the contact points of many grains, side by side in the lanes of a CPU's registers
     record                     what a wall contact remembers, and what the last force call made of it
     images                     walls at their periodic images
     distance                   signed distance to a mesh

@@ -22,12 +22,15 @@ from warpdem.kernels.step.schedule import (
     past_turn,
     placed,
     slip_time,
+    surface_circulation,
+    surface_vector,
+    surface_velocity,
     turned,
     wall_spin,
     wall_velocity,
 )
 from warpdem.kernels.wall import record
-from warpdem.kernels.wall.places import Hit, direction_of, point_of
+from warpdem.kernels.wall.contact_points import Hit, direction_of, point_of
 
 Inverse = wp.types.vector(2, wp.float64)
 vec6 = wp.types.vector(6, wp.float64)
@@ -36,7 +39,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
-    inertia_factor: float, moving: int,
+    inertia_factor: float, moving: int, conveying: bool = False,
 ):  # fmt: skip
     """Return ``contact``, the types of what it is given and gives, and readers of what a contact point remembers.
 
@@ -51,6 +54,7 @@ def build(
         moving_frame: the frame moves at all.
         inertia_factor: of ``columns.inertia_factor`` [-].
         moving: number of wall motions relative to the frame.
+        conveying: surfaces move along themselves.
     """
     g = grain.build(spins)
     Coefficients, History, past = law.Coefficients, law.History, law.history
@@ -72,14 +76,18 @@ def build(
     def point_in(wall_contact: Memory) -> wp.vec3d:
         """Contact point in body axes of the wall [m]."""
         return wp.vec3d(
-            wall_contact[wp.static(at.point)], wall_contact[wp.static(at.point + 1)], wall_contact[wp.static(at.point + 2)]
+            wall_contact[wp.static(at.point)],
+            wall_contact[wp.static(at.point + 1)],
+            wall_contact[wp.static(at.point + 2)],
         )
 
     @wp.func
     def normal_in(wall_contact: Memory) -> wp.vec3d:
         """Unit vector from the wall to the grain."""
         return wp.vec3d(
-            wall_contact[wp.static(at.normal)], wall_contact[wp.static(at.normal + 1)], wall_contact[wp.static(at.normal + 2)]
+            wall_contact[wp.static(at.normal)],
+            wall_contact[wp.static(at.normal + 1)],
+            wall_contact[wp.static(at.normal + 2)],
         )
 
     @wp.func
@@ -95,7 +103,9 @@ def build(
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
         normal_force = n * p[wp.static(PARTS_AT.damping)]
         tangential_force = wp.vec3d(
-            p[wp.static(PARTS_AT.tangential)], p[wp.static(PARTS_AT.tangential + 1)], p[wp.static(PARTS_AT.tangential + 2)]
+            p[wp.static(PARTS_AT.tangential)],
+            p[wp.static(PARTS_AT.tangential + 1)],
+            p[wp.static(PARTS_AT.tangential + 2)],
         )
         sliding_force = tangential_force * p[wp.static(PARTS_AT.slides)]
         sticking_force = tangential_force - sliding_force
@@ -181,6 +191,16 @@ def build(
             wall_displacement = wall_displacement - turn * before_step
         if wp.static(moving_frame):
             wall_displacement = wall_displacement - past_shift(row)
+        if wp.static(conveying):  # halfway between the force calls, as all of the slip
+            vector_then = surface_vector(then)
+            circulation_then = surface_circulation(then)
+            if wp.static(turning_frame):
+                vector_then = vector_then + turn * vector_then
+                circulation_then = circulation_then + turn * circulation_then
+            vector = (vector_then + surface_vector(now)) * wp.float64(0.5)
+            circulation = (circulation_then + surface_circulation(now)) * wp.float64(0.5)
+            halfway = (n + n_before) * wp.float64(0.5)
+            wall_displacement = wall_displacement + surface_velocity(vector, circulation, halfway) * slip_dt
         if slip_dt == wp.float64(0.0):
             wall_displacement = wp.vec3d()
         w_wall = wall_spin(now)
@@ -188,6 +208,8 @@ def build(
         if known == wp.float64(0.0):  # no contact before: the overlap follows from the displacement in the step
             overlap_before = overlap + wp.dot(slip, n)
         v_wall = wall_velocity(now, point)
+        if wp.static(conveying):
+            v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
         numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
         inertia = inertia_of(inv)
@@ -224,5 +246,6 @@ def build(
     return Built(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
+        looks_back=moving > 0 or conveying,
         Result=record.result_type(rolling), Coefficients=Coefficients, Record=g.Record,
     )  # fmt: skip

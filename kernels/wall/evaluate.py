@@ -3,8 +3,8 @@
 A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the inner
 skin) and its contact points are at the start of that range. Each step, for the grains that have candidates:
 
-1. ``search``: the closest points of its candidates are reduced to contact points (``places``), and each takes the history of
-   the nearest one of the step before on that wall (in body axes: the history is kept across triangle borders);
+1. ``search``: the closest points of its candidates are reduced to contact points (``contact_points``), and each takes the
+   history of the nearest one of the step before on that wall (in body axes: it is kept across triangle borders);
 2. ``evaluate``: the contact law at each contact point (``contact``), and the sum over them. On a CPU ``sweep`` does this for
    several contact points at once.
 """
@@ -15,9 +15,9 @@ import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT, WallEntry
 from warpdem.kernels.step.schedule import Placement, Row
-from warpdem.kernels.wall import places
+from warpdem.kernels.wall import contact_points
 from warpdem.kernels.wall.contact import Inverse, vec6
-from warpdem.kernels.wall.places import SHARED, TAKEN, Hit, point_of
+from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
 from warpdem.kernels.wall.record import FOUND, Found
 from warpdem.kernels.wall.surface import Surface
 
@@ -61,11 +61,20 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         entry: wp.array(dtype=WallEntry)
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
 
-    find_contact_points = places.build(WallContacts, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap)
+    find_contact_points = contact_points.build(
+        WallContacts, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap
+    )
 
     @wp.func
     def remembered(
-        i: int, c: int, alone: bool, wall: int, radius: wp.float64, old: int, surface: Surface, wall_contacts: WallContacts
+        i: int,
+        c: int,
+        alone: bool,
+        wall: int,
+        radius: wp.float64,
+        old: int,
+        surface: Surface,
+        wall_contacts: WallContacts,
     ) -> int:
         """Slot of the contact point of the step before on ``wall`` that is nearest to the new one at ``c``, else -1.
 
@@ -85,9 +94,11 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
                 mine = int(1)
                 if not alone and wall_contacts.hit_state[c] != wp.static(SHARED):
                     for o in range(first, first + wall_contacts.candidates[i]):
-                        if wall_contacts.hit_state[o] >= wp.static(TAKEN) and o != c and surface.wall[
-                            around.feature_of(surface, wall_contacts.feature[o])
-                        ] == wall:
+                        if (
+                            wall_contacts.hit_state[o] >= wp.static(TAKEN)
+                            and o != c
+                            and surface.wall[around.feature_of(surface, wall_contacts.feature[o])] == wall
+                        ):
                             if wp.length_sq(border.nearest(before - point_of(wall_contacts.hit[o]))) < square:
                                 mine = 0
                 if square < nearest and mine == 1:
@@ -183,7 +194,7 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         motion = found[wp.static(FOUND.motion)]
         now = placements[now_row, motion]
         then = now
-        if wp.static(moving > 0):
+        if wp.static(one.looks_back):
             then = placements[before_row, motion]
         before = Memory()
         known = wp.float64(0.0)
@@ -230,7 +241,20 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         approach = wp.float64(0.0)
         listed = wall_contacts.first[wall_contacts.grain[r]]
         end = search(
-            r, listed, grains, inverse, kind, materials, coefficients, surface, wall_contacts, placements, now_row, old, new, dt
+            r,
+            listed,
+            grains,
+            inverse,
+            kind,
+            materials,
+            coefficients,
+            surface,
+            wall_contacts,
+            placements,
+            now_row,
+            old,
+            new,
+            dt,
         )
         for e in range(listed, end):
             a, b = evaluate_found(

@@ -2,7 +2,7 @@
 
 A wall stays where it is; a grain sees it from all its own images. A candidate is the pair of a feature and an image of the
 grain, numbered image * features + feature, so that image 0, the grain where it is, comes first; each wall says for which
-images it counts (``Surface.images``, a bit for each). Contact points stay those of the wall: what a place remembers goes on
+images it counts (``Surface.images``, a bit for each). Contact points stay those of the wall: their history goes on
 when the grain comes round a border.
 
 Grains are wrapped between two makings of the lists. So a candidate is listed if the grain may reach it from where it is, or
@@ -84,16 +84,16 @@ def build(closest_on_feature, border, *, repeated: bool):
         surface: Surface, placement: Placement, candidate: int, q: wp.vec3d, radius: wp.float64, reach: wp.float64,
         travel: wp.float64,
     ) -> int:  # fmt: skip
-        """Number of the first place, of where a grain is and may come round to, from which it reaches a candidate; else -1."""
+        """Number of the first position, of where a grain is and may come round to, that reaches a candidate; else -1."""
         f = feature_of(surface, candidate)
-        place = seen(q, image_of(surface, candidate))
+        position = seen(q, image_of(surface, candidate))
         for around in range(wp.static(images)):
             near = bool(True)
             if wp.static(images > 1):
                 near = border.may_cross(q, around, travel)
             if near:
                 point, direction, distance, mask, share = closest_on_feature(
-                    surface, f, local(placement, seen(place, around)), radius, reach
+                    surface, f, local(placement, seen(position, around)), radius, reach
                 )
                 if distance < reach:
                     return around

@@ -7,7 +7,7 @@ axis to the right of the height), 0 for a thin sheet that is solid from both sid
 
 A grain in a meridian plane meets two lines, the generatrix on its own side and the one opposite. Touching only the first it
 has one contact, as with a plane. Held by both at once (a grain seated in a cone or on the rim of a tube) it touches all
-around: one place still, whose direction leans from the near side to the axis as the overlap with the far side grows,
+around: one contact point still, whose direction leans from the near side to the axis as the overlap with the far side grows,
 
     n = n_axial + g n_radial,   g = s (3 - s^2)/2,   s = (overlap_near - overlap_far)/overlap_near in [0, 1],
 

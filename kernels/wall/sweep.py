@@ -15,7 +15,7 @@ from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.wall.contact import Inverse, vec6
-from warpdem.kernels.wall.places import Hit
+from warpdem.kernels.wall.contact_points import Hit
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
@@ -30,7 +30,9 @@ def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str
         each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[{index}[k] * {width} + f];"
         return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
     parts = rows.starts(width, lanes)
-    return text + "".join(f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts)
+    return text + "".join(
+        f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts
+    )
 
 
 def same(name: str, kind: type, address: str) -> str:
@@ -53,7 +55,7 @@ def source(one, lanes: int, table: bool) -> str:
     placement = "wp::address(placements, {}, 0)->c".format
     c_of_all = "" if table else same("c", one.Coefficients, "coefficients.data[0].c")
     c_of_each = gathered("c", one.Coefficients, "coefficients.data[0].c", "coefficients_of", lanes) if table else ""
-    then = gathered("then", Placement, placement("before_row"), "motion_of", lanes) if one.moving else ""
+    then = gathered("then", Placement, placement("before_row"), "motion_of", lanes) if one.looks_back else ""
     given = [
         ("wp::address(place, now_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
         ("result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
@@ -87,7 +89,7 @@ def source(one, lanes: int, table: bool) -> str:
 {gathered("before", one.Memory, "wp::address(place, old_generation, 0)->c", "before_of", lanes)}\
 {gathered("now", Placement, placement("now_row"), "motion_of", lanes)}{then}{c_of_each}\
         const auto o = batch::{contact}(
-            state, inv, point, wall, known, before, now, {"then" if one.moving else "now"}, c, step, f64(dt));
+            state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, c, step, f64(dt));
         deepest = deepest < o.r3 ? o.r3 : deepest;
         fastest = fastest < o.r4 ? o.r4 : fastest;
         double loads[{lanes}][6]{f", entries[{lanes}][{entry}]" if one.has_parts else ""};

@@ -1,4 +1,4 @@
-"""Closest point of a triangle in float64 (Ericson 2005, section 5.1.5), and which of its corners span the place.
+"""Closest point of a triangle in float64 (Ericson 2005, section 5.1.5), and which of its corners span the feature it lies on.
 
 The mask names the corners whose triangle, edge or vertex holds the closest point: bit 0, 1, 2 for corner a, b, c. 7 is the
 face, 3, 5, 6 an edge, 1, 2, 4 a vertex.

@@ -111,7 +111,7 @@ def likely_features(scene: Scene) -> Features | None:
         moving=schedule.moving,
         resting=len(schedule.motions) - schedule.moving,
         images=False,
-        lanes=simd_lanes(sum(map(_count, scene.grains)) + sum(needs.grains_to_come(scene))),
+        lanes=simd_lanes(sum(map(_count, scene.grains)) + sum(needs.grains_to_come(scene)), scene.engine.precision),
     )
     borders_meet_walls = features.domain.periodic and features.walls.present
     return None if features.user_files or borders_meet_walls else as_the_law_allows(features)

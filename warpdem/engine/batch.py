@@ -127,7 +127,7 @@ class Batch:
             setattr(self.control, name, wp.array(table, dtype=dtype, device=self._model.device))
 
     def placements_ahead(self) -> np.ndarray:
-        """Placements of the wall motions at the present step and those after it, shape (steps, motions, 18)."""
+        """Placements of the wall motions at the present step and those after it, shape (steps, motions, 24)."""
         base, _ = self.row()
         return self._placements[(base + 1) * self.stages :: self.stages]
 

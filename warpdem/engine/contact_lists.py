@@ -10,7 +10,7 @@ from warpdem.engine.buffers import BufferPool
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import WallEntry
 from warpdem.kernels.wall import record as wall_record
-from warpdem.kernels.wall.places import Hit
+from warpdem.kernels.wall.contact_points import Hit
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.listed_contacts import CONTACT_ARRAYS, ListedContacts

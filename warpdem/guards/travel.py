@@ -35,7 +35,7 @@ class TravelGuard:
 
         Args:
             record: the record of the state on the host, shape (slots, numbers).
-            placements: placements of the wall motions at present, shape (motions, 18).
+            placements: placements of the wall motions at present, shape (motions, 24).
             state: the grains.
             clock: where the run is in time.
         """

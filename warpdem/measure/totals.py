@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
+import warp as wp
 
 from warpdem.core.pose import FramePose
 from warpdem.kernels.measure import readings as kernels
@@ -61,7 +62,7 @@ class Totals:
 
     @cached_property
     def bodies(self) -> np.ndarray:
-        """Placements of the walls, shape (w, 18)."""
+        """Placements of the walls, shape (w, 24)."""
         view, schedule = self.view, self.view.model.schedule
         return self._still("bodies", schedule.moving > 0 or schedule.shifting, lambda: schedule.bodies(view.clock.time))
 
@@ -90,15 +91,20 @@ class Totals:
         record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
         moving = velocity, spin, self._axes, int(state.spins)
         reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
-        if self._walls and self.listed.row_count:
-            of, parity = self.listed.walls, view.clock.step_number & 1
-            place, result = reader.plain("place", of.place), reader.plain("result", of.result)
-            points = of.grain, of.first, of.place_count, place, result, parity
-            reader.add(kernels.wall_sums, self.listed.row_count, record, *points, GRAIN_SUMS.width, sums)
+        self._add_walls(sums, GRAIN_SUMS.width)
         if len(self.contacts):
             found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
             reader.add_columns(reader.uploaded("springs", *found), len(self.contacts), self._first_spring, sums)
         return reader.rounded(sums)
+
+    def _add_walls(self, sums: wp.array, column: int) -> None:
+        """Add the loads on the walls to ``sums``, from that column on."""
+        view, reader, of = self.view, reader_of(self.view), self.listed.walls
+        if self._walls and self.listed.row_count:
+            place, result = reader.plain("place", of.place), reader.plain("result", of.result)
+            points = of.grain, of.first, of.place_count, place, result, view.clock.step_number & 1
+            record = reader.plain("record", view.state.record)
+            reader.add(kernels.wall_sums, self.listed.row_count, record, *points, column, sums)
 
     @property
     def _walls(self) -> int:
@@ -203,7 +209,16 @@ class Totals:
     @cached_property
     def walls(self) -> np.ndarray:
         """``WALL_SUMS`` of each wall of the scene, in frame axes, shape (w, 9)."""
-        return self._sums[GRAIN_SUMS.width : self._first_spring].reshape(self._walls, WALL_SUMS.width)
+        if "_sums" in vars(self):
+            found = self._sums[GRAIN_SUMS.width : self._first_spring]
+        elif not (self._walls and len(self.view.state)):
+            found = np.zeros(self._walls * WALL_SUMS.width)
+        else:  # a frame asks for these alone, and may hold no contacts between grains
+            reader = reader_of(self.view)
+            sums = reader.sums(self._walls * WALL_SUMS.width)
+            self._add_walls(sums, 0)
+            found = reader.rounded(sums)
+        return found.reshape(self._walls, WALL_SUMS.width)
 
     # -- what the steps have added up -----------------------------------------------------------
 

@@ -3,9 +3,9 @@
     F_w = -sum F,     T_w = -sum ((x - p) x F + M),     P = sum (F . v + M . w),     v = u + w x x
 
 F and M are the force of a contact on the grain and its rolling torque as the force call of the instant t_k left them,
-x = q - n (R - overlap) is the contact point; v is the absolute velocity of the wall's material there, w the wall's absolute
-spin. The grains' momenta change in every step by -F_w dt and -T_w dt and what gravity and fields add, to round-off. A contact
-at an edge or corner counts for one of the triangles that meet there.
+x = q - n (R - overlap) is the contact point; v is the absolute velocity of the wall's material there, with
+its surface velocity, w the wall's absolute spin. The grains' momenta change in every step by -F_w dt and -T_w dt and what
+gravity and fields add, to round-off. A contact at an edge or corner counts for one of the triangles that meet there.
 """
 
 from dataclasses import replace
@@ -65,7 +65,33 @@ def total_loads(now: Totals, lab: bool = False) -> dict[str, WallLoad]:
             triangle_force=np.zeros((0, 3)),
             pressure=np.zeros(0),
         )
+    if model.features.walls.conveying:
+        for name, power in _surface_powers(now.view, now.bodies).items():
+            loads[name] = replace(loads[name], power=loads[name].power + power)
     return _in_laboratory(now.pose, loads) if lab else loads
+
+
+def _surface_powers(view: RunView, bodies: np.ndarray) -> dict[str, float]:
+    """Power of the surface velocity of each wall that has one [W]: the sum of F . (V - n (n . V) + a x n)."""
+    place, wall_of = _places(view)
+    powers = {}
+    for number, wall in enumerate(view.model.scene.walls):
+        if wall.surface_velocity is not None:
+            here = wall_of[place["feature"]] == number
+            force, normal = place["force"][here], place["normal"][here]
+            vector, circulation = bodies[number][18:21], bodies[number][21:24]
+            tangential = force - np.einsum("ij,ij->i", force, normal)[:, None] * normal
+            powers[wall.name] = float(tangential.sum(axis=0) @ vector + np.cross(normal, force).sum(axis=0) @ circulation)
+    return powers
+
+
+def _places(view: RunView) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Contact points with walls in order of grain id, so that sums do not depend on the lists, and the wall of each feature."""
+    lists, state, parity = view.contacts, view.state, view.clock.step_number & 1
+    assert view.model.walls is not None
+    g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
+    slot, _ = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
+    return lists.places(parity, slot), view.model.walls.wall_of
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -83,12 +109,7 @@ def _add_triangles(view: RunView, loads: dict[str, WallLoad]) -> None:
 
     Summed in order of grain id, so that they do not depend on the order of the lists.
     """
-    lists, state, parity, model = view.contacts, view.state, view.clock.step_number & 1, view.model
-    assert model.walls is not None
-    wall_of = model.walls.wall_of
-    g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
-    slot, _ = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
-    place = lists.places(parity, slot)
+    model, (place, wall_of) = view.model, _places(view)
     force = _sums(-place["force"], place["feature"], len(wall_of))
     push = _sums(np.einsum("ij,ij->i", place["force"], place["normal"])[:, None], place["feature"], len(wall_of))[:, 0]
     for number, wall in enumerate(model.scene.walls):

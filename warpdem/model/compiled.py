@@ -130,7 +130,8 @@ def _built(features: Features) -> Built:
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
-        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving
+        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
+        conveying=walls.conveying,
     )
     wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
     WallContacts = wall_kernels.WallContacts

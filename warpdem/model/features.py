@@ -104,6 +104,8 @@ class WallFeatures:
     spheres: int = 0
     images: bool = False
     """Walls act at their periodic images too."""
+    conveying: bool = False
+    """Surfaces of walls move along themselves."""
 
     @property
     def present(self) -> bool:
@@ -215,8 +217,8 @@ class Features:
         wall_entry = WALL_ENTRY_AT.width + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
         result = record.RESULT.width if law.rolling else record.FRICTION
-        place = 8 * (2 * record.columns(law.history).width + result) + 64 + 12
-        beside_walls = 48 + 8 + 0.4 * place if walls.present else 0
+        contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
+        beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
         return int(fixed + listed * contact + near + beside_walls)
 
     def explain(self) -> list[str]:
@@ -236,6 +238,7 @@ class Features:
         shapes = dict(zip(names, (walls.meshes, walls.planes, walls.revolutions, walls.spheres), strict=True))
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
+        runs += ["surface velocity of walls"] if walls.conveying else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
@@ -341,6 +344,8 @@ def choose_features(
         left_out["walls"] = "the scene has none"
     elif moving == 0:
         left_out["wall motion relative to the frame"] = "all walls rest in it"
+    if scene.walls and all(wall.surface_velocity is None for wall in scene.walls):
+        left_out["surface velocity of walls"] = "no wall has one"
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
@@ -381,6 +386,7 @@ def choose_features(
             revolutions=sum(w.cylinder is not None or w.cone is not None for w in scene.walls),
             spheres=sum(w.sphere is not None for w in scene.walls),
             images=images,
+            conveying=any(w.surface_velocity is not None for w in scene.walls),
         ),
         domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
         backend=BackendFeatures(

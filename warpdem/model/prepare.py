@@ -70,6 +70,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
+    most = len(start) + sum(needs.grains_to_come(scene))
     features = choose_features(
         scene,
         expected.type,
@@ -77,7 +78,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         moving=schedule.moving,
         resting=len(schedule.motions) - schedule.moving,
         images=images is not None,
-        lanes=WARP_LANES if resident else simd_lanes(len(start) + sum(needs.grains_to_come(scene))),
+        lanes=WARP_LANES if resident else simd_lanes(most, scene.engine.precision),
         resident=resident,
         largest=float(expected.radius.max(initial=0.0)),
     )

@@ -6,19 +6,40 @@ from warpdem.core.pose import FramePose, Placement
 from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
 from warpdem.model.driven import DrivenMotion
 from warpdem.scene.model import Scene
-from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
+from warpdem.scene.motion_chain import Chain, frame_chain, timed, wall_chain
+from warpdem.scene.surface_velocity import Belt, SurfaceVelocity
 
 
 class WallMotion:
     """How a group of walls moves: fixed to the frame or the laboratory, and moving by itself in it or not."""
 
-    def __init__(self, fixed_to: str, own: Chain | DrivenMotion) -> None:
-        self.fixed_to, self.own = fixed_to, own
+    def __init__(self, fixed_to: str, own: Chain | DrivenMotion, surface: "SurfaceCourse | None" = None) -> None:
+        self.fixed_to, self.own, self.surface = fixed_to, own, surface
 
     @property
     def rests_in_frame(self) -> bool:
         """Whether it never moves relative to the frame (given that the frame moves)."""
         return self.fixed_to == "frame" and not self.own.displaces
+
+
+class SurfaceCourse:
+    """The surface velocity of a group of walls against time."""
+
+    def __init__(self, given: SurfaceVelocity) -> None:
+        self._circulates = isinstance(given, Belt)
+        translation = given.translation if isinstance(given, Belt) else given
+        self._course = timed(translation, translation)
+
+    def velocities(self, time: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """V and a of ``kernels.step.schedule`` in frame axes [m/s] at ``time`` [s], shape (k, 6).
+
+        Args:
+            time: shape (k,).
+            turn: body axes to frame axes, shape (k, 3, 3).
+        """
+        velocity = apply(turn, self._course.pose(time, time).velocity)
+        both = [np.zeros_like(velocity), velocity] if self._circulates else [velocity, np.zeros_like(velocity)]
+        return np.concatenate(both, axis=1)
 
 
 class Schedule:
@@ -62,7 +83,11 @@ class Schedule:
             # in a frame that coincides with it the laboratory is the frame
             fixed_to = wall.fixed_to if self.frame.displaces else "frame"
             keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}" + (f" {number}" if wall.driven else ""))
-            found.setdefault(keys[-1], WallMotion(fixed_to, own))
+            surface = None
+            if wall.surface_velocity is not None:
+                keys[-1] += f" {wall.surface_velocity!r}"
+                surface = SurfaceCourse(wall.surface_velocity)
+            found.setdefault(keys[-1], WallMotion(fixed_to, own, surface))
         order = sorted(found, key=lambda key: found[key].rests_in_frame)
         self.motions = [found[key] for key in order]
         self.moving = sum(not motion.rests_in_frame for motion in self.motions)
@@ -127,7 +152,7 @@ class Schedule:
         return np.repeat(middle, len(self.stages))
 
     def placements(self, step: int, count: int) -> np.ndarray:
-        """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 18)."""
+        """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 24)."""
         return self._brought_back(self._placements(self._times(step - 1, step + count + 1), self.relative))
 
     def _brought_back(self, placements: np.ndarray) -> np.ndarray:
@@ -139,22 +164,22 @@ class Schedule:
         return placements
 
     def bodies(self, time: float) -> np.ndarray:
-        """Placement of each wall's body at ``time`` [s], with absolute velocities, shape (w, 18)."""
+        """Placement of each wall's body at ``time`` [s], with absolute velocities, shape (w, 24)."""
         return self.wall_places(np.array([time]))[0]
 
     def wall_places(self, times: np.ndarray) -> np.ndarray:
-        """The same at several ``times`` [s], shape (k, w, 18)."""
+        """The same at several ``times`` [s], shape (k, w, 24)."""
         return self._placements(times, relative=False)[:, self.wall_motion]
 
     def _placements(self, time: np.ndarray, relative: bool) -> np.ndarray:
         frame = self.frame.pose(time)
-        out = np.zeros((len(time), max(len(self.motions), 1), 18))
+        out = np.zeros((len(time), max(len(self.motions), 1), 24))
         for number, motion in enumerate(self.motions):
             out[:, number] = self._placement(motion, time, frame, relative)
         return out
 
     def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool) -> np.ndarray:
-        """The 18 numbers of one motion at ``time`` [s], shape (k, 18)."""
+        """The 24 numbers of one motion at ``time`` [s], shape (k, 24)."""
         own = motion.own.pose(time) if motion.own.displaces else still(len(time))
         if motion.fixed_to == "frame":
             body, turn, shift = compose(frame, own) if motion.own.displaces else frame, own.axes, own.origin
@@ -165,7 +190,8 @@ class Schedule:
         velocity = apply(turn, body.velocity) - cross(spin, shift)
         if relative:
             spin, velocity = spin - frame.spin, velocity - frame.velocity
-        return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity], axis=1).astype(float)
+        surface = np.zeros((len(time), 6)) if motion.surface is None else motion.surface.velocities(time, turn)
+        return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity, surface], axis=1).astype(float)
 
     def wall_placements(self, scene: Scene, time: float) -> dict[str, Placement]:
         """Placement of every wall at ``time`` [s], by name."""

@@ -119,7 +119,11 @@ class Scene(SceneModel):
                 m if isinstance(m, FixedPlacement) else m.model_copy(update={"elapsed": m.elapsed + time}) for m in motions
             )
 
-        walls = [wall.model_copy(update={"motion": ahead(wall.motion)}) for wall in self.walls]
+        walls = [
+            wall.model_copy(update={"motion": ahead(wall.motion), "surface_velocity": wall.surface_velocity and
+                                    wall.surface_velocity.later(time)})
+            for wall in self.walls
+        ]  # fmt: skip
         streams = [
             stream.model_copy(update={"start": max(0.0, stream.start - time), "until": stream.until and stream.until - time})
             for stream in self.streams
@@ -286,7 +290,7 @@ class Scene(SceneModel):
     def continues(self, number: int) -> tuple[str, ...]:
         """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
-        moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to"} & wall.keys()]
+        moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to", "surface_velocity"} & wall.keys()]
         before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]

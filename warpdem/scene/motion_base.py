@@ -1,6 +1,6 @@
 """Common parts of the motions of a scene: a time of their own, in which they begin and end, frequencies and phases."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -25,6 +25,10 @@ class Timed(SceneModel):
     until: Duration | None = Field(
         None, description="Time at which the motion ends [s], later than start, default never. It stays where it then is."
     )
+
+    def later(self, time: float) -> Self:
+        """The motion from ``time`` [s] on: ahead by it."""
+        return self.model_copy(update={"elapsed": self.elapsed + time})
 
     @model_validator(mode="after")
     def _ends_after_its_start(self) -> "Timed":

@@ -150,7 +150,7 @@ class Chain:
         for k, motion in enumerate(given):
             key = f"{where}[{k}]" if len(given) > 1 else where
             for course in _courses(motion, resolve, key, folders):
-                self.motions.append(_timed(course, motion) if isinstance(motion, Timed) else course)
+                self.motions.append(timed(course, motion) if isinstance(motion, Timed) else course)
                 self.keys.append(key)
         self.rotates = any(motion.rotates for motion in self.motions)
         self.moves = any(motion.moves for motion in self.motions)
@@ -204,7 +204,7 @@ def _courses(
     yield motion
 
 
-def _timed(course: RigidMotion, motion: Timed) -> RigidMotion:
+def timed(course: RigidMotion, motion: Timed) -> RigidMotion:
     """A motion in the time of the scene."""
     if motion.start > 0.0 or motion.until is not None:
         course = BoundedMotion(course, motion.start, motion.until)

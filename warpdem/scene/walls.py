@@ -7,6 +7,7 @@ from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, mod
 
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.motion import Motions
+from warpdem.scene.surface_velocity import SurfaceVelocity
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 from warpdem.usd.stage import USD_SUFFIXES
@@ -67,6 +68,12 @@ class Wall(SceneModel):
     motion: Motions | None = Field(
         None,
         description="Motion of the wall relative to what it is fixed to: one motion, or a list, outermost first; default none.",
+    )
+    surface_velocity: SurfaceVelocity | None = Field(
+        None,
+        description="Velocity of the surface along itself relative to the wall, which stays where it is, as of a belt: a "
+        "vector in the wall's axes, of which the part along the surface acts; a table with velocity, schedule or table; or, "
+        "for belts around drums, axis with speed, schedule or table: speed along axis x normal. Default none.",
     )
     driven: StrictBool = Field(
         False,

@@ -118,6 +118,8 @@ class _Writer:
             prim = self.stage.DefinePrim(path)
             self.attribute(prim, "dem:list", listed)
             self.table(prim, entry)
+            if listed == "walls":
+                _author_surface_velocity(prim, entry.get("surface_velocity"))
 
     def attribute(self, prim: Usd.Prim, name: str, value: Any, is_file: bool = False) -> None:
         """Author one attribute, with the type of its value."""
@@ -214,6 +216,13 @@ def author_points(
         omega.Set(vectors(spins))
     if ids is not None:
         points.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.asarray(ids, dtype=np.int64)))
+
+
+def _author_surface_velocity(prim: Usd.Prim, given: Any) -> None:
+    """Say a constant surface velocity as PhysX does too, in the world's axes, for other programs."""
+    if isinstance(given, dict) and set(given) == {"velocity"}:
+        prim.AddAppliedSchema("PhysxSurfaceVelocityAPI")
+        prim.CreateAttribute("physxSurfaceVelocity:surfaceVelocity", _NUMBERS.Vector3f).Set(Gf.Vec3f(*given["velocity"]))
 
 
 def _is_exact_in_single(value: float) -> bool:

@@ -135,6 +135,7 @@ def _about(view: RunView) -> dict[str, Any]:
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
+            "surfaces": {w.name: w.surface_velocity.elapsed for w in scene.walls if w.surface_velocity is not None},
         },
         "places": _places(view),
         "step": view.clock.step_number,

@@ -120,6 +120,10 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
         if wall.name in start.continues:
             given = next(entry["motion"] for entry in there["walls"] if entry["name"] == wall.name)
             motion = _continued(wall.motion, data["motions"]["walls"][wall.name], given, _end(data))
+            if wall.surface_velocity is not None:
+                before = data["motions"].get("surfaces", {}).get(wall.name, 0.0)
+                surface = wall.surface_velocity.model_copy(update={"elapsed": before + _end(data)})
+                wall = wall.model_copy(update={"surface_velocity": surface})
         else:
             place = _matrix(data["places"]["walls"][wall.name])
             motion = _from(wall.motion, frame @ place if wall.fixed_to == "laboratory" else place)
@@ -201,7 +205,9 @@ def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
         if name in ("frame", "streams"):
             pair: tuple[Any, ...] = here[name], there[name]
         elif name in now and name in then:
-            pair = tuple((entry["motion"], entry["fixed_to"]) for entry in (now[name], then[name]))
+            pair = tuple(
+                (entry["motion"], entry["fixed_to"], entry.get("surface_velocity")) for entry in (now[name], then[name])
+            )
         else:
             known = ", ".join(["frame", "streams", *(wall for wall in now if wall in then)])
             raise SceneError(f'{scene.source}: start.continues: "{name}" is not in both scenes; allowed: {known}')

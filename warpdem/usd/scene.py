@@ -260,6 +260,9 @@ class _SceneTables:
         self.bind(prim, table)
         if not any(key in table for key in GEOMETRY):
             table |= self.geometry(prim, inside)
+        if prim.get("surface_velocity") is not None:
+            velocity = (self.up @ np.array(prim["surface_velocity"]) * self.metres).tolist()
+            self.surface_velocity(prim, table, velocity)
         motion = list(self.motion(prim))
         if motion and "motion" in table:
             raise SceneError(f"{self.file}: {prim['path']} moves by USD's own attributes and by dem:motion: remove one of them")
@@ -267,6 +270,21 @@ class _SceneTables:
             table["motion"] = motion
             # the stage defines the motion in the world
             table.setdefault("fixed_to", "laboratory")
+
+    def surface_velocity(self, prim: dict[str, Any], table: dict[str, Any], velocity: list[float]) -> None:
+        """Use PhysX's surface velocity [m/s], unless ``dem:surface_velocity`` is present and agrees."""
+        given = table.get("surface_velocity")
+        if isinstance(given, dict):
+            if set(given) != {"velocity"}:
+                raise SceneError(
+                    f"{self.file}: {prim['path']} has a surface velocity by PhysxSurfaceVelocityAPI and another course by "
+                    "dem:surface_velocity: remove one of them"
+                )
+            table["surface_velocity"] = given["velocity"]
+        key_path = self.at[prim["path"]][0]
+        self.origins.setdefault((*key_path, "surface_velocity"), f"{prim['path']}.dem:surface_velocity")
+        origin = f"{prim['path']}.physxSurfaceVelocity:surfaceVelocity"
+        self.standard_value(table, key_path, "surface_velocity", velocity, origin)
 
     def unused_name(self, prim: dict[str, Any]) -> str:
         """Name of the prim, with a number if another wall has it."""

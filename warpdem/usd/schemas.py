@@ -88,13 +88,15 @@ def _one_friction(prim: Prim) -> bool:
 
 REMOVE = "remove it, or make the prim inactive"
 VELOCITIES = ("physics:velocity", "physics:angularVelocity")
-SURFACE_VELOCITIES = ("physxSurfaceVelocity:surfaceVelocity", "physxSurfaceVelocity:surfaceAngularVelocity")
+SURFACE_VELOCITY, SURFACE_SPIN = (
+    "physxSurfaceVelocity:surfaceVelocity", "physxSurfaceVelocity:surfaceAngularVelocity"
+)  # fmt: skip
 
 
 def _has_surface_velocity(prim: Prim) -> bool:
     """Whether a surface velocity is active."""
     on = prim.applied("PhysxSurfaceVelocityAPI") and not prim.is_off("physxSurfaceVelocity:surfaceVelocityEnabled")
-    return on and prim.is_nonzero(*SURFACE_VELOCITIES)
+    return on and prim.is_nonzero(SURFACE_VELOCITY, SURFACE_SPIN)
 
 
 def _rules() -> Iterator[Rule]:
@@ -180,12 +182,12 @@ def _rules() -> Iterator[Rule]:
     )
     yield Rule(" ".join(VELOCITIES), "taken")
     yield Rule(
-        " ".join(SURFACE_VELOCITIES),
+        SURFACE_SPIN,
         "refused",
-        "PhysxSurfaceVelocityAPI, a surface velocity without motion of the wall, is not supported: the wall would stand still. "
-        "A belt can be a Plane of a kinematic body that moves along itself (physics:velocity); with "
+        "a surface that turns about the body's origin is not supported: give the wall dem:surface_velocity:axis and "
+        "dem:surface_velocity:speed, the speed along axis x normal; with "
         "physxSurfaceVelocity:surfaceVelocityEnabled = false the wall stands still",
-        _has_surface_velocity,
+        lambda prim: _has_surface_velocity(prim) and prim.is_nonzero(SURFACE_SPIN),
     )
     yield Rule(
         "PhysxSurfaceVelocityAPI physxSurfaceVelocity:*",
@@ -193,7 +195,7 @@ def _rules() -> Iterator[Rule]:
         "no surface velocity is active: the wall stands still",
         lambda prim: not _has_surface_velocity(prim),
     )
-    yield Rule("PhysxSurfaceVelocityAPI physxSurfaceVelocity:*", "taken")  # refused by its velocities
+    yield Rule("PhysxSurfaceVelocityAPI physxSurfaceVelocity:*", "taken")
     yield Rule(
         "PhysxSplinesSurfaceVelocityAPI",
         "refused",

@@ -223,6 +223,7 @@ def test_a_law_that_cannot_be_in_lanes_is_evaluated_by_itself_and_the_reason_is_
 
 def test_lanes_go_by_processor_and_size(monkeypatch):
     monkeypatch.setattr(lanes, "wide_registers", lambda: True)
-    assert [lanes.simd_lanes(n) for n in (100, lanes.IN_CACHE, lanes.IN_CACHE + 1)] == [8, 8, 4]
+    assert [lanes.simd_lanes(n, "double") for n in (100, lanes.IN_CACHE, lanes.IN_CACHE + 1)] == [8, 8, 4]
+    assert lanes.simd_lanes(lanes.IN_CACHE + 1, "mixed") == 8
     monkeypatch.setattr(lanes, "wide_registers", lambda: False)
-    assert lanes.simd_lanes(100) == 4
+    assert [lanes.simd_lanes(100, precision) for precision in ("double", "mixed")] == [4, 4]

@@ -45,7 +45,10 @@ def grains():
     x = np.arange(RADIUS * 0.9995, WIDTH - RADIUS, 2.02 * RADIUS)
     position = np.stack(np.meshgrid(x, x, x[:2], indexing="ij"), axis=-1).reshape(-1, 3)
     n = len(position)
-    motion = {"velocities": rng.normal(size=(n, 3), scale=0.05).tolist(), "spins": rng.normal(size=(n, 3), scale=50).tolist()}
+    motion = {
+        "velocities": rng.normal(size=(n, 3), scale=0.05).tolist(),
+        "spins": rng.normal(size=(n, 3), scale=50).tolist(),
+    }
     return {"material": "g", "positions": position.tolist(), "radius": RADIUS} | motion
 
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpdem.usd.reader.belts import surface_velocity
 from warpdem.usd.reader.errors import Refused
 from warpdem.usd.reader.prims import constant_values, has_samples, json_value, sample_codes, world_matrix
 
@@ -37,6 +38,8 @@ def collider(
         "moves": bool(sample_codes(prim)),
         "enabled": True,
     }
+    holders = [prim, *([prim.GetStage().GetPrimAtPath(desc.rigidBody)] if str(desc.rigidBody) in bodies else [])]
+    content["surface_velocity"] = surface_velocity(*holders)
     body = bodies.get(str(desc.rigidBody))
     if body is None or not body.rigidBodyEnabled:
         return content

@@ -1,0 +1,70 @@
+"""The option --costs: processor seconds of each file of tests, and what of them Warp's compiler took.
+
+Processor time of the process itself: unlike the wall time of ``--durations`` it says the same on a busy machine. On a cold
+cache of kernels most of a file's time is compiling, which goes to the first test that needs a kernel.
+"""
+
+import time
+from collections import defaultdict
+
+import pytest
+from warp._src import build
+
+NAME = "costs"
+LINES = 40
+
+
+class Costs:
+    """Plugin that measures each test and sums up by file; under xdist the workers measure and their parent sums up."""
+
+    def __init__(self) -> None:
+        self._compiles, self._compiling = 0, 0.0
+        self._before = (0.0, 0, 0.0)
+        build.build_cpu = self._timed(build.build_cpu)  # Warp has no public hook; what it compiles for is not changed
+
+    def _timed(self, compile_module):
+        def timed(*arguments, **options):
+            begin = time.thread_time()
+            try:
+                return compile_module(*arguments, **options)
+            finally:
+                self._compiles += 1
+                self._compiling += time.thread_time() - begin
+
+        return timed
+
+    def _now(self) -> tuple[float, int, float]:
+        return time.process_time(), self._compiles, self._compiling
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self, item) -> None:
+        self._before = self._now()
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_makereport(self, item, call):
+        outcome = yield
+        if call.when == "teardown":  # with the fixtures, those shared by a file too
+            costs = [now - then for now, then in zip(self._now(), self._before, strict=True)]
+            outcome.get_result().user_properties.append((NAME, costs))
+
+    def pytest_terminal_summary(self, terminalreporter) -> None:
+        """The files that cost most."""
+        reports = [report for group in terminalreporter.stats.values() for report in group]
+        for line in table(reports):
+            terminalreporter.write_line(line)
+
+
+def table(reports) -> list[str]:
+    """Lines of the files that cost most, from the reports of their tests."""
+    files: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
+    for report in reports:
+        for name, costs in getattr(report, "user_properties", ()):
+            if name == NAME:
+                row = files[report.nodeid.split("::")[0]]
+                row[:] = [a + b for a, b in zip(row, (1, *costs), strict=True)]
+    rows = sorted(files.items(), key=lambda item: -item[1][1])
+    total = [sum(column) for column in zip(*files.values(), strict=True)] if files else [0.0] * 4
+    lines = ["processor seconds   of them compiling (modules)   tests   file"]
+    for name, (tests, seconds, compiles, compiling) in [("all files", total), *rows[:LINES]]:
+        lines.append(f"{seconds:17.1f} {compiling:21.1f} ({compiles:.0f})".ljust(50) + f"{tests:5.0f}   {name}")
+    return lines
