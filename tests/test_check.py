@@ -90,7 +90,7 @@ WARNED = {
     "bed": (
         {"grains": [{"material": "g", "positions": [[0, 0, 1e-3], [0, 0, 0.9]], "radius": 1e-3}],
          "time": {"end": 0.01, "step": 1e-4, "max_speed": 0.1}},
-        ["of the bed at rest: its grains vibrate, and above 1.5 times the limit", "take at most"],
+        ["of the bed at rest: its grains vibrate, and above 1.25 times the limit", "take at most"],
     ),
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),
     "fields": ({"fields": [{"model": "drag", "parameters": {"coefficient": 1.0}}]}, ["external fields", "0.95 rad per step"]),

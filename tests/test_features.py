@@ -154,10 +154,10 @@ def test_left_out_features_allocate_nothing(full):
     assert bare.state.record.numpy().shape[1] == grain.WIDTH[False] == 10
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
-    assert bare.lists.constants.shape[1] == 2
+    assert bare.lists.constants.shape[1] == 3
     assert bare.lists.wall_contacts.place.numpy().shape[2] == 9
     assert full.state.record.numpy().shape[1] == 16
-    assert full.lists.constants.shape[1] == 4
+    assert full.lists.constants.shape[1] == 5
     assert full.lists.wall_contacts.place.numpy().shape[::2] == (2, 12)
 
 

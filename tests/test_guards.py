@@ -132,7 +132,7 @@ def test_measured_limit_is_where_a_spring_loses_hold(make_scene, restitution):
 
 @pytest.mark.parametrize(("share", "noticed"), [(0.98, 0), (1.2, 0), (1.6, 1)])
 def test_step_in_danger_at_two_looks_in_a_row_is_noticed(make_scene, share, noticed):
-    """Over the limit is told, 1.5 times over it stops: at the look that confirms the one before."""
+    """Over the limit is told, 1.25 times over it stops: at the look that confirms the one before."""
     limit = measured_limit(sheared_pair(make_scene, 1e-7))
     sim = sheared_pair(make_scene, share * limit, spin=1e-15)
     sim.step(1)

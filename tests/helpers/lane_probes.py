@@ -67,6 +67,7 @@ def in_lanes({flat}):
         np.ascontiguousarray(v, dtype=NUMPY[of.scalar])
         for (_, v), of in zip(arguments.values(), given.values(), strict=True)
     ]
+    assert [v.size for v in values] == [n * of.size for of in given.values()]
     out = {}
     for way, size in (("by_lane", n), ("in_lanes", n // lanes)):
         flat_arrays = [

@@ -122,9 +122,9 @@ def peer_step(case: Case, setting: str) -> float:
 
 
 def estimate(case: Case, setting: str, threads: int) -> float:
-    """About how long a run takes [s]; warpdem's own step is taken as twice that of the paper."""
+    """About how long a run takes [s]; the own step of warpdem is not known before its scene is read."""
     code = "warpdem" if setting in OWN else "liggghts"
-    step = 2e-6 * case.scale * OWN[setting] if setting in OWN else peer_step(case, setting)
+    step = 1.2e-6 * case.scale * OWN[setting] if setting in OWN else peer_step(case, setting)
     return 1e-9 * NS_PER_GRAIN[code] * case.count * case.end / step / (1.0 + 0.7 * (threads - 1))
 
 

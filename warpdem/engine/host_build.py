@@ -157,7 +157,8 @@ class HostBuild:
         a, state, known = self.lists, self.state, self.lists.known
         self._side = 1 - self._side
         a.rows_are_counted = self.storage.rows_are_counted
-        stays = state.slots == len(state) == known and a.built and self._builds_in_order < BUILDS_IN_ORDER
+        same = state.slots == len(state) == known == len(self._classes)  # none has come or gone since they were sorted
+        stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER
         if sort or not stays or a.rows_are_counted:
             old_id = wp.clone(state.id)
             order = self._sort()

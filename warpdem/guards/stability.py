@@ -34,8 +34,9 @@ DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
 CAPS = np.array([[NORMAL_CAP], [TANGENTIAL_CAP]])
-DANGER = 1.5
-"""Time step over the limit [-] above which a run is in danger: beds at rest stay stable at 2, and fail at 2.5 to 3."""
+DANGER = 1.25
+"""Time step over the limit [-] above which a run is in danger: beds at rest are sound at 1.1, gain energy at 1.3, and
+fail at 1.4 to 2 (restitution 0.1 and 0.3)."""
 CONFIRM = 20
 """Steps after which a look that found the time step in danger is confirmed: what three times the limit makes of a bed
 takes longer, the deepest moment of an impact is shorter."""

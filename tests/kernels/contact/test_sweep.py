@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.contact import dissipation, law, pairs
+from warpdem.kernels.contact import columns, dissipation, law, pairs
 from warpdem.kernels.normal import hertz, hooke
 from warpdem.kernels.rolling import constant, spring
 from warpdem.kernels.step import border
@@ -38,7 +38,8 @@ def contacts(made, n: int) -> dict:
         i[:, 10:13] *= 50
         j[:, 10:13] *= 50
     i[::97, 4:] = j[::97, 4:]  # no relative motion
-    stiffness, damping = rng.uniform(1e5, 1e6, n), rng.uniform(0.0, 4.0, n)
+    given = {"stiffness": (1e5, 1e6), "damping": (0.0, 4.0), "inverse_mass": (1e5, 1e6)}
+    constants = np.column_stack([rng.uniform(*given[name], n) for name in columns.OF_CONTACT])
     coefficients = rng.uniform(0.1, 1.0, (n, of.at.width))
     coefficients[::5, of.at.friction] = 0.0
     history = rng.normal(0, 1e-6, (n, max(of.history.at.width, 1)))
@@ -48,7 +49,7 @@ def contacts(made, n: int) -> dict:
     return {
         "gi": (record, i),
         "gj": (record, j),
-        "k": (of.Constants, np.column_stack([stiffness, damping])),
+        "k": (of.Constants, constants),
         "radius": (real, radius[0] * radius[1] / radius.sum(axis=0)),
         "inertia": (real, rng.uniform(1e-12, 1e-11, n)),
         "c": (of.Coefficients, coefficients),

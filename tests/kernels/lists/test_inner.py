@@ -108,3 +108,17 @@ def test_how_often_grains_are_sorted_in_memory_changes_no_bit(monkeypatch):
         slots.append(sim.state.id.numpy().copy())
     assert len(hashes) == 1
     assert (slots[0] != slots[2]).any(), "memory was in the same order anyway"
+
+
+def test_grains_that_came_are_sorted_in_with_the_others():
+    """They are appended to the lists first; the next outer list is built in memory that has room for them."""
+    scene = layers(speed=0.3).model_dump(exclude_unset=True)
+    box = {"min": [0.0, 0.0, 25 * RADIUS], "max": [20 * RADIUS, 20 * RADIUS, 30 * RADIUS]}
+    stream = {"material": "glass", "diameter": 2 * RADIUS, "box": box, "velocity": [0, 0, -1], "count_rate": 2e4}
+    hashes = set()
+    for threads in (1, 3):
+        sim = Simulation(Scene.model_validate(scene | {"streams": [stream]}), device="cpu", threads=threads)
+        sim.step(600)
+        assert len(sim.state) > 1020 and sim.lists.rebuilds > 10
+        hashes.add(sim.state_hash())
+    assert len(hashes) == 1
