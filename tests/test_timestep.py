@@ -180,7 +180,7 @@ def test_grains_fall_from_where_they_are_unless_something_lifts_them():
     assert speed(*several) == pytest.approx(math.sqrt(2 * 9.81 * 0.1) + 3)
 
 
-@pytest.mark.parametrize(("accuracy", "steps"), [("bulk", 15), ("impact", 40)])
+@pytest.mark.parametrize(("accuracy", "steps"), [("bulk", 12), ("impact", 40)])
 def test_auto_takes_as_many_steps_in_a_contact_as_its_accuracy_asks_for(accuracy, steps):
     of = scene(time={"end": 1, "max_speed": 0.5, "accuracy": accuracy})
     assert time_step.choose(of, found(of)) == pytest.approx(found(of).contact_time / steps)

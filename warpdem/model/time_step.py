@@ -26,7 +26,7 @@ a dense packing, Z = 6, whose contacts carry
 
 with H the height of the grains at the start; it was 0.7 to 1 times the limit measured in beds at rest.
 
-``step = "auto"`` is the least of contact time / 15, 80 % of the limit of that contact, the limit of the bed at rest, and what
+``step = "auto"`` is the least of contact time / 12, 80 % of the limit of that contact, the limit of the bed at rest, and what
 frame, fields and travel allow. Discharge, angles of repose and of drums, loads and losses do not depend on the step from
 there down to a quarter of it, within the scatter of repeated runs; ``accuracy = "impact"``, contact time / 40, is for those who
 look at single impacts. ``restitution_error`` is what either costs.
@@ -55,7 +55,7 @@ from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
 
 PACKED = 6  # contacts per grain: dense frictional packing
 STABLE_SHARE = 0.8
-CONTACT_STEPS = {"bulk": 15, "impact": 40}  # in the contact time of an undamped impact, by time.accuracy
+CONTACT_STEPS = {"bulk": 12, "impact": 40}  # in the contact time of an undamped impact, by time.accuracy
 TURN_ANGLE = 0.05  # [rad] of the frame between two directions of gravity that are looked at
 MOST_DIRECTIONS = 20_000
 FINE_STEPS = 400  # in a contact, of the impact that an error is measured against
