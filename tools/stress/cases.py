@@ -52,7 +52,8 @@ def scene_of(positions, step="auto", radius=RADIUS, young=5e7, restitution=0.5, 
     """A scene of one material; what is not named goes into the scene, ``grains`` into its grains, ``pair`` into its pair."""
     grains = {"material": "g", "positions": np.asarray(positions, float).tolist(), **keys.pop("grains", {})}
     grains["radius" if np.isscalar(radius) else "radii"] = radius
-    time = {"end": 1e6 if step != "auto" else 1.0, "step": step, "max_speed": keys.pop("max_speed", 1.0)}
+    limits = {"max_speed": keys.pop("max_speed", 1.0), "accuracy": keys.pop("accuracy", "bulk")}
+    time = {"end": 1e6 if step != "auto" else 1.0, "step": step, **limits}
     coefficients = {"restitution": restitution, "friction": friction, **keys.pop("pair", {})}
     data = {
         "gravity": (0.0, 0.0, 0.0),

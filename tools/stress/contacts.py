@@ -34,11 +34,11 @@ def impact_error(young=5e7, restitution=0.5, speed=0.2, radii=(RADIUS, RADIUS), 
             "materials": {name: {"density": density, **base} for name, density in zip("gh", densities, strict=True)},
             "pairs": [{"materials": list(m), "restitution": restitution, "friction": 0.5} for m in ("gg", "gh", "hh")],
         }
-        scene = scene_of([first], young=young, max_speed=speed, **keys).model_dump(mode="json") | materials
+        scene = scene_of([first], young=young, max_speed=speed, accuracy="impact", **keys).model_dump(mode="json") | materials
         sim = Simulation(Scene.model_validate(scene), device="cpu", threads=1)
     else:
         sim = simulate([first, first + way], radius=list(radii), young=young, restitution=restitution, max_speed=speed,
-                       grains={"velocities": velocities}, **keys)  # fmt: skip
+                       accuracy="impact", grains={"velocities": velocities}, **keys)  # fmt: skip
     sim.run(until=1.5 * gap / speed + 3.0 * sim.limits.contact_time * (1.0 if restitution > 0.05 else 3.0))
     velocity = sim.particles.velocity
     return abs(float((velocity[1] - velocity[0]) @ way / np.linalg.norm(way)) / speed - restitution)
