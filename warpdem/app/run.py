@@ -18,6 +18,7 @@ from warpdem.core.interrupts import held_back
 from warpdem.core.progress import progress_bar, report_if_long
 from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
+from warpdem.model.prepare import require_scene
 from warpdem.output.write_tables import write_run_record
 from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
@@ -66,6 +67,7 @@ def run_scene(
         OutputError: if a result cannot be written; results so far and the last good checkpoint stay.
         KeyboardInterrupt: on Ctrl-C, SIGTERM and SIGHUP, with a checkpoint of the present step.
     """
+    require_scene(scene)
     folder, console = Path(folder), console or Console()
     check_request(folder, until, overwrite or resume)
     with locked(folder) as claim:
