@@ -92,7 +92,7 @@ class Totals:
         moving = velocity, spin, self._axes, int(state.spins)
         reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
         self._add_walls(sums, GRAIN_SUMS.width)
-        if len(self.contacts):
+        if self._pairs_are_there and len(self.contacts):
             found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
             reader.add_columns(reader.uploaded("springs", *found), len(self.contacts), self._first_spring, sums)
         return reader.rounded(sums)
@@ -105,6 +105,11 @@ class Totals:
             points = of.grain, of.first, of.place_count, place, result, view.clock.step_number & 1
             record = reader.plain("record", view.state.record)
             reader.add(kernels.wall_sums, self.listed.row_count, record, *points, column, sums)
+
+    @property
+    def _pairs_are_there(self) -> bool:
+        """Whether the view has its contacts between grains: a copy that only walls and grains are read of has none."""
+        return not self.listed.contact_count or self.listed.owner is not None
 
     @property
     def _walls(self) -> int:
@@ -169,6 +174,7 @@ class Totals:
     @cached_property
     def elastic(self) -> dict[str, float]:
         """Energy in the normal contacts, the tangential and the rolling springs [J]."""
+        assert self._pairs_are_there  # else what they store is unknown, not zero
         names = [name for name, there in elastic.springs(self.view.model.features.contact).items() if there]
         found = self._sums[self._first_spring :].tolist()
         return dict.fromkeys(elastic.SPRINGS, 0.0) | dict(zip(names, found, strict=False))

@@ -23,7 +23,7 @@ class Timed(SceneModel):
         "from here.",
     )
     until: Duration | None = Field(
-        None, description="Time at which the motion ends [s], later than start, default never. It stays where it then is."
+        None, description="Time at which the motion ends [s], > 0, later than start; default never. It stays where it then is."
     )
 
     def later(self, time: float) -> Self:

@@ -76,9 +76,16 @@ def _time_and_velocity(entry: Any) -> Any:
     return entry
 
 
+def _time_and_speed(entry: Any) -> Any:
+    if not isinstance(entry, (list, tuple, np.ndarray)) or len(entry) != 2:
+        raise ValueError("must be a list of 2 numbers, [time in [s], speed in [m/s]]")
+    return entry
+
+
 Time = Annotated[float, Quantity("s", ge=0)]
 Knot = Annotated[tuple[Time, AngularRate], BeforeValidator(_time_and_rate)]
 Speed = Annotated[float, Quantity("m/s")]
+SpeedKnot = Annotated[tuple[Time, Speed], BeforeValidator(_time_and_speed)]
 VelocityKnot = Annotated[tuple[Time, Speed, Speed, Speed], BeforeValidator(_time_and_velocity)]
 
 

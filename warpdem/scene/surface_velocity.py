@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Direction, Duration, SceneModel, exactly_one, validation_error
+from warpdem.scene.base import Direction, Duration, SceneModel, exactly_one
 from warpdem.scene.motion import Translation
 from warpdem.scene.motion_base import Timed
-from warpdem.scene.rates import Speed, VelocitySegment, require_increasing
+from warpdem.scene.rates import Speed, SpeedKnot, VelocitySegment, require_increasing
 from warpdem.scene.units import Quantity, Vector
 
 SpeedOrRamp = Annotated[
@@ -46,15 +46,13 @@ class Belt(Timed):
     schedule: Annotated[list[SpeedSegment], Field(min_length=1)] | None = Field(
         None, description="Segments of constant or linearly changing speed, one after the other; 0 after the last."
     )
-    table: Annotated[list[Annotated[tuple[float, float], Vector(Quantity("-"), length=2)]], Field(min_length=1)] | None = Field(
+    table: Annotated[list[SpeedKnot], Field(min_length=1)] | None = Field(
         None, description="Times [s], >= 0 and increasing, and speeds [m/s] there: [[t, speed], ...]."
     )
 
     @model_validator(mode="after")
     def _one_course(self) -> "Belt":
         exactly_one(self, "speed", "schedule", "table")
-        if self.table is not None and self.table[0][0] < 0.0:
-            raise validation_error([(("table", 0, 0), self.table[0][0], "must be >= 0")])
         require_increasing([segment.along(np.array(self.axis)) for segment in self.schedule or ()], self.table)
         return self
 
