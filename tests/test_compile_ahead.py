@@ -66,7 +66,7 @@ def test_a_second_process_gets_features_and_cache_where_kernels_are_missing(make
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
     with compile_ahead.compiling_ahead(scene, "cpu"):
         [(command, pipe)] = started
-    assert command == [sys.executable, "-m", "warpdem.app.compile_ahead"]
+    assert command == [sys.executable, "-P", "-m", "warpdem.app.compile_ahead"]
     assert pickle.loads(pipe.getvalue()) == (compile_ahead.likely_features(scene), str(tmp_path))
     assert started[1:] == ["over"]
 

@@ -207,6 +207,19 @@ def test_restitution_with_auto_is_right_in_the_mean(restitution, normal, wall):
 GRAIN = [{"material": "glass", "positions": [[0.3, 0, 0]], "radius": RADIUS}]
 
 
+def test_no_known_speed_leaves_a_share_of_the_rayleigh_time():
+    """Without gravity and speeds at the start: a field, or a program, may move grains all the same."""
+    of = scene(time={"end": 1}, gravity=[0, 0, 0])
+    assert found(of).max_speed == 0.0
+    assert time_step.choose(of, found(of)) == pytest.approx(0.1 * found(of).rayleigh)
+
+
+def test_a_spring_without_slope_is_bound_by_its_dashpot_alone():
+    assert time_step.stable_step(0.0, lambda dt: 2.0, 1.0) == pytest.approx(0.5)
+    assert time_step.stable_step(0.0, lambda dt: 0.3 / max(dt, 0.1), 1.0) == math.inf  # capped
+    assert time_step.stable_step(-1.0, lambda dt: 0.0, 1.0) == math.inf
+
+
 def test_nested_frames_are_bound_by_the_sum_of_their_rates():
     mill = [{"axis": [0, 0, 1], "rate": 4e5}, {"axis": [0, 1, 0], "sinusoid": {"amplitude": -6e5, "frequency": 3}}]
     limits = found(scene(frame=mill))
@@ -222,6 +235,9 @@ def test_speeds_of_shifting_frames_and_walls_count():
     of = scene(grains=GRAIN, time={"end": 1}, frame=shaker)
     assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     plane = {"name": "w", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    belt = plane | {"surface_velocity": {"axis": [0, 1, 0], "schedule": [{"until": 1, "speed": [0, -20]}, {"speed": 1}]}}
+    of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[belt])
+    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(20.0, rel=1e-12)
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[plane | {"motion": shaker}])
     assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     mill = [{"axis": [0, 0, 1], "rate": 10}, {"axis": [0, 0, 1], "origin": [0.2, 0, 0], "rate": -7}]

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, Simulation
+from warpdem.measure.totals import Totals
+from warpdem.measure.wall_loads import total_loads
 
 R, MU, G, V = 1e-3, 0.3, 9.81, 0.2
 STEP = 5e-6
@@ -27,6 +29,20 @@ def simulation(wall, *, positions=((0, 0, R),), velocities=None, rolling=0.0, th
         "time": {"end": 1, "step": STEP},
     }
     return Simulation(Scene.model_validate(scene | keys), device="cpu", threads=threads, resident=resident)
+
+
+def test_power_of_a_belt_is_that_of_its_present_speed():
+    """At rest until 5 ms: then mu m g V. What it brings in is no instability, and what was read stays when the run goes on."""
+    start = {"schedule": [{"until": 5e-3, "velocity": [0, 0, 0]}, {"velocity": [V, 0, 0]}]}
+    sim = simulation({**FLOOR, "surface_velocity": start}, measures={})
+    assert sim.wall_loads()["belt"].power == 0.0
+    sim.run(until=0.015)
+    expected = MU * MASS * G * V
+    assert sim.wall_loads()["belt"].power == pytest.approx(expected, rel=2e-3)
+    read = Totals(sim.view).made()
+    sim.run(until=0.1)  # it rolls along, and nothing is lost any more
+    assert abs(sim.wall_loads()["belt"].power) < 0.1 * expected
+    assert total_loads(read)["belt"].power == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("mesh", [False, True], ids=["plane", "mesh"])

@@ -9,6 +9,7 @@ global to the process, so that two threads must not compile at once.
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -70,7 +71,7 @@ def _started(scene: Scene) -> "subprocess.Popen[bytes] | None":
         return None
     try:
         helper = subprocess.Popen(
-            [sys.executable, "-m", __name__],
+            [sys.executable, "-P", "-m", __name__],  # -P: no module of the folder that a user happens to be in
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -126,6 +127,7 @@ def _count(group: Grains) -> int:
 
 def main() -> None:
     """The second process: compile, one kernel after the other, until all are there or standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run, which ends this process by itself
     features, cache = pickle.load(sys.stdin.buffer)
     over = threading.Event()
 

@@ -169,7 +169,7 @@ def stable_step(s: Springs, mass: np.ndarray, inertia: np.ndarray) -> tuple[floa
     stiffest = np.append(np.isin(np.arange(len(mass)), np.argsort(rate_estimates(s, mass))[-STIFFEST:]), False)
     s = s.subset(np.flatnonzero(stiffest[s.i] | stiffest[s.j]))
     square, motion, worst = stiffest_mode(s, mass, inertia)
-    low, high = 0.0, 2.0 / np.sqrt(square)  # without damping
+    low, high = 0.0, 2.0 / np.sqrt(max(square, 1.0e-300))  # without damping
     for _ in range(40):
         dt = 0.5 * (low + high)
         grows = square * dt**2 / 4.0 + dt * np.sum(s.acting(dt) * motion) > 1.0
@@ -187,6 +187,8 @@ class Seen:
     """The most at any look [-]."""
     step: int = 0
     """When that was."""
+    at: int = 0
+    """Step of the last look."""
 
 
 class StabilityGuard:
@@ -223,8 +225,10 @@ class StabilityGuard:
         clock = view.clock
         ratio, limit, worst = _step_ratio(view, now)
         seen = self._seen
-        self._next = Seen(ratio, *max((seen.largest, seen.step), (ratio, clock.step_number), key=lambda peak: peak[0]))
-        if ratio <= DANGER or not self.in_danger:
+        largest, step = max((seen.largest, seen.step), (ratio, clock.step_number), key=lambda peak: peak[0])
+        self._next = Seen(ratio, largest, step, clock.step_number)
+        confirmed = self.in_danger and clock.step_number >= seen.at + CONFIRM
+        if ratio <= DANGER or not confirmed:
             return None
         return Verdict(
             self.NAME,

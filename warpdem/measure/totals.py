@@ -20,6 +20,7 @@ from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
 from warpdem.measure import elastic
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.sums import Reader
+from warpdem.measure.surface_power import surface_powers
 from warpdem.model.features import field_numbers
 from warpdem.scene.models import model
 from warpdem.state.listed_contacts import ListedContacts
@@ -48,7 +49,8 @@ class Totals:
 
     def made(self) -> "Totals":
         """The same, all of it made now: it may be read when the run has gone on."""
-        for name in ("pose", "bodies", "_sums", "fields", *(["added_up"] if self.view.totals is not None else [])):
+        names = ["pose", "bodies", "_sums", "elastic", "surface_powers", "fields"]
+        for name in names if self.view.totals is None else [*names, "added_up"]:
             getattr(self, name)
         for name in ("contacts", "listed"):  # arrays of the run, which goes on
             vars(self).pop(name, None)
@@ -64,7 +66,13 @@ class Totals:
     def bodies(self) -> np.ndarray:
         """Placements of the walls, shape (w, 24)."""
         view, schedule = self.view, self.view.model.schedule
-        return self._still("bodies", schedule.moving > 0 or schedule.shifting, lambda: schedule.bodies(view.clock.time))
+        changes = schedule.moving > 0 or schedule.shifting or view.model.features.walls.conveying
+        return self._still("bodies", changes, lambda: schedule.bodies(view.clock.time))
+
+    @cached_property
+    def surface_powers(self) -> dict[str, float]:
+        """Power of the surface velocity of each wall that has one [W], by name."""
+        return surface_powers(self.view, self.bodies) if self.view.model.features.walls.conveying else {}
 
     def _still(self, name: str, moves: bool, read: Callable[[], Thing]) -> Thing:
         """What ``read`` gives, once for all times if it never moves."""

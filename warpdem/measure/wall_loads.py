@@ -15,6 +15,7 @@ import numpy as np
 from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels.measure.readings import WALL_SUMS
+from warpdem.measure.surface_power import contact_points
 from warpdem.measure.totals import Totals
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.model import Scene
@@ -66,32 +67,9 @@ def total_loads(now: Totals, lab: bool = False) -> dict[str, WallLoad]:
             pressure=np.zeros(0),
         )
     if model.features.walls.conveying:
-        for name, power in _surface_powers(now.view, now.bodies).items():
+        for name, power in now.surface_powers.items():
             loads[name] = replace(loads[name], power=loads[name].power + power)
     return _in_laboratory(now.pose, loads) if lab else loads
-
-
-def _surface_powers(view: RunView, bodies: np.ndarray) -> dict[str, float]:
-    """Power of the surface velocity of each wall that has one [W]: the sum of F . (V - n (n . V) + a x n)."""
-    place, wall_of = _places(view)
-    powers = {}
-    for number, wall in enumerate(view.model.scene.walls):
-        if wall.surface_velocity is not None:
-            here = wall_of[place["feature"]] == number
-            force, normal = place["force"][here], place["normal"][here]
-            vector, circulation = bodies[number][18:21], bodies[number][21:24]
-            tangential = force - np.einsum("ij,ij->i", force, normal)[:, None] * normal
-            powers[wall.name] = float(tangential.sum(axis=0) @ vector + np.cross(normal, force).sum(axis=0) @ circulation)
-    return powers
-
-
-def _places(view: RunView) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Contact points with walls in order of grain id, so that sums do not depend on the lists, and the wall of each feature."""
-    lists, state, parity = view.contacts, view.state, view.clock.step_number & 1
-    assert view.model.walls is not None
-    g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
-    slot, _ = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
-    return lists.places(parity, slot), view.model.walls.wall_of
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -109,7 +87,7 @@ def _add_triangles(view: RunView, loads: dict[str, WallLoad]) -> None:
 
     Summed in order of grain id, so that they do not depend on the order of the lists.
     """
-    model, (place, wall_of) = view.model, _places(view)
+    model, (place, wall_of) = view.model, contact_points(view)
     force = _sums(-place["force"], place["feature"], len(wall_of))
     push = _sums(np.einsum("ij,ij->i", place["force"], place["normal"])[:, None], place["feature"], len(wall_of))[:, 0]
     for number, wall in enumerate(model.scene.walls):

@@ -157,7 +157,8 @@ def pressed(normal: str, base: float, radius: float, force: float, own: Own = NO
     with using([normal], "it fails in the estimate of a load"):
         constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
         low, high = 0.0, 1.0e-12 * radius
-        while _force_over_overlap(normal, high, constant, own) * high < force:
+        # a law whose force saturates never carries a larger one: then that of an overlap of R*
+        while high < radius and _force_over_overlap(normal, high, constant, own) * high < force:
             low, high = high, 2.0 * high
         for _ in range(60):
             middle = 0.5 * (low + high)

@@ -52,9 +52,11 @@ from warpdem.model.travel import longest_step
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model, numbers
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
+from warpdem.scene.surface_velocity import surface_speed
 
 PACKED = 6  # contacts per grain: dense frictional packing
 STABLE_SHARE = 0.8
+UNKNOWN_SHARE = 0.1
 CONTACT_STEPS = {"bulk": 12, "impact": 40}  # in the contact time of an undamped impact, by time.accuracy
 TURN_ANGLE = 0.05  # [rad] of the frame between two directions of gravity that are looked at
 MOST_DIRECTIONS = 20_000
@@ -92,7 +94,7 @@ class Limits:
     @property
     def candidates(self) -> dict[str, float]:
         """The steps that "auto" chooses the least of [s], by what binds them."""
-        return {
+        found = {
             f"contact time / {self.contact_steps} at {self.max_speed:.3g} m/s": self.contact_time / self.contact_steps,
             f"{STABLE_SHARE:.0%} of the stability limit of one impact": STABLE_SHARE * self.stable,
             "the stability limit of the bed at rest": self.settled,
@@ -100,6 +102,9 @@ class Limits:
             f"{FIELD_ANGLE} rad of the external fields": self.field,
             "half the limit of travel beside meshes": 0.5 * self.travel,
         }
+        if self.max_speed == 0.0:  # what will move grains is not known: fields, walls that a program drives
+            found[f"{UNKNOWN_SHARE:.0%} of the Rayleigh time, as no speed is known"] = UNKNOWN_SHARE * self.rayleigh
+        return found
 
     @property
     def binding(self) -> str:
@@ -144,6 +149,10 @@ def stable_step(stiffness: float, damping: Callable[[float], float], mass: float
         damping: C [N s/m] at a time step [s].
         mass: m [kg].
     """
+    if stiffness <= 0.0:  # a force that does not grow with the overlap: the dashpot alone decides
+        plain = damping(0.0)
+        alone = mass / plain if plain > 0.0 else math.inf
+        return alone if alone == math.inf or damping(alone) * alone >= mass else math.inf
     low, high = 0.0, 2.0 * math.sqrt(mass / stiffness)  # without damping
     if damping(high) == 0.0:
         return high
@@ -223,7 +232,7 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
 
     v0 is the largest speed at the start. H is the height that a grain may fall: from the highest grain to the lowest point of
     grains and walls, along gravity as the frame turns; from the highest point of walls, too, where frame or walls may lift a
-    grain. V is what moves: the frame and the two fastest of the walls that move in different ways.
+    grain. V is what moves: the frame, the two fastest of the walls that move in different ways, and the fastest belt.
     """
     if not len(start.id):
         return 0.0
@@ -240,8 +249,10 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
     from_where = cloud if lifted else start.position
     height = max((float((cloud @ way).max() - (from_where @ way).min()) for way in _down(scene, frame)), default=0.0)
     own = np.sort([chain.speed_bound(cloud, scene.time.end) for chain in walls])
+    belts = [surface_speed(wall.surface_velocity) for wall in scene.walls if wall.surface_velocity is not None]
+    moved = frame.speed_bound(cloud, scene.time.end) + float(own[-2:].sum()) + max(belts, default=0.0)
     thrown = float(np.linalg.norm(start.velocity, axis=1).max())
-    return math.hypot(thrown, math.sqrt(2.0 * g * height)) + frame.speed_bound(cloud, scene.time.end) + float(own[-2:].sum())
+    return math.hypot(thrown, math.sqrt(2.0 * g * height)) + moved
 
 
 def _down(scene: Scene, frame: Chain) -> np.ndarray:

@@ -72,6 +72,12 @@ def _tag(value: Any) -> str:
     return "~belt" if keys & {"axis", "speed"} else "~translation"
 
 
+def surface_speed(given: Translation | Belt) -> float:
+    """Upper bound of the speed of a surface [m/s]."""
+    translation = given.translation if isinstance(given, Belt) else given
+    return translation.speed_bound(np.zeros((1, 3)), 0.0)
+
+
 if TYPE_CHECKING:
     SurfaceVelocity = Translation | Belt
 else:
