@@ -49,13 +49,14 @@ def kind(warp_type: Any) -> Kind | None:
 
 def literal(value: float, scalar: Any) -> str:
     """A number in all lanes; hexadecimal, so that no digit is lost."""
-    return f"{LANE[scalar]}({_number(float(value))}{'f' if scalar is wp.float32 else ''})"
-
-
-def _number(value: float) -> str:
-    if value != value or value in (float("inf"), float("-inf")):
-        raise ValueError(f"{value} is no number that can be written down")
-    return value.hex()
+    number = float(value)
+    if number != number:
+        text = '__builtin_nan("")'
+    elif number in (float("inf"), float("-inf")):
+        text = f"{'-' if number < 0.0 else ''}__builtin_inf()"
+    else:
+        text = f"{number.hex()}{'f' if scalar is wp.float32 else ''}"
+    return f"{LANE[scalar]}({text})"
 
 
 def declarations(lanes: int) -> str:

@@ -176,7 +176,14 @@ class _Source:
                 self.result = tuple(value.kind for value in values)
                 self.lines.append(f"return {{{', '.join(value.text for value in values)}}};")
             case ast.Return(value=value) if value is not None and self.taking_part is None:
-                made = self.lanes(value, self.value(value))
+                found = self.value(value)
+                if found.kind is not None and not isinstance(found.kind, Kind):  # the results of another function
+                    made = self.temporary(found)
+                    texts = ", ".join(f"{made.text}.r{k}" for k in range(len(found.kind)))
+                    self.result = found.kind
+                    self.lines.append(f"return {{{texts}}};")
+                    return
+                made = self.lanes(value, found)
                 self.result = made.kind
                 self.lines.append(f"return {made.text};")
             case ast.Return():
@@ -205,7 +212,12 @@ class _Source:
     def branch(self, s: ast.If) -> None:
         test = self.value(s.test)
         if test.number is not None:
-            self.block(s.body if test.number else s.orelse)
+            body = s.body if test.number else s.orelse
+            if isinstance(s.test, ast.Compare):
+                for one in body:
+                    if isinstance(one, ast.Assign) and isinstance(one.value, ast.Constant):
+                        self.refuse_bare(one, Value("", None, one.value.value))
+            self.block(body)
             return
         before, mask = self.taking_part, self.temporary(self.mask(s.test, test))
         for body, side in ((s.body, mask), (s.orelse, Value(f"(~{mask.text})", mask.kind))):
@@ -229,8 +241,17 @@ class _Source:
             case _:
                 self.fail(s, "not straight-line")
 
+    def refuse_bare(self, e: ast.AST, value: Value) -> None:
+        """Refuse a number without a type that a comparison chooses: Warp keeps it in single precision."""
+        if isinstance(value.number, float):
+            self.fail(e, "a number without a type that a comparison chooses")
+
     def assign_name(self, s: ast.stmt, name: str, value: Value) -> None:
         old = self.local.get(name)
+        if value.kind is not None and not isinstance(value.kind, Kind):
+            self.fail(s, "several results under one name")
+        if value.kind is None and old is not None and old.kind is None and self.taking_part is not None:
+            self.fail(s, "a number without a type that depends on data")
         if value.number is not None and (self.taking_part is None or old is None):
             if self.taking_part is not None:
                 self.fail(s, "a number without a type")
@@ -324,7 +345,10 @@ class _Source:
                     return Value("", None, not value.number)
                 return Value(f"(~{self.mask(e, value).text})", value.kind)
             case ast.IfExp():
-                return self.choice(e, self.value(e.test), lambda: self.value(e.body), lambda: self.value(e.orelse))
+                chosen = self.choice(e, self.value(e.test), lambda: self.value(e.body), lambda: self.value(e.orelse))
+                if isinstance(e.test, ast.Compare):
+                    self.refuse_bare(e, chosen)
+                return chosen
             case ast.Compare(ops=[op], comparators=[right]) if type(op) in COMPARISONS:
                 return self.comparison(e, COMPARISONS[type(op)], self.value(e.left), self.value(right))
             case ast.BoolOp(op=op, values=parts):

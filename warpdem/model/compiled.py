@@ -91,11 +91,20 @@ def of_pairs(features: Features) -> Built:
 
 
 def no_lanes(features: Features) -> str:
-    """Why contacts between grains cannot be evaluated side by side; empty if they can."""
+    """Why contacts between grains cannot be evaluated side by side; empty if they can.
+
+    Raises:
+        SceneError: a law in a file of the user fails.
+    """
+    laws = features.contact
+    with using([laws.normal, laws.tangential or "", laws.rolling or ""]):
+        made = of_pairs(features)
     try:
-        sweep.translated(of_pairs(features), turning(features))
+        sweep.translated(made, turning(features))
     except NotStraight as error:
         return str(error)
+    except Exception as error:  # whatever the translator has not foreseen in a law: one contact after the other is right
+        return f"the translation to registers fails: {type(error).__name__}: {error}"
     return ""
 
 

@@ -80,6 +80,23 @@ def test_lanes_have_the_bits_of_warp(precision, lanes):
 
 
 @wp.func
+def both(a: wp.float64, b: wp.float64):
+    return a * b, wp.min(a, wp.float64(wp.inf))
+
+
+@wp.func
+def wrapped(a: wp.float64, b: wp.float64):
+    return both(a, b)
+
+
+def test_results_of_another_function_and_infinity_pass_through():
+    given = {"a": (wp.float64, numbers(N, 1, 1)), "b": (wp.float64, numbers(N, 1, 2))}
+    product, least = assert_same_bits(wrapped, given, (wp.float64, wp.float64), 4)
+    np.testing.assert_array_equal(least[:, 0], given["a"][1])
+    np.testing.assert_array_equal(product[:, 0], given["a"][1] * given["b"][1])
+
+
+@wp.func
 def loops(x: wp.float64) -> wp.float64:
     y = x
     for _i in range(int(x)):
@@ -147,6 +164,33 @@ def outside(x: wp.float64) -> wp.float64:
     return early(x)
 
 
+@wp.func
+def flagged(x: wp.float64) -> wp.float64:
+    flag = 0.0
+    if x > wp.float64(0.0):
+        flag = 1.0
+    return x * wp.float64(flag)
+
+
+@wp.func
+def chosen(x: wp.float64) -> wp.float64:
+    return x * wp.float64(0.3 if COUNT > 2 else 0.1)
+
+
+@wp.func
+def switched(x: wp.float64) -> wp.float64:
+    share = 0.1
+    if COUNT > 2:
+        share = 0.3
+    return x * wp.float64(share)
+
+
+@wp.func
+def several(x: wp.float64) -> wp.float64:
+    pair = both(x, x)  # noqa: F841
+    return x
+
+
 @wp.func_native("return x;")
 def native(x: wp.float64) -> wp.float64: ...
 
@@ -163,6 +207,10 @@ REFUSED = {
     "counts": ("no lanes of the type of n", "def counts("),
     "unknown": ("not translated", "wp.max(x)"),
     "matrices": ("operands", "x * x"),
+    "flagged": ("a number without a type that depends on data", "flag = 1.0"),
+    "chosen": ("a number without a type that a comparison chooses", "0.3 if COUNT"),
+    "switched": ("a number without a type that a comparison chooses", "share = 0.3"),
+    "several": ("several results under one name", "pair = both"),
     "outside": ("a return before the end", "return wp.float64(1.0)"),
 }
 
