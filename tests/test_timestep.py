@@ -12,7 +12,7 @@ from warpdem import Scene, SceneError
 from warpdem.filling.initial_grains import load_grains
 from warpdem.model import time_step
 from warpdem.model.features import coefficient_table
-from warpdem.model.impact import impact
+from warpdem.model.impact import impact, pressed
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
@@ -218,6 +218,13 @@ def test_a_spring_without_slope_is_bound_by_its_dashpot_alone():
     assert time_step.stable_step(0.0, lambda dt: 2.0, 1.0) == pytest.approx(0.5)
     assert time_step.stable_step(0.0, lambda dt: 0.3 / max(dt, 0.1), 1.0) == math.inf  # capped
     assert time_step.stable_step(-1.0, lambda dt: 0.0, 1.0) == math.inf
+
+
+def test_a_law_whose_force_saturates_below_the_weight_has_a_limit_all_the_same(monkeypatch):
+    """1 N at any overlap, where 2 N are to be carried: the stiffness at an overlap of R*."""
+    monkeypatch.setattr("warpdem.model.impact._force_over_overlap", lambda normal, overlap, *_: 1.0 / overlap)
+    secant, _ = pressed("hertz", 1e7, RADIUS, 2.0)
+    assert 0.0 < secant <= 1e7 * math.sqrt(RADIUS) * math.sqrt(2.0 * RADIUS)
 
 
 def test_nested_frames_are_bound_by_the_sum_of_their_rates():

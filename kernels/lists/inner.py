@@ -26,7 +26,7 @@ from warpdem.kernels.step.barrier import meet
 from warpdem.kernels.wall.surface import Surface
 
 CHECK, BUILD = 1, 2
-"""What is asked for; both: the list is built if the check finds it out of date, and nothing else amiss."""
+"""Work of a launch; with both, the list is built if the check finds it out of date and nothing else wrong."""
 FOUND, CHOSEN, FILLED, LANES, FORCE_SLOTS, WALL_GRAINS = range(6)
 """Places in the report: what was found of all grains, by bits of ``displacement``; 1 where the list was to be built; 1 where it
 was; lanes of its contact batches, force slots and grains beside a wall that it needs."""

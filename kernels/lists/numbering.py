@@ -47,7 +47,7 @@ class Counts:
 
 @wp.struct
 class Starts:
-    """Where those of each grain begin; arrays of size 0 where nothing is asked for."""
+    """Where those of each grain begin; arrays of size 0 where they are not needed."""
 
     touching: wp.array[wp.int32]  # (n,) number of its first contact that touches
     near: wp.array[wp.int32]  # (n,) number of its first other contact

@@ -1,6 +1,7 @@
 """Characteristic times of a scene and the time step chosen from them.
 
-Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains: shown, since other codes go by it
+Rayleigh time     pi R sqrt(rho/G) / (0.1631 nu + 0.8766), the least over the grains: shown, since other codes go by it;
+                  a tenth of it bounds "auto" where no speed is known
 contact time      of an undamped impact at max_speed, from the energy of the normal law
 spectral limit    the least step at which a mode (K, C, m*) of the contacts grows: K dt^2/4 + C(dt) dt = m*
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)

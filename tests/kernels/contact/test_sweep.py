@@ -16,7 +16,7 @@ from warpdem.kernels.tangential import mindlin, mindlin_displacement
 from lane_probes import assert_same_bits
 from switches import switched
 from warpdem import Simulation
-from warpdem.model import features, lanes
+from warpdem.model import compiled, features, lanes
 from warpdem.scene.file import scene_from_dict
 
 REALS = {"double": wp.float64, "single": wp.float32}
@@ -207,6 +207,20 @@ def test_lanes_change_no_bit(feature, folder, monkeypatch):
 @pytest.mark.parametrize("feature", FEATURES)
 def test_width_and_threads_change_no_bit(feature, folder, monkeypatch):
     assert_lanes_change_no_bit(scene(folder, **FEATURES[feature]), monkeypatch, (4, 2), (2, 1))
+
+
+def test_what_the_translator_has_not_foreseen_goes_one_by_one_and_is_said(folder, monkeypatch):
+    of = scene(folder, **FEATURES["user's law"])
+    in_lanes = run(of, monkeypatch, 8, 1)
+
+    def stumbles(*_):
+        raise KeyError("an unknown word")
+
+    monkeypatch.setattr(compiled.sweep, "translated", stumbles)
+    alone = Simulation(of, device="cpu", threads=1)
+    alone.step(500)
+    assert any("the translation to registers fails: KeyError: 'an unknown word'" in line for line in alone.plan.explain())
+    assert alone.state_hash() == in_lanes.state_hash()
 
 
 def test_a_law_that_cannot_be_in_lanes_is_evaluated_by_itself_and_the_reason_is_told(folder, monkeypatch):
