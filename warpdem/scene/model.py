@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
 from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
@@ -255,7 +256,7 @@ class Scene(SceneModel):
             unknown = [key for key in phase.changes if key not in known]
             if unknown:
                 reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
-                reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
+                reason += nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
                 raise validation_error([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
             present = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
             for name in phase.without:

@@ -10,6 +10,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from warpdem.core.access import Access
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
 
@@ -32,7 +33,7 @@ class ModelName:
         """
         known = self._known()
         if name not in known and not models.is_file(name):
-            raise ValueError(models.allowed(self.role, *self.others) + models.nearest(name, known))
+            raise ValueError(models.allowed(self.role, *self.others) + nearest(name, known))
         return name
 
     def _known(self) -> list[str]:

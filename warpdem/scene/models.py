@@ -1,6 +1,5 @@
 """Models found by name: the files of ``kernels/<role>/``, and files of the user that define the same things."""
 
-import difflib
 import functools
 import hashlib
 import importlib
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import warpdem.kernels as kernels
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
@@ -55,12 +55,6 @@ def is_file(name: str) -> bool:
 def located(name: str, base: Path) -> str:
     """Name of a model as ``model`` takes it: a file of the user, relative to ``base``, becomes an absolute path."""
     return str((base / Path(name).expanduser()).resolve()) if is_file(name) else name
-
-
-def nearest(name: Any, known: Sequence[str], likeness: float = 0.6) -> str:
-    """Words that ask whether the most similar known name was meant; empty if none is similar."""
-    close = difflib.get_close_matches(str(name).lower(), known, n=1, cutoff=likeness)
-    return f'; did you mean "{close[0]}"?' if close else ""
 
 
 def allowed(role: str, *others: str) -> str:
