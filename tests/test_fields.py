@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.scene.file import scene_from_dict
 
 RADII = np.array([1e-3, 1.5e-3])

@@ -43,6 +43,7 @@ from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
+from warpdem.scene.parameters import field_values
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
@@ -189,7 +190,7 @@ class Scene(SceneModel):
             except SceneError as error:
                 problems.append(((i, "model"), part.model, str(error)))
                 continue
-            values, found = models.field_values(module, part.parameters)
+            values, found = field_values(module, part.parameters)
             problems += [((i, "parameters", *key_path), value, text) for key_path, value, text in found]
             checked.append(part.model_copy(update={"parameters": values}))
         if problems:
