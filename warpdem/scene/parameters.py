@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.core.nearest import nearest
 from warpdem.kernels.field import NUMBERS
-from warpdem.scene.models import nearest
 from warpdem.scene.units import Quantity, Vector
 
 
