@@ -9,7 +9,7 @@ import pytest
 from warpdem.kernels.field import drag
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.scene.file import scene_from_dict
 
 RADII = np.array([1e-3, 1.5e-3])

@@ -8,7 +8,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.totals import Totals, reader_of
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned

@@ -22,7 +22,7 @@ from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.sums import Reader
 from warpdem.measure.surface_power import surface_powers
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.scene.models import model
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView

@@ -28,7 +28,7 @@ from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
-from warpdem.state import checkpoint, contact_history
+from warpdem.state import checkpoint_file, contact_history
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
@@ -61,7 +61,7 @@ def read(scene: Scene) -> Past:
     """
     key = f"{scene.source}: start.checkpoint"
     try:
-        data = checkpoint.read(scene.resolve(_start(scene).checkpoint))
+        data = checkpoint_file.read(scene.resolve(_start(scene).checkpoint))
     except SceneError as error:
         raise SceneError(f"{key}: {error}") from None
     names = list(data["scene"]["materials"])
