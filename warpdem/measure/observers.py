@@ -212,7 +212,7 @@ def field_energies(
     place = {"laboratory": position_lab, "frame": position}
     fields = [(model("field", name), place[axes]) for name, axes in run.features.fields]
     return [
-        float(np.sum(field.energy(there, mass, radius, numbers)))
+        float(np.sum(np.broadcast_to(field.energy(there, mass, radius, numbers), mass.shape)))
         for (field, there), numbers in zip(fields, field_numbers(run.scene), strict=True)
         if hasattr(field, "energy")
     ]

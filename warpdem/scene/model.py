@@ -239,7 +239,9 @@ class Scene(SceneModel):
             *pair_problems(self.pairs, self.materials, of_grains, of_walls),
             *law_problems(self.contact, self.pairs),
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
-            *measure_problems(self.measures, self.engine.integrator),
+            *measure_problems(
+                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials)
+            ),
         ]
         if problems:
             raise validation_error(problems)

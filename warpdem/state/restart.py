@@ -20,6 +20,8 @@ from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
 from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
 from warpdem.model.past import Past
+from warpdem.scene.checks import class_problems
+from warpdem.scene.messages import line, report
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion import FixedPlacement, Motions
@@ -74,6 +76,8 @@ def read(scene: Scene) -> Past:
     redrawn = _redrawn(scene, data)
     said = _notes_on_walls(scene, data, redrawn)
     scene = _going_on(scene, data, redrawn)
+    if unknown := [line(*one) for one in class_problems(scene.measures, scene.groups, list(scene.materials))]:
+        raise SceneError(report(scene.source, unknown))
     grains = _grains(scene, data, [list(scene.materials).index(name) if name in scene.materials else -1 for name in names])
     memory, notes = _memory(scene, data, redrawn)
     if "orientation" in data:
