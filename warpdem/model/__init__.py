@@ -4,7 +4,8 @@
     features              what the scene needs: what is compiled, allocated and run
     compiled              the kernels of these features
     model                 the result, with all below
-    domain, walls, wall_images    borders and outlets; walls on the device, and at their periodic images
+    domain, ways_out      borders and outlets of the scene, and where they stand
+    walls, wall_images    walls on the device, and at their periodic images
     schedule              tables of all that changes with time and is known beforehand
     time_step, impact, travel     limits of the time step, and the step chosen
     needs                 memory that the scene takes, and numbers that float64 can compute with

@@ -123,6 +123,10 @@ class DomainFeatures:
     """Lower border along each periodic axis [m]."""
     outlets: int = 0
     """Regions in which grains leave."""
+    kinds: tuple[int, ...] = ()
+    """Kinds of shapes among these, as of ``kernels.step.region``."""
+    placed: bool = False
+    """Some of them are at rest in the laboratory, or carried by a wall."""
 
     @property
     def periodic(self) -> bool:
@@ -355,7 +359,7 @@ def choose_features(
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
-    if not len(domain.boxes):
+    if not domain.shapes:
         left_out["borders and outlets"] = "the scene has none"
     for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
         if not on:
@@ -388,7 +392,9 @@ def choose_features(
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
         ),
-        domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
+        domain=DomainFeatures(
+            period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed
+        ),
         backend=BackendFeatures(
             integrator=scene.engine.integrator, lanes=lanes, precision=scene.engine.precision, resident=resident
         ),

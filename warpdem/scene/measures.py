@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field, StrictBool
 
 from warpdem.scene.base import Direction, Length, Name, Point, SceneModel
-from warpdem.scene.borders import Box
+from warpdem.scene.regions import Box
 
 
 class FlowPlane(SceneModel):
