@@ -117,7 +117,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim.run(until=6e-3)
     from warpdem.kernels.normal import hertz
 
-    from warpdem.model.features import coefficient_table
+    from warpdem.model.coefficients import coefficient_table
     from warpdem.model.time_step import contact_time
 
     met = sim.extremes

@@ -24,7 +24,7 @@ from warpdem.model import time_step
 from warpdem.model.digests import Given
 from warpdem.model.prepare import prepare, require_scene
 from warpdem.scene.model import Scene
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file, same_scene
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -210,8 +210,8 @@ class Simulation(RunReadings):
         Raises:
             SceneError: if the file is missing, damaged or of another version.
         """
-        data = checkpoint.read(path)
-        sim = cls(checkpoint.scene_of(data, plugins), device=device, threads=threads)
+        data = checkpoint_file.read(path)
+        sim = cls(same_scene.scene_of(data, plugins), device=device, threads=threads)
         checkpoint.restore(sim, data)
         return sim
 

@@ -58,7 +58,8 @@ class Outputs:
         with self.sim.clock("output"):
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
             measures, view = self.sim.scene.measures, self.sim.view
-            network = (frame and (output.contacts or measures.grid is not None)) or (row and bool(measures.regions))
+            network = frame and (output.contacts or measures.grid is not None)
+            network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
             totals = Totals(view).made() if row else None

@@ -24,7 +24,7 @@ from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file
 
 SETTING_UP = "setting up: meshes, grains, and kernels to place them (compiled once) ..."
 COMPILING = "compiling kernels (once per kind of scene) ..."
@@ -82,7 +82,7 @@ def _run(
     """``run_scene`` in a folder that no other run writes into."""
     folder = claim.folder
     begin = time.perf_counter()
-    saved = checkpoint.read(folder / CHECKPOINT) if resume else None
+    saved = checkpoint_file.read(folder / CHECKPOINT) if resume else None
     end = scene.time.end if until is None else until
     with compiling_ahead(scene, device):
         with report_if_long(SETTING_UP, console, quiet):

@@ -58,6 +58,8 @@ class ContactNetwork:
     """Overlap [m], shape (c,)."""
     sliding: np.ndarray
     """1 where the friction force has reached the Coulomb limit, else 0, shape (c,), int8."""
+    damping_force: np.ndarray | None = None
+    """Part of the force that is not of the springs [N], shape (c, 3); None where it was not asked for."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.measure import observers
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import elastic_energies
+from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.totals import Totals, reader_of
 from warpdem.state.view import RunView
 
@@ -109,7 +110,10 @@ class Budget:
             energies = [values[theirs] for values in elastic_energies(view, contacts).values() if values is not None]
             totals.carried[0] -= sum(float(energy[0]) for energy in reader.column_sums(*energies))
         for name, sums in totals.gone.items():
-            theirs = getattr(view.state, name).numpy()[slots].sum(axis=0)
+            of_each = getattr(view.state, name).numpy()[slots]
+            if name == "flow":
+                of_each = selected_flow(view.model.scene, Slots(view.state, slots), of_each)
+            theirs = of_each.sum(axis=0)
             sums[:] = np.add(sums, _laboratory(name, theirs, view.model.schedule.pose(view.clock.time))).tolist()
 
     def _now(self) -> Totals:

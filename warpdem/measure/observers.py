@@ -8,7 +8,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.totals import Totals, reader_of
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
@@ -204,7 +204,7 @@ def field_energies(
     place = {"laboratory": position_lab, "frame": position}
     fields = [(model("field", name), place[axes]) for name, axes in run.features.fields]
     return [
-        float(np.sum(field.energy(there, mass, radius, numbers)))
+        float(np.sum(np.broadcast_to(field.energy(there, mass, radius, numbers), mass.shape)))
         for (field, there), numbers in zip(fields, field_numbers(run.scene), strict=True)
         if hasattr(field, "energy")
     ]

@@ -18,7 +18,8 @@ from warpdem.kernels.wall import images as wall_images
 from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
 from warpdem.scene.model import Scene
-from warpdem.scene.models import is_file, model, using
+from warpdem.scene.models import model
+from warpdem.scene.user_models import is_file, using
 
 
 def compile_kernels(features: Features, device: wp.Device | None = None) -> Built:
