@@ -23,7 +23,7 @@ class MeshSolid:
     @property
     def bounds(self) -> np.ndarray:
         """Least and greatest corner [m], shape (2, 3)."""
-        return self.mesh.bounds
+        return np.asarray(self.mesh.bounds)
 
     @property
     def volume(self) -> float:
@@ -38,7 +38,7 @@ class MeshSolid:
         """Whether points [m], shape (n, 3), are inside; bool, shape (n,)."""
         near = ((points >= self.bounds[0]) & (points <= self.bounds[1])).all(axis=1)
         near[near] = self.depth(points[near]) > 0.0
-        return near
+        return np.asarray(near)
 
     def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Random points [m], shape (n, 3), at least ``radius`` [m], shape (n,), inside; in the box where none is found."""

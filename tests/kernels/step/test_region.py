@@ -23,6 +23,7 @@ OUTLETS = {
     "plane": {"plane": {"point": [0.0, 0.2, 0.0], "normal": [1, 1, -1]}},
     "disk": {"plane": {"point": [0.0, 0.2, 0.0], "normal": [1, -1, 0], "radius": 0.5}},
     "mesh": {"mesh": {"file": "ring.stl", "translate": [0.1, 0.0, 0.0]}},
+    "ball": {"mesh": {"file": "ball.stl", "translate": [0.0, 0.2, 0.1]}},
 }
 TURN = {"axis": [1, 1, 0], "rate": 2.0}
 
@@ -30,6 +31,7 @@ TURN = {"axis": [1, 1, 0], "rate": 2.0}
 def one_scene(folder, outlets):
     ring = trimesh.creation.annulus(r_min=0.3, r_max=0.7, height=0.6)
     ring.export(folder / "ring.stl")
+    trimesh.creation.icosphere(subdivisions=2, radius=0.6).export(folder / "ball.stl")
     return Scene.model_validate(
         {
             "base": folder,
