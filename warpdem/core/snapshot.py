@@ -24,6 +24,10 @@ class WallLoad:
     pressure: np.ndarray
     """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
 
+    def __repr__(self) -> str:
+        force, torque = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.force, self.torque))
+        return f"<WallLoad: force ({force}) N, torque ({torque}) N m, power {self.power:.4g} W>"
+
     def in_laboratory(self, frame: FramePose) -> "WallLoad":
         """The same load, vectors rotated from frame axes to laboratory axes."""
         rotated = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}

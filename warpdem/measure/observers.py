@@ -27,6 +27,9 @@ class Particles:
         self._pose = view.model.schedule.pose(view.clock.time)
         self._read_at = -1
 
+    def __repr__(self) -> str:
+        return f"<Particles: {len(self._state)} grains at t = {self._view.clock.time:.6g} s>"
+
     def _readings(self) -> tuple[np.ndarray, ...]:
         """Readings of the present step, made once for all properties."""
         if self._read_at != self._view.clock.step_number:
@@ -168,6 +171,11 @@ class Contacts:
     """Coulomb load of the force call, which friction is limited by [N], shape (c,)."""
     own: dict[str, np.ndarray]
     """The normal law's own constants and history by name [of the law], each of shape (c,)."""
+
+    def __repr__(self) -> str:
+        walls = int((self.j < 0).sum())
+        deepest = f"; {self.worst()}" if len(self.i) else ""
+        return f"<Contacts: {len(self.i) - walls} of two grains, {walls} with walls{deepest}>"
 
     def worst(self) -> str:
         """The deepest contact in words."""

@@ -93,6 +93,10 @@ class Scene(SceneModel):
         (), exclude=True, description="Notes on content of the file that the scene does not take over."
     )
 
+    def __repr__(self) -> str:  # str() gives all keys
+        parts = f"materials {', '.join(self.materials)}; walls {', '.join(wall.name for wall in self.walls) or 'none'}"
+        return f"<Scene {self.title!r} of {self.source}: {parts}; {self.time.end:g} s>"
+
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
 
