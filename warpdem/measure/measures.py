@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.bulk import Bulk
@@ -12,6 +13,7 @@ from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.measure.selection import selected
 from warpdem.scene.measures import FlowPlane, Mixing, Region
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.state.view import RunView
 
@@ -20,7 +22,7 @@ ENERGY = (
     "dissipated_sliding", "dissipated_rolling", "dissipated_rescaling", "work_walls", "work_fields", "carried_in",
     "integration_error",
 )  # fmt: skip
-"""Terms of ``Budget.energy`` that every scene has."""
+"""Terms of ``Budget.energy`` that every scene has; the LOSSES of the normal law follow."""
 
 REGION: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("grains", "-", lambda b: b.grains),
@@ -81,8 +83,9 @@ def measured(view: RunView) -> dict[str, float]:
 
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
-    names = [*ENERGY, *(["jacobi"] if frame_chain(scene).moves else []), *(f"{wall.name} work" for wall in scene.walls)]
-    return [Column(name, "J", _energy_term(name)) for name in names]
+    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.located(scene.contact.normal)))]
+    names = [*ENERGY, *losses, *(["jacobi"] if frame_chain(scene).moves else [])]
+    return [Column(name, "J", _energy_term(name)) for name in (*names, *(f"{wall.name} work" for wall in scene.walls))]
 
 
 def _energy_term(name: str) -> Callable[[Readings], float]:

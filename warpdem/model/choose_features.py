@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from warpdem.kernels.contact import columns
 from warpdem.model.coefficients import coefficient_columns, coefficient_table, law_gap
 from warpdem.model.domain import Domain
 from warpdem.model.features import (
@@ -14,6 +15,7 @@ from warpdem.model.features import (
     WallFeatures,
 )
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.user_models import digest, is_file
 
@@ -134,6 +136,7 @@ def choose_features(
         measures=MeasureFeatures(
             orientation=orientation,
             energy=scene.measures.energy,
+            losses=columns.losses(model("normal", normal)) if scene.measures.energy else (),
             momentum=scene.measures.momentum,
             scene_walls=len(scene.walls) if scene.measures.energy else 0,
             flows=len(scene.measures.flow),

@@ -156,7 +156,7 @@ def _built(features: Features) -> Built:
         sums = budget.build(
             backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
             walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
-            moving_frame=frame.moves, periodic=any(domain.period),
+            moving_frame=frame.moves, periodic=any(domain.period), losses=measures.losses,
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(
