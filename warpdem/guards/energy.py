@@ -52,7 +52,7 @@ class EnergyGuard:
         if self._not_watchable:
             return None
         energy = now.energy
-        stored = sum(energy[name] for name in STORED)
+        stored = sum(abs(energy[name]) for name in STORED)  # contacts that attract hold a negative energy
         surplus = self._unexplained(now, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
