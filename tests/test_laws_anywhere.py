@@ -6,7 +6,7 @@ import pytest
 
 from switches import switched
 from warpdem import Scene, Simulation
-from warpdem.model import features
+from warpdem.model.choose_features import choose_features
 from warpdem.scene.models import model_names
 from warpdem.state import restart
 
@@ -73,7 +73,7 @@ def plain(law):
 
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_lanes_change_no_bit(law, plain, lanes, monkeypatch):
-    chosen = features.choose_features
+    chosen = choose_features
     monkeypatch.setattr(
         "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
     )
