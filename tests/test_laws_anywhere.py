@@ -1,5 +1,4 @@
-"""Every normal law of the package beside the first: same bits in lanes, on threads, in the graph, with other lists and after a
-resume; in turning frames, in mixed precision, and into the next phase."""
+"""Every normal law of the package: bits in lanes, threads, graph and resume; frames, mixed precision, phases and budgets."""
 
 import numpy as np
 import pytest

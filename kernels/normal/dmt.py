@@ -1,4 +1,4 @@
-r"""Hertz contact under a pull that does not change with the overlap (Derjaguin, Muller and Toporov 1975), with or without a tail.
+r"""Hertz contact under a pull that does not change with the overlap (Derjaguin, Muller and Toporov 1975), and its tail.
 
     F_n = K d^(3/2) - C d^(1/4) v_n - F_c             for d > 0,     F_c = 2 pi w R*
     F_n = -F_c / (1 + S/z)^2                          for a gap S = -d > 0 up to 30.6 z, where it is 1e-3 of F_c
@@ -13,12 +13,12 @@ A = 12 pi w z^2 the tail is the van der Waals force A R*/(6 (S + z)^2).
 **The law is conservative: without damping it gives all of an impact back, and no grain ever sticks to another by it.** What
 sticks does so by its dashpot. Take ``jkr`` for adhesion that costs energy.
 
-Without a tail the force jumps where the contact begins and ends. In the step of the jump it counts for as much of the step as it
-acts in, s of it inside, plus what the schemes' half step shifts:
+Without a tail the force jumps where the contact begins and ends. In the step of the jump it is given for the part of the step
+that it acts in (``contact.jumps``, both cases in one):
 
     F_c (1/2 + d/|d - d'|),     d' the overlap of the step before, of the other sign
 
-so that the work of the pull is that of the path at any step. For the last one the law reaches sqrt(R* 2 pi w/((4/3) E*)) beyond
+For the last one the law reaches sqrt(R* 2 pi w/((4/3) E*)) beyond
 contact, more than a grain travels in a step unless it is far too fast to be held.
 
 Friction goes by the pressure between the surfaces, F_n + F_c = K d^(3/2) - C d^(1/4) v_n (LAMMPS: the same).
@@ -29,7 +29,6 @@ import math
 
 import numpy as np
 import warp as wp
-
 from warpdem.kernels import tiny
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey

@@ -18,7 +18,6 @@ laws apart otherwise.
 import math
 
 import numpy as np
-
 from warpdem.kernels.normal import hertz
 
 SUMMARY = "Hertz without attraction at the end"
@@ -68,7 +67,7 @@ def _turn(ratio: float) -> float:
 
 
 def _path(ratio: float, s: np.ndarray) -> np.ndarray:
-    """u over its first slope [-]."""
+    """The path u(s) over its first slope [-]."""
     root = math.sqrt(abs(1.0 - ratio**2))
     swing = np.sin(root * s) if ratio < 1.0 else np.sinh(root * s)
     return np.maximum(np.exp(-ratio * s) * (swing / root if root > 1.0e-6 else s), 0.0)

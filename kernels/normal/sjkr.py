@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 import warp as wp
-
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
 from warpdem.kernels.normal import hertz
