@@ -137,7 +137,7 @@ def build(
     @wp.func
     def in_springs(before: Memory, radius: wp.float64, inv: Inverse, c: Coefficients, dt: wp.float64) -> wp.float64:
         """Energy in the springs of a contact point of the step before [J]; needs ``dissipation``."""
-        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
+        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
         energy = stored(before[wp.static(at.overlap)], numbers, radius, inertia_of(inv), c, history_of(before), dt)
         return energy * before[wp.static(at.weight)]
 
@@ -222,7 +222,7 @@ def build(
         if wp.static(conveying):
             v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
-        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
+        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
         inertia = inertia_of(inv)
         turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
