@@ -6,7 +6,8 @@
     W_walls    work of the walls' own motion, int sum (F . v_wall + M . w_wall) dt                    [J]
     W_fields   work of external fields without a potential, and of the axes that carry one with a potential  [J]
     C          what grains carry in and out: streams, outlets, borders, periodic images               [J]
-    D          dissipated: normal and tangential damping, sliding, rolling, rescaling of springs      [J]
+    D          dissipated: normal and tangential damping, sliding, rolling, rescaling of springs, and what the normal law
+               declares as its LOSSES: adhesion, plasticity, liquid                                   [J]
     J          impulse [N s] and angular impulse [N m s]
     error      what is left over: the error of the time integration                                  [J]
 
@@ -33,6 +34,7 @@ from warpdem.state.view import RunView
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
 DISSIPATED = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
+"""What contacts lose under any law; the LOSSES of the normal law are lost too."""
 VECTORS = tuple(f"{kind}_{axis}" for kind in ("momentum", "angular_momentum") for axis in "xyz")
 
 
@@ -61,13 +63,15 @@ class Budget:
         view, totals, now = self._view, self._totals, self._now()
         all_sums = self._sums(now)
         sums, works = all_sums["energies"], all_sums["wall_work"]
-        by_name = dict(zip(ENERGIES, sums, strict=True))
+        losses = view.model.features.measures.losses
+        by_name = dict(zip((*ENERGIES, *losses), sums, strict=True))
+        dissipated = (*DISSIPATED, *losses)
         out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
-        out |= {f"dissipated_{name}": by_name[name] for name in DISSIPATED}
+        out |= {f"dissipated_{name}": by_name[name] for name in dissipated}
         out |= {"work_walls": float(sum(works)), "work_fields": by_name["fields"]}
         out["carried_in"] = by_name["carried"] + totals.carried[0]
         given = out["work_walls"] + out["work_fields"] + out["carried_in"]
-        lost = sum(by_name[name] for name in DISSIPATED)
+        lost = sum(by_name[name] for name in dissipated)
         out["integration_error"] = _stored(now) - totals.start["energy"][0] - given + lost
         out |= {"jacobi": _stored(now) - now.along_frame} if view.model.features.frame.moves else {}
         return out | {f"{wall.name} work": float(work) for wall, work in zip(view.model.scene.walls, works, strict=True)}

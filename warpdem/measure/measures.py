@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
+from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.bulk import Bulk
@@ -10,6 +13,7 @@ from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.measure.selection import selected
 from warpdem.scene.measures import FlowPlane, Mixing, Region
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.state.view import RunView
 
@@ -18,7 +22,7 @@ ENERGY = (
     "dissipated_sliding", "dissipated_rolling", "dissipated_rescaling", "work_walls", "work_fields", "carried_in",
     "integration_error",
 )  # fmt: skip
-"""Terms of ``Budget.energy`` that every scene has."""
+"""Terms of ``Budget.energy`` that every scene has; the LOSSES of the normal law follow."""
 
 REGION: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("grains", "-", lambda b: b.grains),
@@ -67,6 +71,7 @@ def columns(scene: Scene) -> list[Column]:
     found += _momentum() if asked.momentum else []
     found += [column for number, plane in enumerate(asked.flow) for column in _flow(plane, number)]
     found += [column for region in asked.all_regions for column in region_columns(region)]
+    found += _wear(scene)
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -78,8 +83,9 @@ def measured(view: RunView) -> dict[str, float]:
 
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
-    names = [*ENERGY, *(["jacobi"] if frame_chain(scene).moves else []), *(f"{wall.name} work" for wall in scene.walls)]
-    return [Column(name, "J", _energy_term(name)) for name in names]
+    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.located(scene.contact.normal)))]
+    names = [*ENERGY, *losses, *(["jacobi"] if frame_chain(scene).moves else [])]
+    return [Column(name, "J", _energy_term(name)) for name in (*names, *(f"{wall.name} work" for wall in scene.walls))]
 
 
 def _energy_term(name: str) -> Callable[[Readings], float]:
@@ -118,6 +124,22 @@ def region_columns(region: Region) -> list[Column]:
 def _in_region(region: Region, read: Callable[[Bulk], float]) -> Callable[[Readings], float]:
     """Reads a bulk property of a region."""
     return lambda readings: float(read(readings.bulk(region)))
+
+
+def _wear(scene: Scene) -> list[Column]:
+    """Totals of what wears each wall."""
+    asked = scene.measures.wear
+    if asked is None:
+        return []
+    names = [("normal_impulse", "N s"), ("shear_work", "J"), ("impact_work", "J")]
+    names += [("archard_volume", "m3")] if asked.archard else []
+    names += [("finnie_volume", "m3")] if asked.finnie else []
+    return [Column(f"{wall.name} {name}", unit, _worn(wall.name, name)) for wall in scene.walls for name, unit in names]
+
+
+def _worn(wall: str, name: str) -> Callable[[Readings], float]:
+    """Reads the total of a wall."""
+    return lambda readings: float(np.sum(getattr(readings.wear[wall], name)))
 
 
 def _mixing(asked: Mixing) -> Column:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from warpdem.kernels.contact import columns
 from warpdem.model.coefficients import coefficient_columns, coefficient_table, law_gap
 from warpdem.model.domain import Domain
 from warpdem.model.features import (
@@ -14,6 +15,7 @@ from warpdem.model.features import (
     WallFeatures,
 )
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.user_models import digest, is_file
 
@@ -91,13 +93,16 @@ def choose_features(
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
-    if not len(domain.boxes):
+    if not domain.shapes:
         left_out["borders and outlets"] = "the scene has none"
     for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
         if not on:
             left_out[f"{name} budget"] = f"measures.{name} is not asked for"
     if not scene.measures.flow:
         left_out["flow through planes"] = "measures.flow names none"
+    wears = scene.measures.wear is not None and bool(scene.walls)
+    if not wears:
+        left_out["wear of walls"] = "measures.wear is not asked for" if scene.walls else "there are no walls"
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
@@ -124,16 +129,20 @@ def choose_features(
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
         ),
-        domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
+        domain=DomainFeatures(
+            period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed
+        ),
         backend=BackendFeatures(
             integrator=scene.engine.integrator, lanes=lanes, precision=scene.engine.precision, resident=resident
         ),
         measures=MeasureFeatures(
             orientation=orientation,
             energy=scene.measures.energy,
+            losses=columns.losses(model("normal", normal)) if scene.measures.energy else (),
             momentum=scene.measures.momentum,
             scene_walls=len(scene.walls) if scene.measures.energy else 0,
             flows=len(scene.measures.flow),
+            wear=wears,
             observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
         ),
         fields=fields,

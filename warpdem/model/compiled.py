@@ -8,10 +8,10 @@ import warp as wp
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
-from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
-from warpdem.kernels.step import border, loop, motion, orientation
+from warpdem.kernels.step import border, loop, motion, orientation, region
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
@@ -141,7 +141,7 @@ def _built(features: Features) -> Built:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying,
+        conveying=walls.conveying, wear=measures.wear,
     )
     wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
     WallContacts = wall_kernels.WallContacts
@@ -156,12 +156,12 @@ def _built(features: Features) -> Built:
         sums = budget.build(
             backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
             walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
-            moving_frame=frame.moves, periodic=any(domain.period),
+            moving_frame=frame.moves, periodic=any(domain.period), losses=measures.losses,
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(
-        images, **spins, moving=walls.moving, in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0,
-        stages=stages,
+        images, region.build(count=domain.outlets, kinds=domain.kinds, placed=domain.placed), **spins, moving=walls.moving,
+        in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0, stages=stages,
     )  # fmt: skip
     step = loop.build(
         pair_kernels,
@@ -179,6 +179,7 @@ def _built(features: Features) -> Built:
         orientation.build(turning_axes=turns) if measures.orientation else None,
         sums,
         flow.build(moving_frame=frame.moves) if measures.flows else None,
+        wear.build(one, WallContacts, laws.spins) if measures.wear else None,
         **spins,
         stages=stages,
         walls=walls.present,

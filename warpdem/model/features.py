@@ -9,7 +9,7 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY
+from warpdem.kernels.contact.dissipation import ENTRY_AT
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
 from warpdem.kernels.wall import record
 from warpdem.scene.models import model
@@ -115,6 +115,10 @@ class DomainFeatures:
     """Lower border along each periodic axis [m]."""
     outlets: int = 0
     """Regions in which grains leave."""
+    kinds: tuple[int, ...] = ()
+    """Kinds of shapes among these, as of ``kernels.step.region``."""
+    placed: bool = False
+    """Some of them are at rest in the laboratory, or carried by a wall."""
 
     @property
     def periodic(self) -> bool:
@@ -152,21 +156,30 @@ class MeasureFeatures:
     """Orientations of the grains are integrated."""
     energy: bool = False
     """The energy budget is added up."""
+    losses: tuple[str, ...] = ()
+    """LOSSES of the normal law when the energy budget is added up."""
     momentum: bool = False
     """The momentum budget is added up."""
     scene_walls: int = 0
     """Walls of the scene when the energy budget is added up, else 0."""
     flows: int = 0
     """Planes that the flow through is measured at."""
+    wear: bool = False
+    """What wears walls is added up."""
     observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
 
     @property
     def sums(self) -> dict[str, int]:
         """What is added up per grain at every step, and how many numbers each is."""
-        out = {"energies": len(ENERGIES), "wall_work": self.scene_walls} if self.energy else {}
+        out = {"energies": len(ENERGIES) + len(self.losses), "wall_work": self.scene_walls} if self.energy else {}
         out |= {"momenta": MOMENTA_AT.width} if self.momentum else {}
         return out | ({"flow": 2 * self.flows} if self.flows else {})
+
+    @property
+    def entry_width(self) -> int:
+        """Numbers that each grain gets of a contact for the energy budget."""
+        return ENTRY_AT.width + len(self.losses)
 
 
 @dataclass(frozen=True)
@@ -205,8 +218,8 @@ class Features:
         number = 4 if self.backend.precision == "mixed" else 8
         contact = number * (2 * pairs.pair_force_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
-        contact += number * 2 * ENTRY * measures.energy
-        wall_entry = WALL_ENTRY_AT.width + measures.scene_walls
+        contact += number * 2 * measures.entry_width * measures.energy
+        wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
         result = record.RESULT.width if law.rolling else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
@@ -222,6 +235,7 @@ class Features:
         runs += [f"integrator: {backend.integrator}" + (" in a moving frame" if self.frame.moves else "")]
         added = [name for name, on in (("energy", measures.energy), ("momentum", measures.momentum)) if on]
         runs += [f"planes with flow counted at every step: {measures.flows}"] if measures.flows else []
+        runs += ["wear of walls, added up at every step"] if measures.wear else []
         runs += [f"budget at every step: {' and '.join(added)}"] if added else []
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
         runs += ["orientation of the grains"] if measures.orientation else []

@@ -1,7 +1,8 @@
 """history.csv: its columns, each declared once with name, unit and how it is read, and the numbers of a row.
 
 A new column is an entry of ``GENERAL``, or of ``WALL`` for one per wall. What a scene's ``measures`` and ``observers`` ask for
-follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns.
+follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns. What outlets have
+removed comes last.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,9 +45,10 @@ WALL: tuple[tuple[str, str, Callable[[WallLoad], float]], ...] = (
 
 
 def history_columns(scene: Scene) -> list[Column]:
-    """All columns of a scene: those of every scene, of its walls, measures and observers."""
+    """All columns of a scene: those of every scene, of its walls, measures, observers and outlets."""
     walls = [column for wall in scene.walls for column in _wall_columns(wall.name)]
-    return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene)]
+    outlets = [column for outlet in scene.outlets for column in _outlet_columns(outlet.name)]
+    return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene), *outlets]
 
 
 def history_row(columns: Sequence[Column], readings: Readings) -> list[float]:
@@ -59,3 +61,11 @@ def _wall_columns(wall: str) -> list[Column]:
         return lambda readings: read(readings.wall_loads[wall])
 
     return [Column(f"{wall} {name}", unit, of_load(read)) for name, unit, read in WALL]
+
+
+def _outlet_columns(outlet: str) -> list[Column]:
+    """What the outlet of this name has removed so far."""
+    return [
+        Column(f"outlet {outlet} mass", "kg", lambda r: float(r.view.left[outlet][1])),
+        Column(f"outlet {outlet} count", "-", lambda r: float(r.view.left[outlet][0])),
+    ]

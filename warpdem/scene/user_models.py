@@ -154,7 +154,17 @@ def _check_law(file: str, role: str, module: ModuleType) -> None:
             raise SceneError(f"{file}: {name} = {declared!r}: must be a dict: name -> unit")
         if taken := RESERVED & declared.keys():
             raise SceneError(f"{file}: {name}: the name {min(taken)!r} is taken")
+    _check_losses(file, getattr(module, "LOSSES", ()), columns.declares_own(module))
     check_pair_keys(file, module)
+
+
+def _check_losses(file: str, losses: Any, own: bool) -> None:
+    """Refuse losses that are no columns of the energy budget."""
+    known = ", ".join(f'"{name}"' for name in columns.LOSSES)
+    if not isinstance(losses, tuple) or not set(losses) <= set(columns.LOSSES) or len(set(losses)) < len(losses):
+        raise SceneError(f"{file}: LOSSES = {losses!r}: must be a tuple of some of {known}, each once")
+    if losses and not own:
+        raise SceneError(f"{file}: LOSSES = {losses!r}: a law that has losses declares COEFFICIENTS or HISTORY too")
 
 
 def check_pair_keys(file: str, module: ModuleType) -> None:

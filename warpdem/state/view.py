@@ -1,6 +1,6 @@
 """What readers see of a run at one time: a live run provides it, and so does a copy that is read while the run goes on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -28,6 +28,13 @@ class StepReader(Protocol):
         Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
         """
 
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+
+    def read_wear(self) -> np.ndarray:
+        """What wears walls, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
 
@@ -44,6 +51,8 @@ class RunView:
     """Of the budgets; None where nothing is added up."""
     listed: Callable[[], ListedContacts]
     """Gives the contacts of the present lists."""
+    left: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Number and mass [kg] of the grains that each border or outlet took so far, by its name."""
     threads: Threads | None = None
     """CPU threads that may read side by side; None: the reader's own alone."""
     kept: dict[str, Any] = field(default_factory=dict, compare=False)
