@@ -60,6 +60,8 @@ class Budget:
         view, totals, now = self._view, self._totals, self._now()
         all_sums = self._sums(now)
         sums, works = all_sums["energies"], all_sums["wall_work"]
+        for one in view.model.schedule.dynamic:  # the steps have counted the velocities that the contacts saw
+            works[one.number] += one.value("correction")
         by_name = dict(zip(ENERGIES, sums, strict=True))
         out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
         out |= {f"dissipated_{name}": by_name[name] for name in DISSIPATED}

@@ -106,6 +106,8 @@ class WallFeatures:
     """Walls act at their periodic images too."""
     conveying: bool = False
     """Surfaces of walls move along themselves."""
+    dynamic: int = 0
+    """Walls that move by the load on them."""
 
     @property
     def present(self) -> bool:
@@ -239,6 +241,7 @@ class Features:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
+        runs += [f"walls that a servo moves by the load on them: {walls.dynamic}"] if walls.dynamic else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
@@ -346,6 +349,8 @@ def choose_features(
         left_out["wall motion relative to the frame"] = "all walls rest in it"
     if scene.walls and all(wall.surface_velocity is None for wall in scene.walls):
         left_out["surface velocity of walls"] = "no wall has one"
+    if scene.walls and all(wall.servo is None for wall in scene.walls):
+        left_out["walls that move by the load on them"] = "no wall has a servo"
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
@@ -387,6 +392,7 @@ def choose_features(
             spheres=sum(w.sphere is not None for w in scene.walls),
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
+            dynamic=sum(w.servo is not None for w in scene.walls),
         ),
         domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
         backend=BackendFeatures(

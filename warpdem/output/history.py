@@ -1,13 +1,14 @@
 """history.csv: its columns, each declared once with name, unit and how it is read, and the numbers of a row.
 
 A new column is an entry of ``GENERAL``, or of ``WALL`` for one per wall. What a scene's ``measures`` and ``observers`` ask for
-follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns.
+follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns, and
+``warpdem.measure.dynamic_walls`` those of walls that move by the load on them.
 """
 
 from collections.abc import Callable, Sequence
 
 from warpdem.core.snapshot import WallLoad
-from warpdem.measure import measures, observation
+from warpdem.measure import dynamic_walls, measures, observation
 from warpdem.measure.column import Column, Readings
 from warpdem.scene.model import Scene
 
@@ -46,6 +47,7 @@ WALL: tuple[tuple[str, str, Callable[[WallLoad], float]], ...] = (
 def history_columns(scene: Scene) -> list[Column]:
     """All columns of a scene: those of every scene, of its walls, measures and observers."""
     walls = [column for wall in scene.walls for column in _wall_columns(wall.name)]
+    walls += [column for wall in scene.walls for column in dynamic_walls.columns(wall)]
     return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene)]
 
 
