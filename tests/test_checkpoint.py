@@ -11,7 +11,7 @@ import trimesh
 from warpdem import Scene, SceneError, Simulation
 from warpdem.errors import OutputError
 from warpdem.scene.file import load_scene
-from warpdem.state import blocks, checkpoint
+from warpdem.state import blocks, checkpoint, checkpoint_file, same_scene
 
 HOURGLASS = Path(__file__).resolve().parent.parent / "scenes" / "hourglass.toml"
 
@@ -103,7 +103,7 @@ def test_checkpoint_of_a_resumed_run_is_the_same_checkpoint(run, saved, tmp_path
     """Saved again before any step: nothing may be lost on the way."""
     again = Simulation.from_checkpoint(saved, device="cpu", threads=2)
     again.save_checkpoint(tmp_path / "again.h5")
-    first, second = checkpoint.read(saved), checkpoint.read(tmp_path / "again.h5")
+    first, second = checkpoint_file.read(saved), checkpoint_file.read(tmp_path / "again.h5")
     assert first.keys() == second.keys()
     third = Simulation.from_checkpoint(tmp_path / "again.h5", device="cpu", threads=1)
     third.step(150)
@@ -131,7 +131,7 @@ def test_history_is_in_the_checkpoint(run, saved):
     """Without the springs the run goes on otherwise: the test of equality above can see them."""
     kept = Simulation.from_checkpoint(saved, device="cpu", threads=1)
     bare = Simulation.from_checkpoint(saved, device="cpu", threads=1)
-    data = checkpoint.read(saved)
+    data = checkpoint_file.read(saved)
     assert len(data["pair_memory"]) > 20
     data["pair_memory"][...] = 0.0
     checkpoint.restore(bare, data)
@@ -201,14 +201,14 @@ def test_damaged_file_is_refused(saved, kind):
 
 def test_no_damage_goes_unseen(run, saved):
     """Bytes of the file changed at random: refused in words, or what is read is what was saved."""
-    rng, data, whole = np.random.default_rng(5), saved.read_bytes(), checkpoint.read(saved)
+    rng, data, whole = np.random.default_rng(5), saved.read_bytes(), checkpoint_file.read(saved)
     refused = 0
     for _ in range(100):
         bytes_ = bytearray(data)
         bytes_[rng.integers(len(bytes_))] ^= 1 << rng.integers(8)
         saved.write_bytes(bytes_)
         try:
-            found = checkpoint.read(saved)
+            found = checkpoint_file.read(saved)
         except SceneError as error:
             assert "saved.h5" in str(error)
             refused += 1
@@ -223,7 +223,7 @@ def test_checkpoint_of_another_scene_is_refused(box, run, saved):
     sim.step(7)
     before = sim.state_hash()
     with pytest.raises(SceneError, match="saved.h5: belongs to another scene than <scene>: other values of pairs"):
-        checkpoint.restore(sim, checkpoint.read(saved))
+        checkpoint.restore(sim, checkpoint_file.read(saved))
     assert (sim.step_number, sim.state_hash()) == (7, before)
     sim.step(1)
 
@@ -276,11 +276,11 @@ def test_hourglass_resumes_from_random_moments_on_any_number_of_threads(tmp_path
 
 def test_arrays_are_written_block_by_block(run, saved, tmp_path, monkeypatch):
     """Blocks of one row and of some rows hold what one block holds, and the digest goes over all of them."""
-    whole = checkpoint.read(saved)
+    whole = checkpoint_file.read(saved)
     for size in (1, 1000):
         monkeypatch.setattr(blocks, "BLOCK", size)
         run.save_checkpoint(tmp_path / "blocks.h5")
-        found = checkpoint.read(tmp_path / "blocks.h5")
+        found = checkpoint_file.read(tmp_path / "blocks.h5")
         assert found.keys() == whole.keys()
         for name, values in whole.items():
             np.testing.assert_array_equal(found[name], tmp_path / "blocks.h5" if name == "path" else values, err_msg=name)
@@ -305,14 +305,14 @@ def test_saving_takes_little_memory(tmp_path):
 
 def test_contacts_that_the_lists_do_not_hold_any_more_are_left_out(run, saved):
     """Forces come back by pairs of ids: pairs of the file in any order, and one that no list has."""
-    straight, data = Simulation.from_checkpoint(saved, device="cpu", threads=1), checkpoint.read(saved)
+    straight, data = Simulation.from_checkpoint(saved, device="cpu", threads=1), checkpoint_file.read(saved)
     there = {tuple(pair) for pair in data["pair"].tolist()}
     apart = next((a, b) for a in data["id"] for b in data["id"][::-1] if a < b and (a, b) not in there)
     order = np.random.default_rng(2).permutation(len(data["pair"]) + 1)
     for name in [name for name in data if name.startswith("pair")]:
         extra = [apart] if name == "pair" else np.ones((1, *data[name].shape[1:]))
         data[name] = np.concatenate([data[name], np.array(extra, dtype=data[name].dtype)])[order]
-    again = Simulation(checkpoint.scene_of(data), device="cpu", threads=1)
+    again = Simulation(same_scene.scene_of(data), device="cpu", threads=1)
     checkpoint.restore(again, data)
     assert_equal_readings(straight, again)
     for sim in (straight, again):

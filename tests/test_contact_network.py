@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from warpdem.kernels.contact.dissipation import ENTRY_AT
 
 from warpdem import Scene, SceneError, Simulation
 from warpdem.measure.contact_network import read_network
@@ -81,6 +82,29 @@ def test_force_is_split_along_and_across_the_line(settled):
     assert 0 < slides.sum() < len(slides)
     assert_allclose(friction[slides], limit[slides], rtol=1e-9)
     assert (friction[~slides] <= limit[~slides] + 1e-12 * size).all()
+
+
+def test_damping_forces_take_what_the_energy_budget_counts_as_damping():
+    """Dashpot forces against those that the kernels leave for the budget, of pairs; elastic and damping forces add up."""
+    sim = heap(measures={"energy": True})
+    network, listed = read_network(sim.view), sim.view.contacts
+    lanes = listed.real_lanes()
+    entry = listed.entry.numpy()[listed.slot_i.numpy().ravel()[lanes]]
+    ids = [sim.state.id.numpy()[side.numpy().ravel()[lanes]] for side in (listed.owner, listed.partner)]
+    of_pair = dict(zip(zip(*ids, strict=True), entry, strict=True))  # with those that are near only
+    pairs = network.j >= 0
+    found = np.array([of_pair[key] for key in zip(network.i[pairs], network.j[pairs], strict=True)])
+    wanted = found[:, :3] * found[:, ENTRY_AT.damping, None] + found[:, ENTRY_AT.of("tangential")]
+    size = np.abs(network.force).max()
+    assert np.abs(wanted).max() > 0.01 * size
+    assert_allclose(network.damping_force[pairs], wanted, rtol=0, atol=1e-8 * size)
+
+
+def test_springs_at_rest_have_no_damping_force():
+    sim = simulated([[0.01, 0, R - 2e-6]], gravity=[0, 0, 0])
+    network = read_network(sim.view)
+    assert network.normal_force[0] > 0
+    assert_allclose(network.damping_force, 0.0, rtol=0, atol=1e-8 * network.normal_force[0])
 
 
 @pytest.mark.parametrize(("speed", "sliding"), [(0.2, 1), (0.0, 0)])
@@ -188,7 +212,7 @@ def test_vtk_reads_the_lines_of_each_frame_with_their_times(tmp_path, settled):
         assert lines.n_lines == len(wanted.i) > 10
         ends = lines.points[lines.lines.reshape(-1, 3)[:, 1:]]
         assert_array_equal(ends, np.stack([wanted.start, wanted.end], axis=1))
-        for name in ("i", "j", "wall", "force", "normal_force", "friction_force", "overlap", "sliding"):
+        for name in ("i", "j", "wall", "force", "normal_force", "friction_force", "overlap", "sliding", "damping_force"):
             assert_array_equal(lines.cell_data[name], getattr(wanted, name))
 
 

@@ -8,9 +8,9 @@ from warpdem.kernels.wall import distance
 
 import cubin
 from switches import switched
+from warpdem.model.choose_features import WARP_LANES
 from warpdem.model.compiled import compile_kernels
 from warpdem.model.features import (
-    WARP_LANES,
     BackendFeatures,
     ContactFeatures,
     DomainFeatures,

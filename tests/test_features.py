@@ -12,8 +12,8 @@ from warpdem.kernels import grain
 
 from switches import switched
 from warpdem import Scene, SceneError, Simulation
-from warpdem.model import features
-from warpdem.scene import models
+from warpdem.model.choose_features import choose_features
+from warpdem.scene import models, user_models
 
 ROOT = Path(__file__).resolve().parent.parent
 GLASS = {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}
@@ -59,7 +59,7 @@ def run(of: Scene) -> Simulation:
 
 def with_everything(of: Scene, monkeypatch, **switches) -> Simulation:
     """The same scene on kernels with these ``switches`` of its features."""
-    chosen = features.choose_features
+    chosen = choose_features
     full = lambda *args, **keys: switched(chosen(*args, **keys), **switches)  # noqa: E731
     monkeypatch.setattr("warpdem.model.prepare.choose_features", full)
     sim = run(of)
@@ -216,7 +216,7 @@ def test_explain_names_what_runs():
 
 def test_models_are_the_files_of_their_folder():
     assert {"hertz", "hooke"} <= set(models.model_names("normal"))
-    for role in models.REQUIRED:
+    for role in user_models.REQUIRED:
         on_disk = sorted(p.stem for p in (ROOT / "kernels" / role).glob("*.py") if p.stem != "__init__")
         assert list(models.model_names(role)) == on_disk
 

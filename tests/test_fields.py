@@ -2,12 +2,14 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from warpdem.kernels.field import drag
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.scene.file import scene_from_dict
 
 RADII = np.array([1e-3, 1.5e-3])
@@ -230,6 +232,19 @@ def test_energy_of_fields_is_that_of_the_formulas(in_the_laboratory, everything)
     spring = 0.5 * everything["stiffness"] * np.sum((q - everything["centre"]) ** 2)
     electric = -everything["charge"] * np.sum(q @ everything["electric"])
     assert in_the_laboratory.energy()["fields"] == pytest.approx(spring + electric, rel=1e-12)
+
+
+def test_an_energy_of_one_number_is_that_of_each_grain(tmp_path):
+    """A field of the user's own whose potential is the same everywhere."""
+    source = Path(drag.__file__).read_text(encoding="utf-8")
+    (tmp_path / "even.py").write_text(f"{source}\n\ndef energy(position, mass, radius, numbers):\n    return 2.0\n")
+    outlet = {"name": "out", "box": {"min": [0.01, -1, -1], "max": [0.05, 0, 1]}}  # takes the second grain after 50 ms
+    given = data(("even.py", {"coefficient": 1e-9}), measures={"energy": True}, outlets=[outlet])
+    sim = Simulation(scene_from_dict(given, tmp_path), device="cpu", threads=1)
+    start = sim.energy()["fields"]
+    sim.step(600)
+    assert [start, sim.energy()["fields"]] == [4.0, 2.0]
+    assert sim.measure()["integration_error [J]"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_plan_names_fields_or_their_absence():

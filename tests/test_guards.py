@@ -11,7 +11,7 @@ from warpdem.app.run import run_scene
 from warpdem.engine import host_build, stops
 from warpdem.guards import stability, watch
 from warpdem.guards.energy import driven
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file
 
 BOX = str(Path(__file__).resolve().parents[1] / "scenes/meshes/box.stl")
 FLOOR = {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
@@ -369,7 +369,7 @@ def test_a_bad_state_is_not_saved_over_a_good_checkpoint(make_scene, tmp_path, m
     with pytest.raises(StabilityError, match="wrong side") as stopped:
         run_scene(scene, tmp_path, device="cpu", threads=1, quiet=True)
     assert stopped.value.exit_code == 3
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["step"] == 200
+    assert checkpoint_file.read(tmp_path / "checkpoint.h5")["step"] == 200
 
 
 @pytest.mark.parametrize("wall_time", [1e-6, 1e6])

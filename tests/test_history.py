@@ -35,8 +35,12 @@ HEADER = [
     "region low velocity_z [m/s],region low granular_temperature [m2/s2],region low coordination [-]",
     "region low solid_fraction [-],region low stress_xx [Pa],region low stress_yy [Pa],region low stress_zz [Pa]",
     "region low stress_xy [Pa],region low stress_yz [Pa],region low stress_zx [Pa]",
+    "region low centre_x [m],region low centre_y [m],region low centre_z [m],region low speed [m/s]",
     "region whole grains [-],region whole mass [kg],region whole velocity_x [m/s],region whole velocity_y [m/s]",
     "region whole velocity_z [m/s],region whole granular_temperature [m2/s2],region whole coordination [-]",
+    "region whole centre_x [m],region whole centre_y [m],region whole centre_z [m],region whole speed [m/s]",
+    "region whole fabric_xx [-],region whole fabric_yy [-],region whole fabric_zz [-]",
+    "region whole fabric_xy [-],region whole fabric_yz [-],region whole fabric_zx [-]",
     "mixing sizes [-]",
     "fast sum [m/s],fast mean [m/s],fast min [m/s],fast max [m/s]",
 ]
@@ -64,7 +68,9 @@ def scene() -> Scene:
                 "momentum": True,
                 "flow": [{"name": "low", "point": [0, 0, 4.5e-3], "normal": [0, 0, -1]}],
                 "mixing": [{"name": "sizes", "by": "size", "cell": 0.1}],
-                "regions": [{"name": "low", "box": {"min": [-1, -1, -1], "max": [1, 1, 0.01]}}, {"name": "whole"}],
+                "regions": [
+                    {"name": "low", "box": {"min": [-1, -1, -1], "max": [1, 1, 0.01]}}, {"name": "whole", "fabric": True}
+                ],
             },
             "time": {"end": 0.01, "step": 4e-5, "max_speed": 0.05},
         }

@@ -13,7 +13,7 @@ from hostile import GRAIN, HEAD, VTP, refused
 from warpdem import SceneError, Simulation, WarpdemError, load_scene, render
 from warpdem.core.vtk_header import excessive_count
 from warpdem.output.read_vtk import read_frame
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint_file
 
 pytestmark = pytest.mark.filterwarnings("error", "ignore:Cyclopts application invoked without tokens")
 RAW = (
@@ -121,7 +121,7 @@ def test_files_larger_than_the_memory_are_not_read(tmp_path, name):
 def test_checkpoints_that_claim_or_name_what_they_do_not_hold(tmp_path):
     for name in ("claims", "links", "outside"):
         with h5py.File(tmp_path / f"{name}.h5", "w") as file:
-            file.attrs["format"] = checkpoint.FORMAT
+            file.attrs["format"] = checkpoint_file.FORMAT
             file.attrs["scene"], file.attrs["about"], file.attrs["digest"] = "{}", "{}", "x"
             if name == "claims":
                 file.create_dataset("record", shape=(10**12,), dtype="f8", chunks=(1000,))

@@ -18,7 +18,7 @@ from warpdem.app.phases import run as run_all
 from warpdem.core.run_lock import FolderLocked, locked
 from warpdem.drawing.rendering import render
 from warpdem.scene.file import load_scene, scene_from_dict
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint_file
 
 STEP = 2e-5
 
@@ -76,7 +76,7 @@ def record(folder) -> dict:
 
 
 def state(folder) -> dict:
-    return checkpoint.read(folder / "checkpoint.h5")
+    return checkpoint_file.read(folder / "checkpoint.h5")
 
 
 FOLDERS = ("1-fall", "2-turn", "3-open")

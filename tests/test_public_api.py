@@ -15,7 +15,7 @@ from warpdem.core import snapshot
 from warpdem.measure import observers, run_readings
 
 NAMES = [name for name in warpdem.__all__ if name != "__version__"]
-DRAWING = ("picture", "render")
+DRAWING = ("picture", "plot", "render")
 """Imported by what asks for them: their libraries take seconds."""
 CLASSES = [thing for name in NAMES if name not in DRAWING and inspect.isclass(thing := getattr(warpdem, name))]
 READINGS = [run_readings.RunReadings, observers.Particles, observers.Contacts, snapshot.WallLoad]

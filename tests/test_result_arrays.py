@@ -15,7 +15,7 @@ from warpdem.output.result_arrays import (
 
 TABLES = [
     ("id type group radius mass v omega f orientation", (*GRAIN_ARRAYS, ORIENTATION), Snapshot),
-    ("i j wall force normal_force friction_force overlap sliding", CONTACT_ARRAYS, ContactNetwork),
+    ("i j wall force normal_force friction_force overlap sliding damping_force", CONTACT_ARRAYS, ContactNetwork),
     ("force pressure", TRIANGLE_ARRAYS, WallLoad),
     ("force torque torque_about power", WALL_ARRAYS, WallLoad),
 ]

@@ -15,7 +15,7 @@ from twelve_grains import OFTEN, history, run, scene
 from warpdem import SceneError, Simulation, StabilityError
 from warpdem.errors import OutputError
 from warpdem.output.read_vtk import read_results
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_blow_up_keeps_the_last_good_checkpoint_and_says_so(tmp_path):
         run(bad, tmp_path)
     stopped = json.loads((tmp_path / "run.json").read_text())
     assert stopped["status"] == "stopped itself"
-    kept = checkpoint.read(tmp_path / "checkpoint.h5")
+    kept = checkpoint_file.read(tmp_path / "checkpoint.h5")
     assert 0 < kept["step"] < stopped["steps"] <= kept["step"] + 20
     assert kept["extreme"][[0, 2]].max() < 5e-3
 
@@ -70,7 +70,7 @@ def test_full_disk_stops_the_run_and_the_rest_follows_after_resume(done, tmp_pat
             run(asked, tmp_path)
     monkeypatch.undo()
     assert status(tmp_path) in ("output cannot be written", "running")  # run.json itself may not fit
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["step"] == 160
+    assert checkpoint_file.read(tmp_path / "checkpoint.h5")["step"] == 160
     again, _ = run(asked, tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
     if format_ == "history":
@@ -97,7 +97,7 @@ def test_full_disk_at_a_checkpoint_keeps_the_one_before(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match=r"checkpoint.h5: cannot be written \(No space left on device\)") as stopped:
         run(scene(output=OFTEN), tmp_path)
     assert stopped.value.exit_code == 3
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["step"] == 40
+    assert checkpoint_file.read(tmp_path / "checkpoint.h5")["step"] == 40
     assert status(tmp_path) == "output cannot be written"
     assert [path.name for path in tmp_path.iterdir() if ".part" in path.name] == []
 
@@ -117,7 +117,7 @@ def test_signals_leave_a_checkpoint_of_the_present_step(done, tmp_path, monkeypa
     monkeypatch.undo()
     there = json.loads((tmp_path / "run.json").read_text())
     assert there["status"] == "interrupted"
-    assert 200 < checkpoint.read(tmp_path / "checkpoint.h5")["step"] == there["steps"] < 600
+    assert 200 < checkpoint_file.read(tmp_path / "checkpoint.h5")["step"] == there["steps"] < 600
     again, _ = run(scene(), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
     assert (tmp_path / "history.csv").read_text() == (done[0] / "history.csv").read_text()
@@ -155,7 +155,7 @@ def test_what_changes_no_result_may_change_at_resume(done, tmp_path, monkeypatch
     run(scene(output=OFTEN), tmp_path, until=2e-3)
     again, _ = run(scene(**{"output": OFTEN, **GOES_ON[case]}), tmp_path, resume=True)
     assert again.state_hash() == done[1].state_hash()
-    assert checkpoint.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
+    assert checkpoint_file.read(tmp_path / "checkpoint.h5")["scene_hash"] == again.model.given.hash
 
 
 OTHER_RESULTS = {

@@ -117,7 +117,7 @@ def test_steps_per_contact_is_the_least_over_pairs_and_walls():
     sim.run(until=6e-3)
     from warpdem.kernels.normal import hertz
 
-    from warpdem.model.features import coefficient_table
+    from warpdem.model.coefficients import coefficient_table
     from warpdem.model.time_step import contact_time
 
     met = sim.extremes
@@ -196,14 +196,15 @@ def test_a_word_is_said_of_what_takes_long(monkeypatch, seconds, quiet, said):
     assert text.getvalue() == said
 
 
-def test_the_lines_of_the_readme_read_the_history(done, monkeypatch):
-    """From README.md: the block that reads history.csv, run."""
+def test_the_lines_of_the_readme_read_the_results(tmp_path):
+    """From README.md: the block that reads a run back."""
     page = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
-    [block] = [b for b in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "history.csv" in b]
+    [block] = [b for b in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "runs.read" in b]
+    run(scene(output={"interval": 2e-3, "formats": ["vtk"], "picture": False}), tmp_path)
     left = {}
-    exec(block.replace("out/hourglass", done[0].as_posix()).replace("glass", "floor"), left)
-    header, rows = history(done[0])
-    np.testing.assert_array_equal(left["table"]["time [s]"], rows[:, 0])
+    exec(block.replace("out/hourglass", tmp_path.as_posix()).replace("glass", "floor"), left)
+    header, rows = history(tmp_path)
+    np.testing.assert_array_equal(left["run"].history["time"], rows[:, 0])
     np.testing.assert_array_equal(left["force"], rows[:, header.index("floor force z [N]")])
     assert np.any(left["force"] != 0.0)
 

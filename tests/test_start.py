@@ -9,7 +9,7 @@ import trimesh
 from warpdem import Scene, SceneError, Simulation
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint_file
 
 STEP = 2e-5
 RATE = 30.0
@@ -85,7 +85,7 @@ def test_springs_go_on(before, saved):
     # dashpots see the velocity of the instant, not one predicted for it: not the same in contacts that have just begun
     apart = np.abs(second.force - first.force).max(axis=1)
     assert np.quantile(apart, 0.7) < 2e-3 * np.abs(first.force).max()
-    assert np.abs(checkpoint.read(saved)["pair_memory"][:, 3:]).max() > 0
+    assert np.abs(checkpoint_file.read(saved)["pair_memory"][:, 3:]).max() > 0
 
 
 def distance(first, second) -> float:

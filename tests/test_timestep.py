@@ -10,9 +10,10 @@ from warpdem.kernels.normal import hertz
 
 from warpdem import Scene, SceneError
 from warpdem.filling.initial_grains import load_grains
-from warpdem.model import time_step
-from warpdem.model.features import coefficient_table
+from warpdem.model import expected_load, stability_limit, time_step
+from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import impact, pressed
+from warpdem.model.restitution_error import restitution_error
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
@@ -63,8 +64,8 @@ def test_limit_of_a_bed_at_rest_is_that_of_a_packing_under_its_weight(normal, fr
     dashpot = damping * math.sqrt(secant * 0.5 * MASS)
     assert dashpot == pytest.approx((2.0 if normal == "hooke" else math.sqrt(5.0)) * beta * math.sqrt(secant * 0.5 * MASS))
     across = (ratio * secant, ratio_damping * dashpot) if friction else (0.0, 0.0)
-    springs = time_step.along(tangent, dashpot, 0.5 * MASS), time_step.across(*across, 0.5 * MASS)
-    assert limits.settled == pytest.approx(time_step.packing_limit(*springs), rel=1e-5)
+    springs = stability_limit.along(tangent, dashpot, 0.5 * MASS), stability_limit.across(*across, 0.5 * MASS)
+    assert limits.settled == pytest.approx(stability_limit.packing_limit(*springs), rel=1e-5)
 
 
 def test_a_bed_in_a_turning_frame_is_pressed_by_its_turning_too():
@@ -111,16 +112,18 @@ def test_stable_limit_of_two_undamped_frictionless_hooke_grains():
 @pytest.mark.parametrize(("contacts", "rough", "smooth"), [(6, 0.50, 1.00), (8, 0.43, 0.87), (12, 0.35, 0.71)])
 def test_limits_of_cubic_packings_are_those_of_their_bloch_waves(contacts, rough, smooth):
     """Simple cubic, body- and face-centred, in sqrt(m/k_n), with k_t = 0.8 k_n and without; m* = m/2."""
-    normal = time_step.along(1.0, 0.0, 0.5)
-    assert time_step.packing_limit(normal, time_step.across(0.8, 0.0, 0.5), contacts) == pytest.approx(rough, abs=0.005)
-    assert time_step.packing_limit(normal, time_step.across(0.0, 0.0, 0.5), contacts) == pytest.approx(smooth, abs=0.005)
+    normal = stability_limit.along(1.0, 0.0, 0.5)
+    limit = stability_limit.packing_limit(normal, stability_limit.across(0.8, 0.0, 0.5), contacts)
+    assert limit == pytest.approx(rough, abs=0.005)
+    limit = stability_limit.packing_limit(normal, stability_limit.across(0.0, 0.0, 0.5), contacts)
+    assert limit == pytest.approx(smooth, abs=0.005)
 
 
 @pytest.mark.parametrize(("restitution", "limit"), [(1.0, 2.0), (0.9, 1.87), (0.5, 1.31), (0.31, 1.04), (0.1, 0.73)])
 def test_limit_of_a_damped_oscillator_under_the_predicted_velocity(restitution, limit):
     """Largest stable w dt, from the eigenvalues of the scheme."""
     beta = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
-    assert time_step.stable_step(1.0, lambda _: 2.0 * beta, 1.0) == pytest.approx(limit, abs=0.006)
+    assert stability_limit.stable_step(1.0, lambda _: 2.0 * beta, 1.0) == pytest.approx(limit, abs=0.006)
 
 
 def test_damping_and_friction_lower_the_limit():
@@ -154,15 +157,15 @@ def test_fall_speed_is_that_of_the_highest_fall():
     """sqrt(v0^2 + 2 g H) over the extent along gravity, plus what moves."""
     grains = [{"material": "glass", "positions": [[0, 0, 0], [0.7, 0, 0.2]], "radius": RADIUS}]
     of = scene(grains=grains, time={"end": 1})
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(math.sqrt(2 * 9.81 * 0.2), rel=1e-12)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(math.sqrt(2 * 9.81 * 0.2), rel=1e-12)
     moving = scene(grains=[grains[0] | {"velocities": [[0, 3, 4], [0, 0, 0]]}], time={"end": 1})
     expected = math.hypot(math.sqrt(2 * 9.81 * 0.2), 5.0)
-    assert time_step.fall_speed(moving, load_grains(moving, {}), {}) == pytest.approx(expected, rel=1e-12)
+    assert expected_load.fall_speed(moving, load_grains(moving, {}), {}) == pytest.approx(expected, rel=1e-12)
     for axis, height, arm in (([0, 0, 1], 0.2, 0.7), ([0, 1, 0], math.hypot(0.7, 0.2), math.hypot(0.7, 0.2))):
         turning = scene(grains=grains, time={"end": 1}, frame={"axis": axis, "rate": 10.0})
         # gravity turns against the axes about y: the extent along each of its directions may become the height
         expected = math.sqrt(2 * 9.81 * height) + 10.0 * arm
-        assert time_step.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-3)
+        assert expected_load.fall_speed(turning, load_grains(turning, {}), {}) == pytest.approx(expected, rel=1e-3)
 
 
 def test_grains_fall_from_where_they_are_unless_something_lifts_them():
@@ -171,7 +174,7 @@ def test_grains_fall_from_where_they_are_unless_something_lifts_them():
 
     def speed(*walls):
         of = scene(grains=grains, time={"end": 1}, walls=list(walls))
-        return time_step.fall_speed(of, load_grains(of, {}), {})
+        return expected_load.fall_speed(of, load_grains(of, {}), {})
 
     floor = {"name": "floor", "material": "glass", "plane": {"point": [0, 0, -0.1], "normal": [0, 0, 1]}}
     assert speed(floor) == pytest.approx(math.sqrt(2 * 9.81 * 0.1))
@@ -198,7 +201,7 @@ def test_restitution_with_auto_is_right_in_the_mean(restitution, normal, wall):
             pairs=[pair], contact={"normal": normal, "tangential": "none"}, gravity=[0, 0, 0],
             time={"end": 1, "max_speed": 0.5, "accuracy": accuracy}, **more,
         )  # fmt: skip
-        error = time_step.restitution_error(of, load_grains(of, {}), 0.5, time_step.choose(of, found(of)))
+        error = restitution_error(of, load_grains(of, {}), 0.5, time_step.choose(of, found(of)))
         assert error is not None
         assert abs(error.mean) <= bound
         assert abs(error.worst) >= abs(error.mean)
@@ -215,9 +218,9 @@ def test_no_known_speed_leaves_a_share_of_the_rayleigh_time():
 
 
 def test_a_spring_without_slope_is_bound_by_its_dashpot_alone():
-    assert time_step.stable_step(0.0, lambda dt: 2.0, 1.0) == pytest.approx(0.5)
-    assert time_step.stable_step(0.0, lambda dt: 0.3 / max(dt, 0.1), 1.0) == math.inf  # capped
-    assert time_step.stable_step(-1.0, lambda dt: 0.0, 1.0) == math.inf
+    assert stability_limit.stable_step(0.0, lambda dt: 2.0, 1.0) == pytest.approx(0.5)
+    assert stability_limit.stable_step(0.0, lambda dt: 0.3 / max(dt, 0.1), 1.0) == math.inf  # capped
+    assert stability_limit.stable_step(-1.0, lambda dt: 0.0, 1.0) == math.inf
 
 
 def test_a_law_whose_force_saturates_below_the_weight_has_a_limit_all_the_same(monkeypatch):
@@ -240,17 +243,17 @@ def test_speeds_of_shifting_frames_and_walls_count():
     shaker = {"velocity": [3, 0, 4], "amplitude": [0, 0.01, 0], "frequency": 50}
     speed = 5.0 + 2 * math.pi * 50 * 0.01
     of = scene(grains=GRAIN, time={"end": 1}, frame=shaker)
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     plane = {"name": "w", "material": "glass", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
     belt = plane | {"surface_velocity": {"axis": [0, 1, 0], "schedule": [{"until": 1, "speed": [0, -20]}, {"speed": 1}]}}
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[belt])
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(20.0, rel=1e-12)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(20.0, rel=1e-12)
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], walls=[plane | {"motion": shaker}])
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(speed, rel=1e-12)
     mill = [{"axis": [0, 0, 1], "rate": 10}, {"axis": [0, 0, 1], "origin": [0.2, 0, 0], "rate": -7}]
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame=mill)
     # 0.1 m from the inner axis, so at most 0.3 m from the outer one
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(7 * 0.1 + 10 * 0.3, rel=1e-12)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(7 * 0.1 + 10 * 0.3, rel=1e-12)
 
 
 def test_speed_of_a_sampled_frame_counts(tmp_path):
@@ -267,7 +270,7 @@ def test_speed_of_a_sampled_frame_counts(tmp_path):
     stage.Save()
     of = scene(grains=GRAIN, time={"end": 1}, gravity=[0, 0, 0], frame={"usd": str(tmp_path / "a.usda"), "prim": "/A"})
     wanted = 0.25 + 0.3 * math.pi / 4
-    assert time_step.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(wanted, rel=1e-9)
+    assert expected_load.fall_speed(of, load_grains(of, {}), {}) == pytest.approx(wanted, rel=1e-9)
     assert found(of).frame == pytest.approx(0.02 / (math.pi / 4), rel=1e-9)
 
 

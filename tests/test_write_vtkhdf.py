@@ -27,7 +27,7 @@ def network(rng, count) -> ContactNetwork:
     i, wall = np.arange(count), np.where(np.arange(count) % 3, -1, 1).astype(np.int32)
     return ContactNetwork(
         i, np.where(wall < 0, i + 1, -1), wall, *ends, vectors[0], rng.random(count), vectors[1], rng.random(count),
-        (i % 2).astype(np.int8),
+        (i % 2).astype(np.int8), 0.1 * vectors[0],
     )  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def test_vtk_reads_the_contact_network(tmp_path):
         wanted = snapshot(k).contacts
         lines = points[corners(data.GetLines(), 2)] if len(wanted.i) else np.zeros((0, 2, 3))
         assert_array_equal(lines, np.stack([wanted.start, wanted.end], axis=1))
-        for name in ("i", "j", "wall", "force", "normal_force", "friction_force", "overlap", "sliding"):
+        for name in ("i", "j", "wall", "force", "normal_force", "friction_force", "overlap", "sliding", "damping_force"):
             assert_array_equal(arrays[name], getattr(wanted, name))
 
 

@@ -21,8 +21,10 @@ if find_spec("warpdem.kernels") is None:
 from warpdem.errors import SceneError, StabilityError, WarpdemError
 
 if TYPE_CHECKING:
+    from warpdem import runs as runs
     from warpdem.app.demo import load_demo
     from warpdem.app.notebook import picture
+    from warpdem.drawing.curves import plot
     from warpdem.drawing.rendering import render
     from warpdem.scene.file import load_scene
     from warpdem.scene.model import Scene
@@ -40,6 +42,7 @@ __all__ = [
     "load_demo",
     "load_scene",
     "picture",
+    "plot",
     "render",
 ]
 
@@ -50,6 +53,7 @@ LATER = {
     "load_demo": "app.demo",
     "load_scene": "scene.file",
     "picture": "app.notebook",
+    "plot": "drawing.curves",
     "render": "drawing.rendering",
 }
 """Modules of names that are imported when first asked for: their libraries take a second or more.
@@ -65,6 +69,8 @@ def __getattr__(name: str) -> Any:
 
         globals()[name] = found = version("warpdem")
         return found
+    if name == "runs":  # the module
+        return import_module("warpdem.runs")
     if name not in LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = thing = getattr(import_module(f"{__name__}.{LATER[name]}"), name)
@@ -73,4 +79,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """What the package holds, with what is not imported yet."""
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, "runs"})

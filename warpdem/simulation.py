@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from warpdem.core.device import pick_device
+from warpdem.core.log import log
 from warpdem.core.snapshot import WallMesh
 from warpdem.core.threads import run_threads
 from warpdem.core.timers import Timers
@@ -18,13 +19,13 @@ from warpdem.errors import SceneError
 from warpdem.guards.verdict import Verdict
 from warpdem.guards.watch import Guards
 from warpdem.measure.budget import Budget
-from warpdem.measure.run_readings import RunReadings
 from warpdem.mesh.tessellation import drawings
 from warpdem.model import time_step
 from warpdem.model.digests import Given
 from warpdem.model.prepare import prepare, require_scene
+from warpdem.runs.recorded import RecordedRun, Rows
 from warpdem.scene.model import Scene
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file, same_scene
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -34,7 +35,7 @@ from warpdem.state.streams import Streams
 from warpdem.state.view import RunView
 
 
-class Simulation(RunReadings):
+class Simulation(RecordedRun):
     """A scene on a device, paused between steps with the forces of its present time evaluated.
 
     Args:
@@ -70,7 +71,7 @@ class Simulation(RunReadings):
         if where.is_cuda and resident is False:
             raise SceneError(f"resident = False: device {where.alias} knows no other way of stepping")
         self.timers = Timers()
-        self.seconds = self.timers.seconds
+        self.seconds, self.rows = self.timers.seconds, Rows()
         with self.clock("set-up"):
             past = read_start(given.scene) if given.scene.start is not None else None
             model, grains = prepare(given, where, where.is_cuda if resident is None else resident, past)
@@ -100,6 +101,9 @@ class Simulation(RunReadings):
         self.loop.insert()
         if over := time_step.over_limit(self.dt, self.limits):
             self.guards.notice(Verdict("time step", over))
+        for note in self.notes:
+            log.info("%s: %s", scene.source, note)
+        log.info("%s with a time step of %.4g s", repr(self), self.dt)  # as it is now; a record must not keep the run
 
     def __repr__(self) -> str:
         where = f"t = {self.time:.6g} s (step {self.step_number}) on {self.device.alias}"
@@ -141,16 +145,29 @@ class Simulation(RunReadings):
             self.loop.advance(min(last, self.guards.next_look) - self.step_number)
             self.guards.steps_done()
 
-    def run(self, until: float) -> None:
+    def run(self, until: float, *, record: float | None = None) -> None:
         """Advance to the first step at or after ``until`` [s].
+
+        Args:
+            until: end [s].
+            record: time between two rows that are added to ``history`` [s], besides those of the present time and the end.
 
         Raises:
             StabilityError: as ``step``.
-            ValueError: if ``until`` is past or no finite time.
+            ValueError: if ``until`` is past or no finite time, or ``record`` is not above 0.
         """
         if not math.isfinite(until) or (last := self.steps_until(until)) < self.step_number:
             raise ValueError(f"run(until={until:g}): must be finite and not before the present time, {self.time:.6g} s")
-        self.step(last - self.step_number)
+        if record is None:
+            self.step(last - self.step_number)
+            return
+        if not 0.0 < record < math.inf:
+            raise ValueError(f"run(record={record:g}): must be finite and above 0 [s]")
+        every = max(1, round(record / self.dt))
+        self.record()
+        while self.step_number < last:
+            self.step(min(last, (self.step_number // every + 1) * every) - self.step_number)
+            self.record()
 
     def steps_until(self, time: float) -> int:
         """Number of the first step at or after ``time`` [s]; round-off of the division does not add one."""
@@ -208,8 +225,8 @@ class Simulation(RunReadings):
         Raises:
             SceneError: if the file is missing, damaged or of another version.
         """
-        data = checkpoint.read(path)
-        sim = cls(checkpoint.scene_of(data, plugins), device=device, threads=threads)
+        data = checkpoint_file.read(path)
+        sim = cls(same_scene.scene_of(data, plugins), device=device, threads=threads)
         checkpoint.restore(sim, data)
         return sim
 

@@ -6,6 +6,7 @@ declares; they come last, so that a law without any has the layout, and the bits
 
     normal law    COEFFICIENTS = {name: unit}    of two materials, and of each contact what its ``constants`` makes of them
                   HISTORY = {name: unit}         scalars that a contact remembers; they do not turn with the axes
+                  LOSSES = (name, ...)           of ``LOSSES``: what it loses beside its dashpot, for the energy budget
     rolling law   HISTORY                        whether a contact remembers the rolling spring
     any law       PAIR = {key: PairKey}          keys of ``[[pairs]]`` that the law reads
 """
@@ -29,6 +30,8 @@ LOAD = "load"
 have a load of its own, and there is friction that goes by it."""
 VECTORS = {"spring": "m", "angle": "rad"}
 """Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
+LOSSES = ("adhesion", "plasticity", "liquid")
+"""What a normal law may lose energy by beside its dashpot: columns of the energy budget of a scene whose law declares them."""
 
 
 class PairKey(NamedTuple):
@@ -117,6 +120,11 @@ def own_coefficients(normal: ModuleType) -> Columns:
 def own_history(normal: ModuleType) -> Columns:
     """Scalars that a contact remembers for its normal law."""
     return scalars(getattr(normal, "HISTORY", {}))
+
+
+def losses(normal: ModuleType) -> tuple[str, ...]:
+    """What a normal law loses energy by beside its dashpot, of ``LOSSES``."""
+    return tuple(getattr(normal, "LOSSES", ()))
 
 
 def coefficients(normal: ModuleType) -> Columns:

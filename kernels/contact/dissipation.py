@@ -4,6 +4,7 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     tangential damping   F_t + k_t s while the contact sticks
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
+    losses               what the normal law itself loses, by its LOSSES: adhesion, plasticity, liquid
     rolling              M - M_spring, and the angle that the rolling spring is cut by
     rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
 
@@ -22,7 +23,7 @@ import functools
 import warp as wp
 from warpdem.kernels import rotation, tiny
 from warpdem.kernels.contact import columns, history, normal_law
-from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact.columns import Columns, scalars
 
 PARTS_AT = Columns(
     (
@@ -36,7 +37,7 @@ PARTS_AT = Columns(
         ("springs_now", 1),  # and now, before the slip of the step [J]
     )
 )
-"""What is not elastic in a contact."""
+"""What is not elastic in a contact; the LOSSES of its normal law follow [J]."""
 ENTRY_AT = Columns(
     (
         ("normal", 3),  # towards the grain
@@ -50,9 +51,13 @@ ENTRY_AT = Columns(
         ("rescaled", 1),
     )
 )
-"""What each grain gets of a contact of grains; names as of ``PARTS_AT``."""
-ENTRY = ENTRY_AT.width
+"""What each grain gets of a contact of grains; names as of ``PARTS_AT``. Half of each of the LOSSES follows [J]."""
 UNLIMITED = 1.0e30  # [N m]: a Coulomb limit that no rolling spring reaches, and no overflow in single precision
+
+
+def with_losses(at: Columns, losses: tuple[str, ...]) -> Columns:
+    """The columns ``at``, followed by one for each of the LOSSES of a normal law."""
+    return at.and_(scalars(f"lost_{name}" for name in losses))
 
 
 @functools.cache
@@ -63,7 +68,8 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     past = history.build(real, columns.history(normal, tangential, rolling), columns.own_history(normal))
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
-    Parts = PARTS_AT.vector(real)
+    losses = len(of_normal.losses)
+    Common, Parts = PARTS_AT.vector(real), with_losses(PARTS_AT, of_normal.losses).vector(real)
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
@@ -105,7 +111,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
         # as the law returned them
         force: vec3, moment: vec3, now: History,
     ) -> Parts:  # fmt: skip
-        """What is not elastic in a contact: the numbers of PARTS_AT."""
+        """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
         f_n, load, k_n, gamma_n, gamma_t, depth, depth_before, _own = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
@@ -143,9 +149,17 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
                 cut_angle = -real(0.5) * wp.dot(torque_before + torque_after, transported_angle + roll * dt - angle)
                 in_springs -= real(0.5) * wp.dot(torque_before, transported_angle)
         old = stored(overlap_before, k, radius, inertia, c, before, dt)
-        return Parts(
+        common = Common(
             -gamma_n * speed, rest[0], rest[1], rest[2], slides, nonelastic[0], nonelastic[1], nonelastic[2], cut_spring,
             cut_angle, old, in_springs,
         )  # fmt: skip
+        out = Parts()
+        for f in range(wp.static(PARTS_AT.width)):
+            out[f] = common[f]
+        if wp.static(losses > 0):
+            lost = of_normal.lost(overlap, overlap_before, k, past.own(before), past.own(now))
+            for f in range(wp.static(losses)):
+                out[wp.static(PARTS_AT.width) + f] = lost[f]
+        return out
 
     return parts, stored

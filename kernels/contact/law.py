@@ -121,5 +121,5 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
 
     return Built(
         force=force, constants=of_normal.constants, Coefficients=Coefficients, Constants=Constants, History=History,
-        history=past, at=at, normal=of_normal,
+        history=past, at=at, normal=of_normal, losses=of_normal.losses,
     )  # fmt: skip

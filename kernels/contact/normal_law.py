@@ -14,6 +14,13 @@ Its Coulomb load is max(F_n, 0). Any other gets and gives its own numbers too:
 load          normal force that friction and rolling resistance go by, >= 0                     [N]
 depth         overlap that the tangential spring is rescaled by, now and one step before        [m]
 
+A law with LOSSES has a third function, called only where energies are added up, which gives them in their order:
+
+    lost(overlap, overlap_before, stiffness, damping, own, history_before, history) -> losses of the step [J]
+
+It tells what the energy of the law (its ``energy``) falls by without work on the grains: as a contact begins with energy in
+it, yields, or ends. A force that jumps acts for a part of its first or last step only: see ``jumps``.
+
 **Dashpots.** The default scheme knows the velocity only as predicted by the last acceleration, v* = v - (dt^2/2) a'. For an
 oscillator of stiffness k that is v (1 + k dt^2/(2 m)), so a plain dashpot takes too much. The damping coefficients are
 therefore
@@ -44,7 +51,7 @@ ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are
 
 @functools.cache
 def build(real, normal: ModuleType, predicted: bool = True):
-    """Return the types of a normal law's numbers, ``constants``, ``force`` and ``elastic``, the same for all laws.
+    """Return the types of a normal law's numbers, ``constants``, ``force``, ``elastic`` and ``lost``, the same for all laws.
 
     Args:
         real: precision.
@@ -54,7 +61,9 @@ def build(real, normal: ModuleType, predicted: bool = True):
     at, own = columns.coefficients(normal), columns.own_coefficients(normal)
     Coefficients, Constants, Own = at.vector(real), columns.constants(normal).vector(real), own.vector(real)
     History = columns.own_history(normal).vector(real)
-    constants_of_law, force_of_law = normal.build(real)
+    constants_of_law, force_of_law, *lost_of_law = normal.build(real)
+    losses = columns.scalars(columns.losses(normal))
+    Losses = losses.vector(real)
     first = len(columns.OF_CONTACT)
     half_tangent = 0.5 * getattr(normal, "TANGENT", 1.0)
 
@@ -132,6 +141,24 @@ def build(real, normal: ModuleType, predicted: bool = True):
         gamma_t = c[wp.static(at.shear_damping)] * gamma_n * share_t
         return f_n, load, k_n, gamma_n * share_n, gamma_t, depth, depth_before, now
 
+    if not losses.width:
+
+        @wp.func
+        def lost(overlap: real, overlap_before: real, k: Constants, before: History, now: History) -> Losses:
+            """A law without LOSSES loses nothing beside its dashpot."""
+            return Losses()
+
+    else:
+        lost_of_law = lost_of_law[0]
+
+        @wp.func
+        def lost(overlap: real, overlap_before: real, k: Constants, before: History, now: History) -> Losses:
+            """LOSSES of the step [J]."""
+            own_constants = Own()
+            for f in range(wp.static(own.width)):
+                own_constants[f] = k[wp.static(first) + f]
+            return lost_of_law(overlap, overlap_before, k[0], k[1], own_constants, before, now)
+
     @wp.func
     def elastic(overlap: real, k: Constants, history: History) -> real:
         """k_n [N/m]."""
@@ -140,5 +167,5 @@ def build(real, normal: ModuleType, predicted: bool = True):
 
     return Built(
         Coefficients=Coefficients, Constants=Constants, Own=Own, History=History, at=at, constants=constants, force=force,
-        elastic=elastic,
+        elastic=elastic, lost=lost, losses=losses.names,
     )  # fmt: skip

@@ -14,7 +14,7 @@ import functools
 import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT
+from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT, with_losses
 
 
 def pair_force_width(spins: bool) -> int:
@@ -45,8 +45,9 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
     Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, law.history.Rotation
     Result = RESULT_AT.vector(real)
     PairForce = wp.types.vector(pair_force_width(spins), real)
-    Parts = PARTS_AT.vector(real)
-    Entry = ENTRY_AT.vector(real)
+    losses = len(law.losses)
+    Parts, Entry = with_losses(PARTS_AT, law.losses).vector(real), with_losses(ENTRY_AT, law.losses).vector(real)
+    Common = ENTRY_AT.vector(real)
 
     @wp.func
     def cast_vector(v: vec3d) -> vec3:
@@ -62,12 +63,18 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
 
     @wp.func
     def entry(n: vec3, sign: real, arm: real, p: Parts) -> Entry:
-        """The ENTRY of the grain on side ``sign``."""
+        """The numbers of ENTRY_AT of the grain on side ``sign``, then half of the losses."""
         half = real(0.5)
-        return Entry(
+        common = Common(
             sign * n[0], sign * n[1], sign * n[2], p[0], arm, sign * p[1], sign * p[2], sign * p[3], p[4],
             sign * p[5], sign * p[6], sign * p[7], half * p[8], half * p[9], half * (p[10] - p[11]),
         )  # fmt: skip
+        out = Entry()
+        for f in range(wp.static(ENTRY_AT.width)):
+            out[f] = common[f]
+        for f in range(wp.static(losses)):
+            out[wp.static(ENTRY_AT.width) + f] = half * p[wp.static(PARTS_AT.width) + f]
+        return out
 
     @wp.func
     def cast_coefficients(coefficients_64: Coefficients) -> Numbers:

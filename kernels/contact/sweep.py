@@ -11,7 +11,6 @@ import functools
 import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import RESULT_AT
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import LANE, NUMBER, declarations
@@ -139,7 +138,7 @@ def _given(pairs, lanes: int, places: list[str]) -> str:
     )
     if pairs.has_parts:
         entries = [
-            (f"entry.data[{k}].c", [f"o.r{r}.c[{f}]" for f in range(ENTRY)])
+            (f"entry.data[{k}].c", [f"o.r{r}.c[{f}]" for f in range(pairs.Entry._length_)])
             for k, r in zip(places, (4, 5), strict=True)
         ]
         text += rows.write(pairs.real, lanes, "batch", entries)

@@ -21,13 +21,14 @@ import functools
 import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY, ENTRY_AT
+from warpdem.kernels.contact.dissipation import ENTRY_AT, with_losses
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.motion import joined
 from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes, frame_origin, frame_velocity, gravity
 
 ENERGIES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling", "fields", "carried")
-"""What is added up per grain [J]: the first five are taken from the grains, the others given to them."""
+"""What is added up per grain [J]: the first five are taken from the grains, the others given to them. The LOSSES of the normal
+law follow, which are taken from them too."""
 MOMENTA = ("walls", "gravity", "fields", "carried")
 """Impulse [N s] and angular impulse about the laboratory's origin [N m s] given to a grain, six numbers each."""
 
@@ -49,11 +50,19 @@ WALL_ENTRY_AT = Columns(
         ("rescaled", 1),  # and by rescaling [J]
     )
 )
-"""Sums over the wall contact points of a grain."""
+"""Sums over the wall contact points of a grain; the LOSSES of the normal law follow [J]."""
 
-Energies = wp.types.vector(len(ENERGIES), wp.float64)
 Momenta = wp.types.vector(MOMENTA_AT.width, wp.float64)
-WallEntry = WALL_ENTRY_AT.vector(wp.float64)
+
+
+def energies_type(losses: tuple[str, ...]):
+    """Vector of ENERGIES and the LOSSES of the normal law."""
+    return wp.types.vector(len(ENERGIES) + len(losses), wp.float64)
+
+
+def wall_entry_type(losses: tuple[str, ...]):
+    """Vector of WALL_ENTRY_AT and the LOSSES of the normal law."""
+    return with_losses(WALL_ENTRY_AT, losses).vector(wp.float64)
 
 
 def _field_power(before, number: int, force, in_laboratory: bool, conservative: bool):
@@ -81,7 +90,7 @@ def _field_power(before, number: int, force, in_laboratory: bool, conservative: 
 @functools.cache
 def build(
     real, fields: tuple, conservative: tuple[bool, ...], *, spins: bool, walls: bool, energy: bool, momentum: bool,
-    turning_frame: bool, moving_frame: bool, periodic: bool,
+    turning_frame: bool, moving_frame: bool, periodic: bool, losses: tuple[str, ...] = (),
 ):  # fmt: skip
     """Return ``energies``, ``momenta``, ``turned`` and ``wall_powers`` of one grain at one instant.
 
@@ -96,9 +105,13 @@ def build(
         turning_frame: the axes turn, and momenta with them.
         moving_frame: the frame's origin is not the laboratory's.
         periodic: there are periodic borders.
+        losses: LOSSES of the normal law.
     """
     g = grain.build(spins)
-    Entry = wp.types.vector(ENTRY, real)
+    Entry = with_losses(ENTRY_AT, losses).vector(real)
+    Energies, WallEntry = energies_type(losses), wall_entry_type(losses)
+    Common = energies_type(())
+    more = len(losses)
     vec6 = wp.types.vector(6, wp.float64)
     external = None
     field_power = None
@@ -131,6 +144,7 @@ def build(
         cut_spring = wp.float64(0.0)
         cut_angle = wp.float64(0.0)
         rescaled = wp.float64(0.0)
+        out = Energies()
         for e in range(row_start[i], row_start[i + 1]):
             x = entries[e]
             n = of_entry(x, wp.static(ENTRY_AT.normal))
@@ -144,6 +158,8 @@ def build(
             cut_spring += wp.float64(x[wp.static(ENTRY_AT.cut_spring)])
             cut_angle += wp.float64(x[wp.static(ENTRY_AT.cut_angle)])
             rescaled += wp.float64(x[wp.static(ENTRY_AT.rescaled)])
+            for f in range(wp.static(more)):
+                out[wp.static(len(ENERGIES)) + f] += wp.float64(x[wp.static(ENTRY_AT.width) + f])
         if wp.static(walls):
             if candidates[i] > 0:
                 y = wall_entries[i]
@@ -162,14 +178,19 @@ def build(
                 cut_spring += y[wp.static(at_wall.cut_spring)]
                 cut_angle += y[wp.static(at_wall.cut_angle)]
                 rescaled += y[wp.static(at_wall.rescaled)]
+                for f in range(wp.static(more)):
+                    out[wp.static(len(ENERGIES)) + f] += y[wp.static(at_wall.width) + f]
         given = wp.float64(0.0)
         if wp.static(field_power is not None):
             predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
             given = field_power(frames[at], g.position(state), predicted, v, mass, state[3], numbers)
-        return Energies(
+        common = Common(
             damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
             given * weight, wp.float64(0.0),
         )  # fmt: skip
+        for f in range(wp.static(len(ENERGIES))):
+            out[f] = common[f]
+        return out
 
     @wp.func
     def with_moments(arm: wp.vec3d, force: wp.vec3d) -> vec6:
@@ -259,5 +280,5 @@ def build(
 
     return Built(
         energies=energies, momenta=momenta, turned=turned, lifted=lifted, shifted=shifted, wall_works=wall_works,
-        energy=energy, momentum=momentum,
+        energy=energy, momentum=momentum, Energies=Energies,
     )  # fmt: skip

@@ -15,7 +15,7 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight
-from warpdem.kernels.measure.budget import Energies, Momenta
+from warpdem.kernels.measure.budget import Momenta, energies_type
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step.barrier import meet
 from warpdem.kernels.step.dynamic_walls import DynamicWalls
@@ -73,6 +73,7 @@ def build(
     g = grain.build(spins)
     vec6 = wp.types.vector(6, wp.float64)
     Inverse = wp.types.vector(2, wp.float64)
+    Energies = energies_type(pairs.law.losses)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.struct
@@ -512,5 +513,5 @@ def build(
     return Built(
         run=run, read_budget=read_budget, pair_forces=pair_forces, wall_forces=wall_forces, move=move, read=read,
         wall_forces_of_grain=wall_forces_of_grain, move_phase=move_phase, Grains=Grains,
-        ContactBatches=ContactBatches, Control=Control,
+        ContactBatches=ContactBatches, Control=Control, Energies=Energies,
     )  # fmt: skip

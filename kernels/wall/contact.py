@@ -13,8 +13,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.contact.dissipation import PARTS_AT
-from warpdem.kernels.measure.budget import WallEntry
+from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -61,7 +61,9 @@ def build(
     at, remembers = record.columns(past.at), past.at.width
     history_at = record.GEOMETRY.width
     Memory = record.memory_type(past.at)
-    Parts = PARTS_AT.vector(wp.float64)
+    losses = len(law.losses)
+    Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
+    Common = wall_entry_type(())
     parts, stored = dissipation or (None, None)
 
     @wp.func
@@ -114,7 +116,7 @@ def build(
         rolling_torque = wp.vec3d(
             p[wp.static(PARTS_AT.rolling)], p[wp.static(PARTS_AT.rolling + 1)], p[wp.static(PARTS_AT.rolling + 2)]
         )
-        return WallEntry(
+        common = Common(
             normal_force[0], normal_force[1], normal_force[2], sticking_force[0], sticking_force[1],
             sticking_force[2], sticking_torque[0], sticking_torque[1],
             sticking_torque[2], sliding_force[0], sliding_force[1], sliding_force[2], sliding_torque[0],
@@ -123,6 +125,12 @@ def build(
             wp.dot(rolling_torque, w), p[wp.static(PARTS_AT.cut_spring)], p[wp.static(PARTS_AT.cut_angle)],
             -p[wp.static(PARTS_AT.springs_now)],
         )  # fmt: skip
+        out = WallEntry()
+        for f in range(wp.static(WALL_ENTRY_AT.width)):
+            out[f] = common[f]
+        for f in range(wp.static(losses)):
+            out[wp.static(WALL_ENTRY_AT.width) + f] = p[wp.static(PARTS_AT.width) + f]
+        return out
 
     @wp.func
     def in_springs(before: Memory, radius: wp.float64, inv: Inverse, c: Coefficients, dt: wp.float64) -> wp.float64:
@@ -248,4 +256,5 @@ def build(
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
         looks_back=moving > 0 or conveying,
         Result=record.result_type(rolling), Coefficients=Coefficients, Record=g.Record,
+        WallEntry=WallEntry,
     )  # fmt: skip

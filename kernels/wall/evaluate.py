@@ -13,7 +13,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import Built, grain
-from warpdem.kernels.measure.budget import WALL_ENTRY_AT, WallEntry
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.wall import contact_points
 from warpdem.kernels.wall.contact import Inverse, vec6
@@ -36,7 +36,7 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         gap: as in ``pairs.build``.
     """
     g, at = grain.build(one.spins), one.at
-    Memory, Result, Coefficients = one.Memory, one.Result, one.Coefficients
+    Memory, Result, Coefficients, WallEntry = one.Memory, one.Result, one.Coefficients, one.WallEntry
     moving, rolling, energies = one.moving, one.rolling, one.has_parts
 
     @wp.struct

@@ -9,7 +9,6 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.measure.budget import WallEntry
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.translate import Translator
@@ -50,7 +49,7 @@ def source(one, lanes: int, table: bool) -> str:
     """
     law = Translator()
     contact = law.add(one.contact).name
-    memory, result, entry = one.Memory._length_, one.Result._length_, WallEntry._length_
+    memory, result, entry = one.Memory._length_, one.Result._length_, one.WallEntry._length_
     indices = "".join(f"            {name}_of[k] = found.data[at].c[{FOUND.of(name)}];\n" for name in FOUND.names)
     placement = "wp::address(placements, {}, 0)->c".format
     c_of_all = "" if table else same("c", one.Coefficients, "coefficients.data[0].c")
@@ -141,7 +140,7 @@ def build(one, grains_of_walls, lanes: int, table: bool):
         now_generation: int,
         result: wp.array(dtype=one.Result),
         load: wp.array(dtype=vec6),  # added to, as the entries and powers
-        entry: wp.array(dtype=WallEntry),
+        entry: wp.array(dtype=one.WallEntry),
         power: wp.array2d(dtype=wp.float64),
         extreme: wp.array(dtype=wp.float64),  # from ``to``: largest overlap ratio [-] and approach speed [m/s]
         to: int,

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from warpdem import Scene, Simulation, StabilityError
-from warpdem.model import time_step
-from warpdem.model.features import coefficient_columns
+from warpdem.model.coefficients import coefficient_columns
+from warpdem.model.contact_cases import contact_cases, limits_at
 from warpdem.model.impact import impact
 
 RADIUS, DENSITY, POISSON, G = 1e-3, 2500.0, 0.3, 9.81
@@ -209,10 +209,10 @@ def _disturbed(position, contact, pair, step, device, max_speed, **keys) -> Simu
 
 def packing_rule(sim: Simulation) -> float:
     """The rule's limit [s] of a packing whose contacts are at the overlap of an impact at ``max_speed``."""
-    one = next(time_step.meetings(sim.scene, sim.expected))
+    one = next(contact_cases(sim.scene, sim.expected))
     law, at = sim.scene.contact.normal, coefficient_columns(sim.scene)
     met = impact(law, one.row[at.stiffness], one.reduced_mass, one.reduced_radius, sim.scene.time.max_speed, one.own)
-    return time_step.limits_at(sim.scene, one, met.secant, met.tangent, None)[0]
+    return limits_at(sim.scene, one, met.secant, met.tangent, None)[0]
 
 
 def contact_rule(sim: Simulation) -> float:

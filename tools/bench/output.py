@@ -30,7 +30,7 @@ def network(rng: np.random.Generator, count: int) -> ContactNetwork:
     ends, forces = rng.random((2, count, 3)), rng.random((2, count, 3))
     i, wall = np.arange(count), np.full(count, -1, np.int32)
     numbers, sliding = rng.random((2, count)), np.zeros(count, np.int8)
-    return ContactNetwork(i, i + 1, wall, *ends, forces[0], numbers[0], forces[1], numbers[1], sliding)
+    return ContactNetwork(i, i + 1, wall, *ends, forces[0], numbers[0], forces[1], numbers[1], sliding, forces[0])
 
 
 def frames(count: int, grains: int, contacts: bool, orientation: bool) -> list[Snapshot]:

@@ -24,7 +24,7 @@ from bench.states import Settings, bed, given_bed, scene_of
 from bench.window import commit, machine
 from warpdem.measure.column import Readings
 from warpdem.output.history import history_columns, history_row
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file
 
 
 def least(job: Callable[[], object], repeats: int) -> float:
@@ -68,9 +68,9 @@ def measured(sim: warpdem.Simulation, repeats: int, folder: Path) -> dict[str, f
         "row": least(lambda: history_row(columns, Readings(sim.view)), repeats),
         "look": least(sim.guards.judge, repeats),
         "save": least(lambda: sim.save_checkpoint(path), repeats),
-        "read": least(lambda: checkpoint.read(path), repeats),
+        "read": least(lambda: checkpoint_file.read(path), repeats),
     }
-    data = checkpoint.read(path)
+    data = checkpoint_file.read(path)
     return found | {"restore": least(lambda: checkpoint.restore(sim, data), repeats)}
 
 

@@ -40,6 +40,8 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 ROLES = ("normal", "tangential", "rolling", "field", "observer", "integrator")
 READINGS = ("measure.observers.Particles", "measure.observers.Contacts", "core.snapshot.WallLoad")
 """Classes that ``Simulation`` hands out, in ``warpdem``."""
+RESULTS = ("runs.run.read", "runs.run.Run", "runs.history.History", "runs.history.NoColumn")
+"""What reads the results of a run back, in ``warpdem``."""
 
 
 def public_names() -> dict[str, list[str]]:
@@ -59,6 +61,7 @@ def public_names() -> dict[str, list[str]]:
         "Scene and Simulation": [*map(full_name, (c for c in classes if c not in errors))],
         "Tables of a scene": [*map(full_name, scene_tables(found["Scene"]))],
         "What a simulation hands out": [f"warpdem.{name}" for name in READINGS],
+        "Results of a run": [f"warpdem.{name}" for name in RESULTS],
         "Functions": [*map(full_name, (*functions, run))],
         "Errors": [*map(full_name, errors)],
         "Kernel API": [*map(full_name, own)],

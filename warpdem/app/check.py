@@ -17,7 +17,7 @@ from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.features import LEFT_OUT
-from warpdem.model.time_step import restitution_error
+from warpdem.model.restitution_error import restitution_error
 from warpdem.output.formats import FORMATS
 from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation

@@ -1,4 +1,4 @@
-"""The command ``warpdem``: run, check, convert, schema, render, demo. Arguments to calls; no physics."""
+"""The command ``warpdem``: run, check, convert, schema, render, plot, demo. Arguments to calls; no physics."""
 
 import json
 import shlex
@@ -228,6 +228,52 @@ def render(
         draw(
             [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(style)
         )  # fmt: skip
+    console.print(f"wrote {target}", markup=False)
+
+
+@app.command
+def plot(
+    folder: Path,
+    /,
+    *others: Path,
+    columns: Annotated[list[str], Parameter(consume_multiple=True)] = [],  # noqa: B006
+    out: Path | None = None,
+    x: str = "time",
+    start: float | None = None,
+    end: float | None = None,
+    log: bool = False,
+    dpi: float = 150.0,
+    list_: Annotated[bool, Parameter(name="--list")] = False,
+) -> None:
+    """Draw columns of history.csv as curves, of one run or of several over each other.
+
+    Args:
+        folder: Folder of the results.
+        others: Folders of more results.
+        columns: Names of columns, as in "glass force z"; the unit may be left out, * and ? stand for any signs. The energies
+            if none are given.
+        out: File to write: .png, .svg or .pdf; FOLDER/history.png if not given.
+        x: Column on the horizontal axis.
+        start: Only rows from this value of X on.
+        end: Only rows up to this value of X.
+        log: Logarithmic vertical axes.
+        dpi: Pixels in an inch of a .png.
+        list_: Print the columns with their least and greatest values, and draw nothing.
+    """
+    from warpdem.core.file_names import require_usable
+
+    for name, path in (("--out", out), *(("FOLDER", path) for path in (folder, *others))):
+        require_usable(name, path)
+    console = Console(highlight=False)
+    if list_:
+        from warpdem.app.list_columns import print_columns
+
+        print_columns([folder, *others], columns, console)
+        return
+    from warpdem.drawing.curves import plot as draw
+
+    target = out or folder / "history.png"
+    draw([folder, *others], target, columns=columns, x=x, start=start, end=end, log=log, dpi=dpi)
     console.print(f"wrote {target}", markup=False)
 
 

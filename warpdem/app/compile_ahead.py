@@ -25,8 +25,9 @@ from warpdem.core.start_warp import start_warp
 from warpdem.core.threads import available_threads
 from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import needs
+from warpdem.model.choose_features import choose_features
 from warpdem.model.compiled import compile_kernels, step_kernels
-from warpdem.model.features import Features, choose_features
+from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.schedule import Schedule
 from warpdem.scene.grains import Grains

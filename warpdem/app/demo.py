@@ -19,10 +19,10 @@ from rich.table import Table
 from rich.text import Text
 
 from warpdem.app.run_folder import CHECKPOINT
+from warpdem.core.nearest import nearest
 from warpdem.errors import OutputError, SceneError
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
-from warpdem.scene.models import nearest
 
 PARTS = ("Shown", "Must come out", "Seen in", "Takes")
 """Words that begin a part of a scene's first comment."""

@@ -42,6 +42,8 @@ class Outputs:
         self.columns = history_columns(sim.scene)
         header = [column.header for column in self.columns]
         self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
+        for earlier in self.history.earlier:
+            sim.rows.add(earlier)
         self.turning = TurningNumbers(sim.scene)
         load_readers("cpu")  # here: loading is not safe from the thread that reads beside the steps
 
@@ -58,7 +60,8 @@ class Outputs:
         with self.sim.clock("output"):
             output, self.rooms = self.sim.scene.output, self.rooms[::-1]
             measures, view = self.sim.scene.measures, self.sim.view
-            network = (frame and (output.contacts or measures.grid is not None)) or (row and bool(measures.regions))
+            network = frame and (output.contacts or measures.grid is not None)
+            network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
             totals = Totals(view).made() if row else None
@@ -69,7 +72,9 @@ class Outputs:
         with self.sim.clock("output, beside the steps"):
             view = instant.view()
             if totals is not None:
-                self.history.write(history_row(self.columns, Readings(view, observed, totals)))
+                numbers = history_row(self.columns, Readings(view, observed, totals))
+                self.history.write(numbers)
+                self.sim.rows.add(numbers)
                 self.turning.add(view)
             if frame:
                 snapshot = take_snapshot(view)

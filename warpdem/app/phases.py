@@ -23,7 +23,7 @@ from warpdem.model.digests import file_digests, scene_hash
 from warpdem.output.write_tables import write_run_record
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint_file, same_scene
 from warpdem.state.restart import started_from
 
 INDICES = ("result.pvd", "contacts.pvd")
@@ -97,7 +97,7 @@ def _run(
             end = one.time.end if until is None else min(one.time.end, until - begin)
             if resume and _is_done(there, end) and k + 1 < requested:
                 files = file_digests(one)
-                checkpoint.refuse_other(checkpoint.read(there / CHECKPOINT), one, files, scene_hash(one, files))
+                same_scene.refuse_other(checkpoint_file.read(there / CHECKPOINT), one, files, scene_hash(one, files))
                 continue
             resumes = resume and (k == 0 or (there / CHECKPOINT).exists())
             sim = run_scene(one, there, until=end, resume=resumes, overwrite=True, picture=False, **common)

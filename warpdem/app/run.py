@@ -15,6 +15,7 @@ from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run_folder import CHECKPOINT, check_request, refuse_results
 from warpdem.app.run_record import record
 from warpdem.core.interrupts import held_back
+from warpdem.core.log import log
 from warpdem.core.progress import progress_bar, report_if_long
 from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
@@ -24,7 +25,7 @@ from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import largest_rates
 from warpdem.simulation import Simulation
-from warpdem.state import checkpoint
+from warpdem.state import checkpoint, checkpoint_file
 
 SETTING_UP = "setting up: meshes, grains, and kernels to place them (compiled once) ..."
 COMPILING = "compiling kernels (once per kind of scene) ..."
@@ -82,15 +83,20 @@ def _run(
     """``run_scene`` in a folder that no other run writes into."""
     folder = claim.folder
     begin = time.perf_counter()
-    saved = checkpoint.read(folder / CHECKPOINT) if resume else None
+    saved = checkpoint_file.read(folder / CHECKPOINT) if resume else None
     end = scene.time.end if until is None else until
     with compiling_ahead(scene, device):
         with report_if_long(SETTING_UP, console, quiet):
             sim = Simulation(scene, device=device, threads=threads)
         if saved is not None:
             checkpoint.restore(sim, saved)
+        warned, told = scene_warnings.warnings(sim), set() if told is None else told
+        for message in warned:
+            if message not in told:
+                log.warning("%s: %s", scene.source, message)
         if not quiet:
-            _announce(sim, end, folder, console, set() if told is None else told)
+            _announce(sim, warned, end, folder, console, told)
+        told |= {*sim.notes, *warned}
         with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
             sim.load_kernels()
     claim.check()
@@ -112,6 +118,7 @@ def _run(
         status = "interrupted"
         raise
     finally:
+        log.info("%s at t = %.6g s, results in %s", status, sim.time, folder)
         with suppress(OutputError) if status != "done" else nullcontext():
             written = record(sim, status, time.perf_counter() - begin, outputs.turning.result())
             write_run_record(folder / "run.json", written)
@@ -126,8 +133,10 @@ def _run(
     return sim
 
 
-def _announce(sim: Simulation, end: float, folder: Path, console: Console, told: set[str]) -> None:
-    """What is about to be run, to ``end`` [s]."""
+def _announce(
+    sim: Simulation, warned: list[str], end: float, folder: Path, console: Console, told: set[str]
+) -> None:
+    """What is about to be run, to ``end`` [s]: notes and the warnings ``warned`` that were not ``told`` already."""
     resumed_at = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
     steps = max(0, sim.steps_until(end) - sim.step_number)
     title = escape(visible(sim.scene.title or sim.scene.source))
@@ -135,11 +144,9 @@ def _announce(sim: Simulation, end: float, folder: Path, console: Console, told:
                   f"{sim.dt:.3g} s on {sim.device} with {sim.threads.count} threads -> {escape(str(folder))}")  # fmt: skip
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
-    warned = scene_warnings.warnings(sim)
     for message in [*sim.notes, *warned]:
         if message not in told:
             console.print(summary.warning_text(message) if message in warned else Text(f"note: {message}"))
-    told |= {*sim.notes, *warned}
 
 
 def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, console: Console, quiet: bool) -> None:

@@ -11,9 +11,10 @@ from warpdem.engine.way_out import way_out
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.model import needs
-from warpdem.model.features import coefficient_table
+from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time, elastic_energy, own_constants, own_of, stiffness, untouched
-from warpdem.model.time_step import CONTACT_STEPS, FIELD_ANGLE, FRAME_ANGLE, STABLE_SHARE, restitution_error
+from warpdem.model.restitution_error import restitution_error
+from warpdem.model.time_step import CONTACT_STEPS, FIELD_ANGLE, FRAME_ANGLE, STABLE_SHARE
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
 from warpdem.scene.model import Scene

@@ -10,7 +10,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from warpdem.measure.dimensionless import Turning
-from warpdem.model.features import coefficient_table
+from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time
 from warpdem.model.time_step import contact_time
 from warpdem.simulation import Simulation

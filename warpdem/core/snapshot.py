@@ -24,6 +24,10 @@ class WallLoad:
     pressure: np.ndarray
     """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
 
+    def __repr__(self) -> str:
+        force, torque = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.force, self.torque))
+        return f"<WallLoad: force ({force}) N, torque ({torque}) N m, power {self.power:.4g} W>"
+
     def in_laboratory(self, frame: FramePose) -> "WallLoad":
         """The same load, vectors rotated from frame axes to laboratory axes."""
         rotated = {name: getattr(self, name) @ frame.rotation.T for name in ("force", "torque", "triangle_force")}
@@ -58,6 +62,8 @@ class ContactNetwork:
     """Overlap [m], shape (c,)."""
     sliding: np.ndarray
     """1 where the friction force has reached the Coulomb limit, else 0, shape (c,), int8."""
+    damping_force: np.ndarray | None = None
+    """Part of the force that is not of the springs [N], shape (c, 3); None where it was not asked for."""
 
 
 @dataclass(frozen=True)

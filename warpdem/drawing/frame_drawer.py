@@ -20,10 +20,8 @@ from warpdem.drawing.style import PictureStyle
 from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
-from warpdem.output.read_vtk import Results
-from warpdem.output.read_vtkhdf import VtkhdfResults
+from warpdem.output.read_frames import AnyResults
 
-AnyResults = Results | VtkhdfResults
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
 FARTHEST = 30.0
 """How far from the middle of the picture grains are drawn, in sizes of what it shows [-]."""

@@ -11,13 +11,10 @@ import numpy as np
 from matplotlib.colors import is_color_like
 
 from warpdem.core.atomic_file import replaced
-from warpdem.drawing.frame_drawer import AnyResults, FrameDrawer
+from warpdem.drawing.frame_drawer import FrameDrawer
 from warpdem.drawing.style import CHOICES, PictureStyle
 from warpdem.errors import WarpdemError
-from warpdem.output.read_vtk import read_results
-from warpdem.output.read_vtkhdf import read_vtkhdf
-from warpdem.output.write_vtk import INDEX
-from warpdem.output.write_vtkhdf import GRAINS
+from warpdem.output.read_frames import AnyResults, frames_of
 
 FPS = 25.0
 """Pictures in a second of a film [1/s]."""
@@ -79,7 +76,7 @@ def render(
     if given := [name for name, value in others.items() if value is not None]:
         kind, instead = ("film", "start and end") if suffix == ".mp4" else ("picture", "time")
         raise WarpdemError(f"{given[0]} is not a choice of a {kind} ({out.name}), which has {instead}")
-    runs = [_results(each) for each in folders]
+    runs = [frames_of(each) for each in folders]
     if suffix == ".png":
         times = [_nearest(runs[0], time)]
     else:
@@ -100,15 +97,6 @@ def render(
     finally:
         drawer.close()
     return out
-
-
-def _results(folder: Path) -> AnyResults:
-    """The results in a folder, of whichever format is there."""
-    below = folder / "results"  # where a demo has them
-    here, there = (any((at / name).exists() for name in (GRAINS, INDEX)) for at in (folder, below))
-    if there and not here:
-        raise WarpdemError(f"{folder}: the results are in {below}; give that folder")
-    return read_vtkhdf(folder) if (folder / GRAINS).exists() and not (folder / INDEX).exists() else read_results(folder)
 
 
 def _write_film(part: Path, images: Iterable[np.ndarray], fps: float, count: int, watch: Callable[[int, int], None]) -> None:

@@ -18,7 +18,7 @@ from warpdem.kernels.step.dynamic_walls import STATE, SUMS, DynamicWalls
 from warpdem.kernels.step.loop import SPAN
 from warpdem.kernels.step.motion import Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
 from warpdem.state.clock import Clock

@@ -11,7 +11,7 @@ from warpdem.engine.graph import GraphExecutor
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
-from warpdem.kernels.measure.budget import Energies, Momenta
+from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.loop import SPAN
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
@@ -160,7 +160,8 @@ class Engine:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)
-            energies, momenta = (packed(out.get(k, none), t) for k, t in (("energies", Energies), ("momenta", Momenta)))
+            types = ("energies", model.kernels.loop.Energies), ("momenta", Momenta)
+            energies, momenta = (packed(out.get(k, none), t) for k, t in types)
             inputs = [base, grains, wall_contacts, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
             wp.launch(model.kernels.loop.read_budget, dim=n, inputs=inputs, device=model.device)
         return {name: array.numpy() for name, array in out.items()}

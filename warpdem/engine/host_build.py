@@ -20,7 +20,6 @@ from warpdem.engine.program import ListBuild
 from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
 from warpdem.kernels import grain
-from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
@@ -301,7 +300,7 @@ class HostBuild:
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(law.memory, 1), width)
         a.row = self.storage.force_slots((slots + 1, pair_force_width(law.spins)), history, a.outer.slot.shape[0], a.real)
-        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, ENTRY), a.real)
+        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, features.measures.entry_width), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
         a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)

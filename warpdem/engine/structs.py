@@ -6,7 +6,7 @@ import warp as wp
 
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.list_structs import put
-from warpdem.kernels.measure.budget import Energies, Momenta
+from warpdem.kernels.measure.budget import Momenta
 from warpdem.model.model import Model
 from warpdem.state.particles import State
 
@@ -58,7 +58,7 @@ class Structs:
             grains.store = wp.zeros((n, features.backend.scheme.STORE), dtype=wp.vec3d, device=device)
             if features.domain.outlets:
                 grains.exit = wp.zeros((n, 2), dtype=wp.int32, device=device)
-        for name, dtype in (("energies", Energies), ("momenta", Momenta)):
+        for name, dtype in (("energies", model.kernels.loop.Energies), ("momenta", Momenta)):
             if name in features.measures.sums:
                 put(grains, **{name: self._view(name, getattr(state, name), dtype)})
         for name in features.measures.sums.keys() & {"wall_work", "flow"}:

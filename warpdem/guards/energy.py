@@ -3,9 +3,9 @@
     E = kinetic + rotational + elastic + potential + fields       [J]
 
 Where no wall moves in the laboratory and nothing else does work, E only falls: it may not rise over the least seen so far by
-more than 5 % of the largest energy of motion and of springs so far. When grains come or leave, a new reference begins. Where
-walls or other things do work, only the energy budget (measures.energy) knows how much: then what it cannot explain is
-compared with what went through it. A driven scene without that budget is not watched.
+more than 5 % of the largest energy of motion and of springs so far (of its size, where contacts attract). When grains come
+or leave, a new reference begins. Where walls or other things do work, only the energy budget (measures.energy) knows how
+much: then what it cannot explain is compared with what went through it. A driven scene without that budget is not watched.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 
 from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.measure import observers
-from warpdem.measure.budget import DISSIPATED, Budget
+from warpdem.measure.budget import Budget
 from warpdem.measure.totals import Totals
 from warpdem.model.model import Model
 from warpdem.scene.models import model
@@ -52,7 +52,7 @@ class EnergyGuard:
         if self._not_watchable:
             return None
         energy = now.energy
-        stored = sum(energy[name] for name in STORED)
+        stored = sum(abs(energy[name]) for name in STORED)  # contacts that attract hold a negative energy
         surplus = self._unexplained(now, stored) if self._budget else self._risen(view, sum(energy.values()), stored)
         at_hand = self._next.largest
         if surplus <= SHARE * at_hand:
@@ -91,7 +91,7 @@ class EnergyGuard:
         """What the budget cannot explain [J]."""
         budget = Budget(now.view, now).energy()
         through = [budget["work_walls"], budget["work_fields"], budget["carried_in"]]
-        through += [budget[f"dissipated_{name}"] for name in DISSIPATED]
+        through += [value for name, value in budget.items() if name.startswith("dissipated_")]
         self._next = EnergyReference(largest=max(self._reference.largest, stored + sum(abs(x) for x in through)))
         return budget["integration_error"]
 

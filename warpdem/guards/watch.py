@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.core.log import log
 from warpdem.errors import StabilityError
 from warpdem.guards.energy import EnergyGuard
 from warpdem.guards.overlap import OverlapGuard
@@ -74,6 +75,8 @@ class Guards:
         """
         if self._stops:
             raise StabilityError(f"stopped {verdict.message}")
+        if verdict.guard not in self.noticed:
+            log.warning("%s: %s", verdict.guard, verdict.message)
         self.noticed.setdefault(verdict.guard, verdict.message)
 
     def steps_done(self) -> None:

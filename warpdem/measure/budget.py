@@ -6,7 +6,8 @@
     W_walls    work of the walls' own motion, int sum (F . v_wall + M . w_wall) dt                    [J]
     W_fields   work of external fields without a potential, and of the axes that carry one with a potential  [J]
     C          what grains carry in and out: streams, outlets, borders, periodic images               [J]
-    D          dissipated: normal and tangential damping, sliding, rolling, rescaling of springs      [J]
+    D          dissipated: normal and tangential damping, sliding, rolling, rescaling of springs, and what the normal law
+               declares as its LOSSES: adhesion, plasticity, liquid                                   [J]
     J          impulse [N s] and angular impulse [N m s]
     error      what is left over: the error of the time integration                                  [J]
 
@@ -27,11 +28,13 @@ from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.measure import observers
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import elastic_energies
+from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.totals import Totals, reader_of
 from warpdem.state.view import RunView
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
 DISSIPATED = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
+"""What contacts lose under any law; the LOSSES of the normal law are lost too."""
 VECTORS = tuple(f"{kind}_{axis}" for kind in ("momentum", "angular_momentum") for axis in "xyz")
 
 
@@ -62,13 +65,15 @@ class Budget:
         sums, works = all_sums["energies"], all_sums["wall_work"]
         for one in view.model.schedule.dynamic:  # the steps have counted the velocities that the contacts saw
             works[one.number] += one.value("correction")
-        by_name = dict(zip(ENERGIES, sums, strict=True))
+        losses = view.model.features.measures.losses
+        by_name = dict(zip((*ENERGIES, *losses), sums, strict=True))
+        dissipated = (*DISSIPATED, *losses)
         out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
-        out |= {f"dissipated_{name}": by_name[name] for name in DISSIPATED}
+        out |= {f"dissipated_{name}": by_name[name] for name in dissipated}
         out |= {"work_walls": float(sum(works)), "work_fields": by_name["fields"]}
         out["carried_in"] = by_name["carried"] + totals.carried[0]
         given = out["work_walls"] + out["work_fields"] + out["carried_in"]
-        lost = sum(by_name[name] for name in DISSIPATED)
+        lost = sum(by_name[name] for name in dissipated)
         out["integration_error"] = _stored(now) - totals.start["energy"][0] - given + lost
         out |= {"jacobi": _stored(now) - now.along_frame} if view.model.features.frame.moves else {}
         return out | {f"{wall.name} work": float(work) for wall, work in zip(view.model.scene.walls, works, strict=True)}
@@ -111,7 +116,10 @@ class Budget:
             energies = [values[theirs] for values in elastic_energies(view, contacts).values() if values is not None]
             totals.carried[0] -= sum(float(energy[0]) for energy in reader.column_sums(*energies))
         for name, sums in totals.gone.items():
-            theirs = getattr(view.state, name).numpy()[slots].sum(axis=0)
+            of_each = getattr(view.state, name).numpy()[slots]
+            if name == "flow":
+                of_each = selected_flow(view.model.scene, Slots(view.state, slots), of_each)
+            theirs = of_each.sum(axis=0)
             sums[:] = np.add(sums, _laboratory(name, theirs, view.model.schedule.pose(view.clock.time))).tolist()
 
     def _now(self) -> Totals:

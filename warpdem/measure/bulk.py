@@ -2,6 +2,7 @@ r"""Bulk properties of the grains in a region at one instant: sums over grains a
 
     V = sum m v / sum m,     T = sum m |v - V|^2 / (3 sum m)                                        [m/s], [m2/s2]
     Z = (2 N_pairs + N_walls) / N                                                                   [-]
+    Phi_kl = sum b n_k n_l / sum b                                                                  [-]
     solid fraction = sum of the balls' volumes in the box / box volume                              [-]
     s_kl = (sum m (v - V)_k (v - V)_l + sum a f_k l_l) / box volume                                 [Pa]
 
@@ -9,9 +10,11 @@ f is the force on grain i, l the branch vector: the way to its centre from the o
 wall; a is the share of this line that lies in the box. Pressure is positive. So the contact stress of boxes side by side adds
 up to that of the whole, and in a uniform state it does not depend on where the faces lie between the grains. Grains in m, v,
 V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by the
-volume that they have in the box, overlaps of grains twice. Velocities are relative to the frame. T takes a mean flow that
-varies over the region for agitation: choose the region small, or use the grid.
-Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 (contact stress).
+volume that they have in the box, overlaps of grains twice. n is the unit vector along the branch of a contact, b how many of
+the region's grains the contact belongs to (1 or 2); the trace of the fabric tensor Phi is 1, and 1/3 on its diagonal is
+isotropic. A selection counts as if its grains were alone, but for Z and Phi, which take all their contacts. Velocities are
+relative to the frame. T takes a mean flow that varies over the region for agitation: choose the region small, or use the grid.
+Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 (contact stress), Oda 1982 (fabric).
 """
 
 from functools import cached_property
@@ -32,6 +35,7 @@ class Bulk:
         particles: the grains of a simulation.
         network: their contacts.
         period: length of the domain along each periodic axis [m], else 0.
+        counts: whether each grain is one of the region's selection, shape (n,); None: all are.
     """
 
     def __init__(
@@ -40,11 +44,15 @@ class Bulk:
         particles: Particles,
         network: ContactNetwork,
         period: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        counts: np.ndarray | None = None,
     ) -> None:
         self._particles, self._network = particles, network
         self._box = None if region.box is None else BoxShare(region.box.min, region.box.max, period)
         position = particles.position
         self._inside = np.ones(len(position), dtype=bool) if self._box is None else self._box.holds(position)
+        self._counts = counts
+        if counts is not None:
+            self._inside &= counts
         self._mass, self._velocity = particles.mass[self._inside], particles.velocity[self._inside]
         self.grains = int(self._inside.sum())
         """Number of grains [-]."""
@@ -67,18 +75,41 @@ class Bulk:
         return self._mass @ np.sum((self._velocity - self.velocity) ** 2, axis=1) / (3.0 * self._mass.sum())
 
     @cached_property
+    def speed(self) -> float:
+        """Mean speed by mass, sum m |v| / sum m [m/s]."""
+        return self._mass @ np.linalg.norm(self._velocity, axis=1) / self._mass.sum() if self.grains else np.nan
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """Centre of mass [m], shape (3,)."""
+        position = self._particles.position[self._inside]
+        return self._mass @ position / self._mass.sum() if self.grains else np.full(3, np.nan)
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """How many of the grains each contact belongs to: 0, 1 or 2, shape (c,)."""
+        ids, network = self._particles.id[self._inside], self._network
+        return np.isin(network.i, ids).astype(float) + (np.isin(network.j, ids) & (network.wall < 0))
+
+    @cached_property
     def coordination(self) -> float:
         """Z [-]."""
-        if not self.grains:
-            return np.nan
-        ids, network = self._particles.id[self._inside], self._network
-        return (np.isin(network.i, ids).sum() + np.isin(network.j[network.wall < 0], ids).sum()) / self.grains
+        return float(self._ends.sum()) / self.grains if self.grains else np.nan
+
+    @cached_property
+    def fabric(self) -> np.ndarray:
+        """Phi [-], symmetric, shape (3, 3); nan without contacts."""
+        branch = self._network.start - self._network.end
+        normal = branch / np.linalg.norm(branch, axis=1)[:, None]
+        total = self._ends.sum()
+        return np.einsum("i,ij,ik->jk", self._ends, normal, normal) / total if total else np.full((3, 3), np.nan)
 
     @cached_property
     def solid_fraction(self) -> float:
         """Solid fraction [-]; only in a box."""
         assert self._box is not None
-        return self._box.of_balls(self._particles.position, self._particles.radius) / self._box.volume
+        counts = slice(None) if self._counts is None else self._counts
+        return self._box.of_balls(self._particles.position[counts], self._particles.radius[counts]) / self._box.volume
 
     @cached_property
     def stress(self) -> np.ndarray:

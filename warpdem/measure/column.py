@@ -13,6 +13,7 @@ from warpdem.measure.budget import Budget
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
+from warpdem.measure.selection import selected
 from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import total_loads
 from warpdem.scene.measures import Region
@@ -84,8 +85,8 @@ class Readings:
 
     @cached_property
     def contacts(self) -> ContactNetwork:
-        """All contacts."""
-        return read_network(self.view)
+        """All contacts, without their damping forces."""
+        return read_network(self.view, damping=False)
 
     @cached_property
     def energy_budget(self) -> dict[str, float]:
@@ -105,5 +106,7 @@ class Readings:
     def bulk(self, region: Region) -> Bulk:
         """The grains in a region of the scene, and their averages."""
         if region.name not in self._bulk:
-            self._bulk[region.name] = Bulk(region, self.particles, self.contacts, self.view.model.domain.period)
+            model = self.view.model
+            counts = selected(region.of, model.scene, self.particles) if region.of is not None else None
+            self._bulk[region.name] = Bulk(region, self.particles, self.contacts, model.domain.period, counts)
         return self._bulk[region.name]

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from warpdem.model.features import ContactFeatures
-from warpdem.model.impact import elastic_energy, secant
+from warpdem.model.impact import DIFFERENCE, elastic_energy, secant
 from warpdem.scene.models import model
 from warpdem.state.view import RunView
 
@@ -101,3 +101,14 @@ def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np
     if not contacts.own:
         return secant(normal, overlap, contacts.stiffness)
     return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+
+
+def elastic_normal_force(normal: str, contacts: NormalState) -> np.ndarray:
+    """Slope of the energy of the normal law named ``normal`` over the overlap [N], shape (c,); to 1e-9 of it.
+
+    Central differences: E'(d) = (E(d + h) - E(d - h)) / 2 h, h = 1e-4 d.
+    """
+    size = np.abs(contacts.overlap)
+    step = DIFFERENCE * np.maximum(size, LEAST_OVERLAP)
+    more, less = (normal_energy(normal, contacts.overlap + side * step, contacts) for side in (1.0, -1.0))
+    return (more - less) / (2.0 * step)

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 
+from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.column import Column, Readings
 from warpdem.measure.mixing import kinds, lacey_index
+from warpdem.measure.selection import selected
 from warpdem.scene.measures import FlowPlane, Mixing, Region
 from warpdem.scene.model import Scene
+from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.state.view import RunView
 
@@ -17,7 +20,7 @@ ENERGY = (
     "dissipated_sliding", "dissipated_rolling", "dissipated_rescaling", "work_walls", "work_fields", "carried_in",
     "integration_error",
 )  # fmt: skip
-"""Terms of ``Budget.energy`` that every scene has."""
+"""Terms of ``Budget.energy`` that every scene has; the LOSSES of the normal law follow."""
 
 REGION: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("grains", "-", lambda b: b.grains),
@@ -39,6 +42,24 @@ BOX: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("stress_zx", "Pa", lambda b: b.stress[2, 0]),
 )
 """Name, unit and reading of what a region with a box has beside these."""
+PLACE: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
+    ("centre_x", "m", lambda b: b.centre[0]),
+    ("centre_y", "m", lambda b: b.centre[1]),
+    ("centre_z", "m", lambda b: b.centre[2]),
+    ("speed", "m/s", lambda b: b.speed),
+)
+"""The same of every region, after the others."""
+FABRIC: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
+    ("fabric_xx", "-", lambda b: b.fabric[0, 0]),
+    ("fabric_yy", "-", lambda b: b.fabric[1, 1]),
+    ("fabric_zz", "-", lambda b: b.fabric[2, 2]),
+    ("fabric_xy", "-", lambda b: b.fabric[0, 1]),
+    ("fabric_yz", "-", lambda b: b.fabric[1, 2]),
+    ("fabric_zx", "-", lambda b: b.fabric[2, 0]),
+)
+"""What a region with ``fabric`` has beside these."""
+SOLID = 1
+"""Of ``BOX``, what a selection has too: a stress is that of all grains."""
 
 
 def columns(scene: Scene) -> list[Column]:
@@ -47,7 +68,7 @@ def columns(scene: Scene) -> list[Column]:
     found = _energy(scene) if asked.energy else []
     found += _momentum() if asked.momentum else []
     found += [column for number, plane in enumerate(asked.flow) for column in _flow(plane, number)]
-    found += [column for region in asked.regions for column in region_columns(region)]
+    found += [column for region in asked.all_regions for column in region_columns(region)]
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -59,8 +80,9 @@ def measured(view: RunView) -> dict[str, float]:
 
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
-    names = [*ENERGY, *(["jacobi"] if frame_chain(scene).moves else []), *(f"{wall.name} work" for wall in scene.walls)]
-    return [Column(name, "J", _energy_term(name)) for name in names]
+    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.located(scene.contact.normal)))]
+    names = [*ENERGY, *losses, *(["jacobi"] if frame_chain(scene).moves else [])]
+    return [Column(name, "J", _energy_term(name)) for name in (*names, *(f"{wall.name} work" for wall in scene.walls))]
 
 
 def _energy_term(name: str) -> Callable[[Readings], float]:
@@ -89,9 +111,10 @@ def _flow(plane: FlowPlane, number: int) -> list[Column]:
 
 def region_columns(region: Region) -> list[Column]:
     """Bulk properties of a region."""
+    of_box = () if region.box is None else BOX if region.of is None else BOX[:SOLID]
     return [
         Column(f"region {region.name} {name}", unit, _in_region(region, read))
-        for name, unit, read in (REGION if region.box is None else REGION + BOX)
+        for name, unit, read in (*REGION, *of_box, *PLACE, *(FABRIC if region.fabric else ()))
     ]
 
 
@@ -104,6 +127,9 @@ def _mixing(asked: Mixing) -> Column:
     """Lacey's index of two kinds of grains."""
 
     def index(readings: Readings) -> float:
+        if asked.by is None:
+            first = selected(asked.first, readings.view.model.scene, readings.particles)
+            return float(lacey_index(first, readings.particles.position, asked.cell))
         first, known = kinds(asked.by, readings.particles, readings.view.model.expected)
         return float(lacey_index(first[known], readings.particles.position[known], asked.cell))
 

@@ -12,7 +12,8 @@ from warpdem.kernels.observer import build_each
 from warpdem.measure.column import Column, Readings
 from warpdem.measure.observers import Particles
 from warpdem.scene.model import Scene
-from warpdem.scene.models import model, numbers
+from warpdem.scene.models import model
+from warpdem.scene.parameters import numbers
 from warpdem.state.view import RunView
 
 REDUCTIONS: dict[str, Callable[[np.ndarray], np.floating]] = {"sum": np.sum, "mean": np.mean, "min": np.min, "max": np.max}

@@ -8,7 +8,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels import grain
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.totals import Totals, reader_of
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.scene.models import model
 from warpdem.state.particles import unturned
@@ -26,6 +26,9 @@ class Particles:
         self._state = view.state
         self._pose = view.model.schedule.pose(view.clock.time)
         self._read_at = -1
+
+    def __repr__(self) -> str:
+        return f"<Particles: {len(self._state)} grains at t = {self._view.clock.time:.6g} s>"
 
     def _readings(self) -> tuple[np.ndarray, ...]:
         """Readings of the present step, made once for all properties."""
@@ -169,6 +172,11 @@ class Contacts:
     own: dict[str, np.ndarray]
     """The normal law's own constants and history by name [of the law], each of shape (c,)."""
 
+    def __repr__(self) -> str:
+        walls = int((self.j < 0).sum())
+        deepest = f"; {self.worst()}" if len(self.i) else ""
+        return f"<Contacts: {len(self.i) - walls} of two grains, {walls} with walls{deepest}>"
+
     def worst(self) -> str:
         """The deepest contact in words."""
         c = int(np.argmax(self.share))
@@ -204,7 +212,7 @@ def field_energies(
     place = {"laboratory": position_lab, "frame": position}
     fields = [(model("field", name), place[axes]) for name, axes in run.features.fields]
     return [
-        float(np.sum(field.energy(there, mass, radius, numbers)))
+        float(np.sum(np.broadcast_to(field.energy(there, mass, radius, numbers), mass.shape)))
         for (field, there), numbers in zip(fields, field_numbers(run.scene), strict=True)
         if hasattr(field, "energy")
     ]

@@ -29,6 +29,6 @@ def take_snapshot(view: RunView) -> Snapshot:
         walls=model.schedule.wall_placements(scene, clock.time),
         loads=read_loads(view) if scene.output.wall_loads else {},
         orientation=p.orientation if scene.output.orientation else None,
-        contacts=read_network(view) if scene.output.contacts or scene.measures.grid else None,
+        contacts=read_network(view, scene.output.contacts) if scene.output.contacts or scene.measures.grid else None,
         gravity=np.array(scene.gravity, dtype=float),
     )

@@ -19,9 +19,10 @@ from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
 from warpdem.measure import elastic
 from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.sums import Reader
 from warpdem.measure.surface_power import surface_powers
-from warpdem.model.features import field_numbers
+from warpdem.model.coefficients import field_numbers
 from warpdem.scene.models import model
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.view import RunView
@@ -200,8 +201,8 @@ class Totals:
         record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
         position, radius = record[:, :3], record[:, 3]
         place = {"laboratory": self.pose.to_laboratory(position), "frame": position}
-        energies = [
-            field.energy(place[axes], mass, radius, numbers)
+        energies = [  # a field of the same energy everywhere may say so with one number
+            np.broadcast_to(field.energy(place[axes], mass, radius, numbers), mass.shape)
             for (field, axes), numbers in zip(fields, field_numbers(run.scene), strict=True)
             if hasattr(field, "energy")
         ]
@@ -243,5 +244,7 @@ class Totals:
         reader, state = reader_of(self.view), self.view.state
         if not len(state):
             return {name: np.zeros(values.shape[1]) for name, values in per_grain.items()}
+        if "flow" in per_grain:
+            per_grain = per_grain | {"flow": selected_flow(self.view.model.scene, Slots(state), per_grain["flow"])}
         record = reader.plain("record", state.record)
         return dict(zip(per_grain, reader.column_sums(*per_grain.values(), present=record), strict=True))

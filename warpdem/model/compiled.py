@@ -18,7 +18,8 @@ from warpdem.kernels.wall import images as wall_images
 from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
 from warpdem.scene.model import Scene
-from warpdem.scene.models import is_file, model, using
+from warpdem.scene.models import model
+from warpdem.scene.user_models import is_file, using
 
 
 def compile_kernels(features: Features, device: wp.Device | None = None) -> Built:
@@ -155,7 +156,7 @@ def _built(features: Features) -> Built:
         sums = budget.build(
             backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
             walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
-            moving_frame=frame.moves, periodic=any(domain.period),
+            moving_frame=frame.moves, periodic=any(domain.period), losses=measures.losses,
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from warpdem.core.key_path import key_text
 from warpdem.scene.model import Scene
-from warpdem.scene.models import is_file
+from warpdem.scene.user_models import is_file
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,19 @@
-"""What a scene needs: the only place that decides what is compiled, allocated and run, and what is left out."""
+"""What a scene may need, as frozen structs: what is compiled, allocated and run goes by them alone."""
 
-import inspect
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
 
-import numpy as np
 import warp as wp
 
 from warpdem.kernels import grain
 from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY
-from warpdem.kernels.field import NUMBERS
+from warpdem.kernels.contact.dissipation import ENTRY_AT
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
 from warpdem.kernels.wall import record
-from warpdem.model.domain import Domain
-from warpdem.scene.model import Scene
-from warpdem.scene.models import digest, is_file, model, numbers
-from warpdem.scene.motion_chain import frame_chain
+from warpdem.scene.models import model
 
-SIMD_LANES = 4  # four doubles fill an AVX2 register
-WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one batch: it reads consecutive memory
 LEFT_OUT = "left out  "  # how a line of Features.explain begins for what the scene does not need
 
 
@@ -162,6 +154,8 @@ class MeasureFeatures:
     """Orientations of the grains are integrated."""
     energy: bool = False
     """The energy budget is added up."""
+    losses: tuple[str, ...] = ()
+    """LOSSES of the normal law when the energy budget is added up."""
     momentum: bool = False
     """The momentum budget is added up."""
     scene_walls: int = 0
@@ -174,9 +168,14 @@ class MeasureFeatures:
     @property
     def sums(self) -> dict[str, int]:
         """What is added up per grain at every step, and how many numbers each is."""
-        out = {"energies": len(ENERGIES), "wall_work": self.scene_walls} if self.energy else {}
+        out = {"energies": len(ENERGIES) + len(self.losses), "wall_work": self.scene_walls} if self.energy else {}
         out |= {"momenta": MOMENTA_AT.width} if self.momentum else {}
         return out | ({"flow": 2 * self.flows} if self.flows else {})
+
+    @property
+    def entry_width(self) -> int:
+        """Numbers that each grain gets of a contact for the energy budget."""
+        return ENTRY_AT.width + len(self.losses)
 
 
 @dataclass(frozen=True)
@@ -215,8 +214,8 @@ class Features:
         number = 4 if self.backend.precision == "mixed" else 8
         contact = number * (2 * pairs.pair_force_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
-        contact += number * 2 * ENTRY * measures.energy
-        wall_entry = WALL_ENTRY_AT.width + measures.scene_walls
+        contact += number * 2 * measures.entry_width * measures.energy
+        wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
         result = record.RESULT.width if law.rolling else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
@@ -245,168 +244,3 @@ class Features:
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]
-
-
-def coefficient_table(scene: Scene) -> np.ndarray:
-    """Coefficients of every pair of materials, shape (m * m, width of ``coefficient_columns``).
-
-    Pairs that cannot meet (no coefficients given) hold NaN.
-    """
-    names = list(scene.materials)
-    normal, at = model("normal", scene.located(scene.contact.normal)), coefficient_columns(scene)
-    table = np.full((len(names), len(names), at.width), np.nan)
-    for pair in scene.pairs:
-        a, b = (names.index(m) for m in pair.materials)
-        of_law = normal.coefficients(scene.materials[names[a]], scene.materials[names[b]], pair)
-        of_pair = {key: getattr(pair, key) for key in columns.OF_PAIR}
-        table[a, b] = table[b, a] = columns.coefficient_row(of_law, of_pair)
-    return table.reshape(-1, at.width)
-
-
-def coefficient_columns(scene: Scene) -> Columns:
-    """Columns of ``coefficient_table``, by name."""
-    return columns.coefficients(model("normal", scene.located(scene.contact.normal)))
-
-
-def field_numbers(scene: Scene) -> np.ndarray:
-    """Parameters of each external field one after the other, filled up with zeros, SI units, shape (f, 12)."""
-    return np.array([numbers(one.parameters) for one in scene.fields]).reshape(-1, NUMBERS)
-
-
-def law_gap(scene: Scene, largest: float) -> float:
-    """Largest distance beyond contact at which the normal law still acts [m]; 0 for a law of contact alone.
-
-    Args:
-        scene: the validated scene.
-        largest: radius of the largest grain [m]; R* is at most that at a wall, and half of it between grains.
-    """
-    gap = getattr(model("normal", scene.located(scene.contact.normal)), "gap", None)
-    if gap is None:
-        return 0.0
-    materials = scene.materials
-    radius = (largest if scene.walls else 0.5 * largest,) if len(inspect.signature(gap).parameters) > 3 else ()
-    return max((float(gap(*(materials[m] for m in pair.materials), pair, *radius)) for pair in scene.pairs), default=0.0)
-
-
-def choose_features(
-    scene: Scene,
-    grain_types: np.ndarray,
-    *,
-    has_spin: bool,
-    moving: int,
-    resting: int,
-    images: bool,
-    lanes: int = SIMD_LANES,
-    resident: bool = False,
-    largest: float = 0.0,
-) -> Features:
-    """Decide what ``scene`` needs.
-
-    Args:
-        scene: the validated scene.
-        grain_types: material index per grain, shape (n,).
-        has_spin: whether some grain spins at the start.
-        moving: number of wall motions relative to the frame.
-        resting: number of wall motions that rest in it.
-        images: whether walls act at their periodic images too.
-        lanes: SIMD width.
-        resident: steps run as one captured graph.
-        largest: radius of the largest grain that may come [m].
-    """
-    names = list(scene.materials)
-    at = coefficient_columns(scene)
-    table = coefficient_table(scene).reshape(len(names), len(names), at.width)
-    present = sorted(set(np.unique(grain_types).tolist()))
-    others = sorted(set(present) | {names.index(w.material) for w in scene.walls})
-    used = np.array([table[a, b] for a in present for b in others]).reshape(-1, at.width)
-    left_out = {}
-    normal = scene.located(scene.contact.normal)
-    tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
-    rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
-    if tangential is None or not np.any(used[:, at.friction] > 0):
-        left_out["tangential spring and Coulomb limit"] = (
-            "contact.tangential is none" if tangential is None else "every friction coefficient is zero"
-        )
-        tangential = None
-    if rolling is None or not np.any(used[:, at.rolling_friction] > 0):
-        left_out["rolling resistance"] = (
-            "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
-        )
-        rolling = None
-    spins = bool(tangential or rolling or has_spin)
-    if not spins:
-        left_out["spins and torques"] = "nothing turns a grain"
-    orientation = scene.output.orientation and spins
-    if not orientation:
-        left_out["orientation of the grains"] = "output.orientation is false" if spins else "nothing turns a grain"
-    frame = frame_chain(scene)
-    if not frame.rotates:
-        still = "the frame only shifts" if frame.moves else "the frame never moves"
-        left_out["turning of the axes"] = "no frame" if scene.frame is None else still
-    if not scene.walls:
-        left_out["walls"] = "the scene has none"
-    elif moving == 0:
-        left_out["wall motion relative to the frame"] = "all walls rest in it"
-    if scene.walls and all(wall.surface_velocity is None for wall in scene.walls):
-        left_out["surface velocity of walls"] = "no wall has one"
-    if scene.walls and all(wall.servo is None for wall in scene.walls):
-        left_out["walls that move by the load on them"] = "no wall has a servo"
-    fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
-    if not fields:
-        left_out["external fields"] = "the scene has none"
-    if not scene.observers:
-        left_out["observers"] = "the scene has none"
-    chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
-    domain = Domain(scene)
-    if not any(domain.period):
-        left_out["periodic images"] = "no axis is periodic"
-    if not len(domain.boxes):
-        left_out["borders and outlets"] = "the scene has none"
-    for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
-        if not on:
-            left_out[f"{name} budget"] = f"measures.{name} is not asked for"
-    if not scene.measures.flow:
-        left_out["flow through planes"] = "measures.flow names none"
-    one_kind = len(used) == 0 or bool(np.all(used == used[0]))
-    if one_kind:
-        left_out["table of coefficients"] = "all contacts share one set"
-    return Features(
-        contact=ContactFeatures(
-            normal=normal,
-            tangential=tangential,
-            rolling=rolling,
-            torsion=bool(rolling and scene.contact.torsion),
-            spins=spins,
-            materials=len(names),
-            table=not one_kind,
-            gap=law_gap(scene, largest),
-        ),
-        frame=FrameFeatures(
-            rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)
-        ),
-        walls=WallFeatures(
-            meshes=sum(w.mesh is not None for w in scene.walls),
-            planes=sum(w.plane is not None for w in scene.walls),
-            moving=moving,
-            revolutions=sum(w.cylinder is not None or w.cone is not None for w in scene.walls),
-            spheres=sum(w.sphere is not None for w in scene.walls),
-            images=images,
-            conveying=any(w.surface_velocity is not None for w in scene.walls),
-            dynamic=sum(w.servo is not None for w in scene.walls),
-        ),
-        domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
-        backend=BackendFeatures(
-            integrator=scene.engine.integrator, lanes=lanes, precision=scene.engine.precision, resident=resident
-        ),
-        measures=MeasureFeatures(
-            orientation=orientation,
-            energy=scene.measures.energy,
-            momentum=scene.measures.momentum,
-            scene_walls=len(scene.walls) if scene.measures.energy else 0,
-            flows=len(scene.measures.flow),
-            observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
-        ),
-        fields=fields,
-        user_files=tuple(digest(name) for name in chosen if is_file(name)),
-        left_out=left_out,
-    )

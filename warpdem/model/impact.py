@@ -15,7 +15,8 @@ import numpy as np
 
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.normal_law import NORMAL_CAP
-from warpdem.scene.models import model, using
+from warpdem.scene.models import model
+from warpdem.scene.user_models import using
 
 PHASES = 32  # instants within a step at which a contact may begin
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)

@@ -8,8 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from warpdem.model.choose_features import SIMD_LANES
 from warpdem.model.compiled import no_lanes
-from warpdem.model.features import SIMD_LANES, Features
+from warpdem.model.features import Features
 
 WIDE_LANES = 8  # eight doubles fill an AVX-512 register
 IN_CACHE = 30_000

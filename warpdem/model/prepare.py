@@ -11,10 +11,12 @@ from warpdem.filling.initial_grains import InitialGrains, concatenated, load_gra
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import domain, needs, time_step
+from warpdem.model.choose_features import WARP_LANES, choose_features
+from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
 from warpdem.model.dynamic_walls import complete_dynamic_walls
-from warpdem.model.features import WARP_LANES, Features, choose_features, coefficient_table
+from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.model import Model
 from warpdem.model.past import Past

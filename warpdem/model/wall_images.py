@@ -16,8 +16,8 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.model.coefficients import law_gap
 from warpdem.model.domain import AXES, Domain
-from warpdem.model.features import law_gap
 from warpdem.model.schedule import Schedule
 from warpdem.scene.model import Scene
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Revolved, Sphere

@@ -52,8 +52,9 @@ CONTACT_ARRAYS = (
     ResultArray("friction_force", "friction force", "N", "friction_force"),
     ResultArray("overlap", "overlap", "m", "overlap"),
     ResultArray("sliding", "sliding", "", "sliding"),
+    ResultArray("damping_force", "damping force", "N", "damping_force"),
 )
-"""Arrays of the contact network."""
+"""Arrays of the contact network; its elastic force is the force without the damping force."""
 TRIANGLE_ARRAYS = (
     ResultArray("force", "force", "N", "triangle_force"),
     ResultArray("pressure", "pressure", "Pa", "pressure"),

@@ -61,6 +61,11 @@ class HistoryWriter:
         except OSError as error:
             raise not_written(self._path, error) from error
 
+    @property
+    def earlier(self) -> list[list[float]]:
+        """Rows of the earlier run that is resumed."""
+        return [[float(value) for value in row] for row in self._earlier]
+
     def _open(self, first: float) -> TextIO:
         kept = [row for row in self._earlier if float(row[0]) < first]
         with replaced(self._path) as part, open(part, "w", newline="", encoding="utf-8") as file:

@@ -9,6 +9,7 @@ from warpdem.scene.base import Problem, file_system_name
 from warpdem.scene.borders import Borders, Outlet
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
+from warpdem.scene.selection import selection_problems
 from warpdem.scene.start import Start
 from warpdem.scene.walls import Wall
 
@@ -94,17 +95,41 @@ def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], border
                 yield ("streams", i, "box", "max", k), stream.box.max[k], f"is above borders.{axis}.max = {border.max:g} m"
 
 
-def measure_problems(measures: Measures, integrator: str) -> Iterator[Problem]:
-    """Measures that the integrator cannot make, and names given twice."""
+def measure_problems(
+    measures: Measures, integrator: str, groups: list[str] | None, materials: list[str]
+) -> Iterator[Problem]:
+    """Measures that the integrator cannot make, names given twice, and groups and materials that are not there.
+
+    Args:
+        measures: of the scene.
+        integrator: its name.
+        groups: names of the scene's groups; None where they are not known yet.
+        materials: names of its materials.
+    """
     for key in ("energy", "momentum"):
         if getattr(measures, key) and integrator != "exact_drift":
             yield ("measures", key), True, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
     stages = len(models.model("integrator", integrator).STAGES)
     if measures.flow and stages > 1:
         yield ("measures", "flow"), None, f'not with engine.integrator = "{integrator}", whose steps have stages'
-    for key in ("flow", "regions", "mixing"):
+    for key in ("flow", "regions", "profiles", "mixing"):
         names = [part.name for part in getattr(measures, key)]
         for i, name in enumerate(names):
             if name in names[:i]:
                 reason = f"measures.{key}[{names.index(name)}] has this name too: names must differ"
                 yield ("measures", key, i, "name"), name, reason
+    yield from class_problems(measures, groups, materials)
+    given = {region.name for region in measures.regions}
+    for i, profile in enumerate(measures.profiles):
+        for region in profile.regions:
+            if region.name in given:
+                reason = f'its slice "{region.name}" has the name of a region: names must differ'
+                yield ("measures", "profiles", i, "name"), profile.name, reason
+            given.add(region.name)
+
+
+def class_problems(measures: Measures, groups: list[str] | None, materials: list[str]) -> Iterator[Problem]:
+    """Groups and materials that measures select and that are not there; arguments as of ``measure_problems``."""
+    for key, word in (("flow", "of"), ("regions", "of"), ("profiles", "of"), ("mixing", "first")):
+        for i, part in enumerate(getattr(measures, key)):
+            yield from selection_problems(("measures", key, i, word), getattr(part, word), groups, materials)

@@ -8,11 +8,12 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, create_model, mod
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
-from warpdem.scene import models
+from warpdem.scene import models, pair_keys
 from warpdem.scene.base import FileName, Problem, SceneModel, validation_error
 from warpdem.scene.messages import unknown_key
 from warpdem.scene.model_names import ModelName, user_model
 from warpdem.scene.units import Quantity
+from warpdem.scene.user_models import LAWS, is_file
 
 
 class Material(SceneModel):
@@ -75,24 +76,24 @@ class Pair(SceneModel):
         """The same with the keys that contact laws declare."""
         fields: dict[str, Any] = {}
         for key, entry in keys.items():
-            number = Annotated[float, models.quantity(entry)]
+            number = Annotated[float, pair_keys.quantity(entry)]
             fields[key] = (number if entry.default is not None else number | None, Field(entry.default, description=entry.text))
         return create_model("Pair", __base__=cls, __doc__=cls.__doc__, **fields)
 
 
 if not TYPE_CHECKING:
-    Pair = Pair.with_keys({key: entry for key, (entry, _) in models.pair_keys().items()})
+    Pair = Pair.with_keys({key: entry for key, (entry, _) in pair_keys.of_package().items()})
 
 
 def own_pair_keys(known: Mapping[str, Any]) -> dict[str, PairKey] | None:
     """Keys of ``[[pairs]]`` that laws of the user declare; None if one of them cannot be loaded."""
     if "contact" not in known:
         return None
-    named = [(role, getattr(known["contact"], role)) for role in models.LAWS]
+    named = [(role, getattr(known["contact"], role)) for role in LAWS]
     found: dict[str, PairKey] = {}
     for role, name in named:
         try:
-            found |= columns.pair_keys(user_model(role, name, known)) if models.is_file(name) else {}
+            found |= columns.pair_keys(user_model(role, name, known)) if is_file(name) else {}
         except SceneError:
             return None
     return found
@@ -140,7 +141,7 @@ def with_own_keys(pairs: list[Pair], known: Mapping[str, Any], root: type[BaseMo
                 problems.append(((i, key), value, text))
                 continue
             try:
-                values[key] = models.quantity(own[key]).validate(value)
+                values[key] = pair_keys.quantity(own[key]).validate(value)
             except ValueError as error:
                 problems.append(((i, key), value, str(error)))
         for key, entry in own.items():

@@ -8,11 +8,12 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
-from warpdem.scene import models
+from warpdem.scene import models, pair_keys
 from warpdem.scene.base import Problem
 from warpdem.scene.checks import quoted
 from warpdem.scene.contact import Contact, Material, Pair
 from warpdem.scene.model_names import user_model
+from warpdem.scene.user_models import is_file
 
 
 def pair_problems(
@@ -55,8 +56,8 @@ def law_problems(contact: Contact, pairs: Sequence[Pair]) -> Iterator[Problem]:
         def problem(key: str, text: str, i: int = i, pair: Pair = pair) -> Problem:
             return ("pairs", i, key), getattr(pair, key), text
 
-        for key, (entry, laws) in models.pair_keys().items():
-            if any(models.is_file(getattr(contact, role)) for role, _ in laws):
+        for key, (entry, laws) in pair_keys.of_package().items():
+            if any(is_file(getattr(contact, role)) for role, _ in laws):
                 continue  # a law of the user may read any key
             role, name = next(((r, n) for r, n in laws if getattr(contact, r) == n), laws[0])
             reads, least = getattr(contact, role) == name, "> 0" if entry.positive else ">= 0"
@@ -79,7 +80,7 @@ def own_law_problems(
     """Files of the user that are no contact law, or that fail for the scene's coefficients. ``known``: its base and access."""
     for role in ("normal", "tangential", "rolling"):
         name = getattr(contact, role)
-        if not models.is_file(name):
+        if not is_file(name):
             continue
         try:
             module = user_model(role, name, known)

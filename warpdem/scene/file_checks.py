@@ -11,9 +11,10 @@ from warpdem.core.access import Access
 from warpdem.core.key_path import KeyPath
 from warpdem.scene.messages import line
 from warpdem.scene.model import Scene
-from warpdem.scene.models import is_file, located
+from warpdem.scene.models import located
 from warpdem.scene.phases import key_path_in_phase
 from warpdem.scene.read_toml import non_file_type
+from warpdem.scene.user_models import is_file
 
 
 def similar_files(file: Path) -> str:

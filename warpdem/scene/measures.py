@@ -1,11 +1,14 @@
 """Measurements during a run, as scene data."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, StrictBool
+from pydantic import Field, StrictBool, model_validator
 
-from warpdem.scene.base import Direction, Length, Name, Point, SceneModel
+from warpdem.scene.base import Direction, Length, Name, Point, SceneModel, exactly_one
 from warpdem.scene.borders import Box
+from warpdem.scene.selection import Selection
+
+OF = "Which grains count: group, material, diameter = [smallest, largest]. Default all."
 
 
 class FlowPlane(SceneModel):
@@ -20,6 +23,7 @@ class FlowPlane(SceneModel):
     fixed_to: Literal["frame", "laboratory"] = Field(
         "frame", description='What the plane is fixed to: "frame" (default) or "laboratory".'
     )
+    of: Selection | None = Field(None, description=OF)
 
 
 class Region(SceneModel):
@@ -31,17 +35,63 @@ class Region(SceneModel):
         description="Box in frame axes. Grains count by their centres, solid fraction and contact stress by the parts of "
         "spheres and branch vectors in the box. Default: all grains, without the quantities that need a volume.",
     )
+    of: Selection | None = Field(None, description=f"{OF} A selection has no stress.")
+    fabric: StrictBool = Field(
+        False, description="Whether the fabric tensor of the contacts is measured too, default false: six columns."
+    )
+
+
+class Profile(SceneModel):
+    """Slices of a box along an axis, each a region of its own."""
+
+    name: Name = Field(description="Unique name: letters, digits, _ and -; the slices are NAME_0, NAME_1 ...")
+    box: Box = Field(description="Box in frame axes that is divided.")
+    along: Literal["x", "y", "z"] = Field(description="Axis across which it is cut.")
+    slices: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(description="Number of slices, 1 to 1000.")
+    of: Selection | None = Field(None, description=f"{OF} A selection has no stress.")
+    fabric: StrictBool = Field(False, description="As in regions.")
+
+    @property
+    def regions(self) -> list[Region]:
+        """The slices, in ascending order along the axis."""
+        k, box = "xyz".index(self.along), self.box
+        low, high = box.min[k], box.max[k]
+        faces = [low + (high - low) * i / self.slices for i in range(self.slices)] + [high]
+
+        def cut(corner: tuple[float, float, float], face: float) -> tuple[float, float, float]:
+            x, y, z = (face if axis == k else value for axis, value in enumerate(corner))
+            return x, y, z
+
+        return [
+            Region(
+                name=f"{self.name}_{i}",
+                box=Box(min=cut(box.min, faces[i]), max=cut(box.max, faces[i + 1])),
+                of=self.of,
+                fabric=self.fabric,
+            )
+            for i in range(self.slices)
+        ]
 
 
 class Mixing(SceneModel):
     """Mixing of two classes of grains by Lacey's index."""
 
     name: Name = Field(description="Unique name: letters, digits, _ and -.")
-    by: Literal["material", "group", "size", "x", "y", "z"] = Field(
+    by: Literal["material", "group", "size", "x", "y", "z"] | None = Field(
+        None,
         description='Property that defines the two classes: "material" or "group" (the first of the scene against the rest), '
-        '"size" (against the median radius), or "x", "y", "z" (below or above the initial median along a frame axis).',
+        '"size" (against the median radius), or "x", "y", "z" (below or above the initial median along a frame axis); '
+        "or give first.",
+    )
+    first: Selection | None = Field(
+        None, description="Grains of the first class, all others are the second: group, material, diameter. Or by."
     )
     cell: Length = Field(description="Edge of the cubic sample cells [m], > 0; some 3 to 5 grain diameters.")
+
+    @model_validator(mode="after")
+    def _two_classes(self) -> "Mixing":
+        exactly_one(self, "by", "first")
+        return self
 
 
 class Grid(SceneModel):
@@ -75,9 +125,17 @@ class Measures(SceneModel):
         description="Regions in which mass, velocity, granular temperature, coordination number and stress are measured, "
         "default none.",
     )
+    profiles: list[Profile] = Field(
+        [], description="Boxes cut into slices along an axis, in each of which the same is measured, default none."
+    )
     mixing: list[Mixing] = Field([], description="Mixing indices, default none.")
     grid: Grid | None = Field(
         None,
         description="Grid of coarse-grained density, solid fraction, velocity, stress and granular temperature, written with "
         "every frame (VTI with grid.pvd), default none.",
     )
+
+    @property
+    def all_regions(self) -> list[Region]:
+        """The regions, and the slices of the profiles."""
+        return [*self.regions, *(region for profile in self.profiles for region in profile.regions)]

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from warpdem.core.key_path import KeyPath, key_text
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
-from warpdem.scene.models import nearest
 from warpdem.scene.phases import Phase
 
 MAX_PROBLEMS = 7

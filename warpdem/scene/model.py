@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic.json_schema import SkipJsonSchema
 
 from warpdem.core.access import Access
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
 from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
@@ -42,6 +43,7 @@ from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
+from warpdem.scene.parameters import field_values
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
@@ -88,6 +90,10 @@ class Scene(SceneModel):
     notes: SkipJsonSchema[tuple[str, ...]] = Field(
         (), exclude=True, description="Notes on content of the file that the scene does not take over."
     )
+
+    def __repr__(self) -> str:  # str() gives all keys
+        parts = f"materials {', '.join(self.materials)}; walls {', '.join(wall.name for wall in self.walls) or 'none'}"
+        return f"<Scene {self.title!r} of {self.source}: {parts}; {self.time.end:g} s>"
 
     def resolve(self, path: str | Path) -> Path:
         """Path of a file that the scene names: relative ones start from ``base``, ~ is the home folder.
@@ -188,7 +194,7 @@ class Scene(SceneModel):
             except SceneError as error:
                 problems.append(((i, "model"), part.model, str(error)))
                 continue
-            values, found = models.field_values(module, part.parameters)
+            values, found = field_values(module, part.parameters)
             problems += [((i, "parameters", *key_path), value, text) for key_path, value, text in found]
             checked.append(part.model_copy(update={"parameters": values}))
         if problems:
@@ -233,7 +239,9 @@ class Scene(SceneModel):
             *pair_problems(self.pairs, self.materials, of_grains, of_walls),
             *law_problems(self.contact, self.pairs),
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
-            *measure_problems(self.measures, self.engine.integrator),
+            *measure_problems(
+                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials)
+            ),
         ]
         if problems:
             raise validation_error(problems)
@@ -255,7 +263,7 @@ class Scene(SceneModel):
             unknown = [key for key in phase.changes if key not in known]
             if unknown:
                 reason = "a phase cannot change this" if unknown[0] in Scene.model_fields else "unknown key"
-                reason += models.nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
+                reason += nearest(unknown[0], known) or f"; known here: {', '.join(known)}"
                 raise validation_error([(("phases", k, unknown[0]), phase.changes[unknown[0]], reason)])
             present = [entry["name"] for key in ("walls", "outlets") for entry in data.get(key, [])]
             for name in phase.without:

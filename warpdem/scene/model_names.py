@@ -10,8 +10,10 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from warpdem.core.access import Access
+from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
+from warpdem.scene.user_models import is_file
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class ModelName:
             ValueError: No model has this name; the text names the allowed ones.
         """
         known = self._known()
-        if name not in known and not models.is_file(name):
-            raise ValueError(models.allowed(self.role, *self.others) + models.nearest(name, known))
+        if name not in known and not is_file(name):
+            raise ValueError(models.allowed(self.role, *self.others) + nearest(name, known))
         return name
 
     def _known(self) -> list[str]:
@@ -50,7 +52,7 @@ class ModelName:
 def plugin_refusal(name: str, known: Mapping[str, Any]) -> str | None:
     """Reason why a scene may not load a model; None if it may. ``known`` holds the scene's ``base`` and ``access``."""
     access: Access = known.get("access", Access())
-    return access.plugin_refusal(name, known.get("base", Path())) if models.is_file(name) else None
+    return access.plugin_refusal(name, known.get("base", Path())) if is_file(name) else None
 
 
 def user_model(role: str, name: str, known: Mapping[str, Any]) -> ModuleType:

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from warpdem.core.file_names import expanded
-from warpdem.scene import models
+from warpdem.scene import pair_keys
 from warpdem.scene.contact import Pair
 from warpdem.scene.model import Scene
 from warpdem.scene.phases import NOT_IN_A_PHASE
+from warpdem.scene.user_models import LAWS
 
 
 def scene_schema(plugins: Sequence[str | Path] = ()) -> dict[str, Any]:
@@ -29,11 +30,11 @@ def scene_schema(plugins: Sequence[str | Path] = ()) -> dict[str, Any]:
     phase |= {"properties": {**phase["properties"], **parts}, "additionalProperties": False}
     pair = schema["$defs"]["Pair"]
     if plugins:
-        own = {key: entry for file in plugins for key, entry in models.user_pair_keys(str(expanded(file).resolve())).items()}
+        own = {key: entry for file in plugins for key, entry in pair_keys.of_file(str(expanded(file).resolve())).items()}
         pair["properties"] |= Pair.with_keys(own).model_json_schema()["properties"]
     else:
         del pair["additionalProperties"]
-        of_package = {"properties": {role: {"not": {"pattern": r"\.py$"}} for role in models.LAWS}}
+        of_package = {"properties": {role: {"not": {"pattern": r"\.py$"}} for role in LAWS}}
         known = {"propertyNames": {"enum": list(pair["properties"])}}
         schema |= {
             "if": {"properties": {"contact": of_package}},

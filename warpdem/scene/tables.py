@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from warpdem.scene import models
 from warpdem.scene.model import Scene
+from warpdem.scene.user_models import is_file
 
 FILE_KEYS = ("mesh", "file", "usd", "checkpoint")
 """Keys whose values are paths of files."""
@@ -17,7 +17,7 @@ Rename = Callable[[Path], str]
 
 def names_file(key: str, value: Any) -> bool:
     """Whether the value of a key is the path of a file."""
-    return isinstance(value, str) and (key in FILE_KEYS or (key in MODEL_KEYS and models.is_file(value)))
+    return isinstance(value, str) and (key in FILE_KEYS or (key in MODEL_KEYS and is_file(value)))
 
 
 def relative_to(folder: Path) -> Rename:

@@ -105,8 +105,10 @@ class _Writer:
                 listed = name.removeprefix("dem:")
                 wanted = [str(entry.get("name", f"{key}_{i}")) for i, entry in enumerate(value)]
                 self.entries(value, listed, unused_paths(str(prim.GetPath()), wanted))
-            elif key == "material" and value in self.materials:
+            elif key == "material" and value in self.materials and prefix == "dem":
                 self.bind(prim, value)
+            elif key == "material" and value in self.materials:  # of a nested table: not what the prim is made of
+                prim.CreateRelationship(name).SetTargets([self.materials[value]])
             elif key == "materials" and set(value) <= self.materials.keys():
                 prim.CreateRelationship(name).SetTargets([self.materials[material] for material in value])
             else:

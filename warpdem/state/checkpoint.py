@@ -1,41 +1,25 @@
 """Save and resume: a resumed run equals the uninterrupted one bit for bit.
 
-HDF5, float64, written beside its place and moved over it. It holds the moving state, and of every contact the memory and
-the forces of the present instant, keyed by grain ids and walls; lists are rebuilt, which changes no bit of the result.
-What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
-Arrays are brought in order and written block by block (``blocks``): saving takes little memory beside that of the run.
+A checkpoint holds the moving state, and of every contact the history and the forces of the present time, keyed by grain ids
+and walls; lists are rebuilt, which changes no bit of the result. How it lies in its file: ``checkpoint_file``; which scene may
+go on with it: ``same_scene``.
 """
 
-import hashlib
 import json
-import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-import h5py
 import numpy as np
 
-from warpdem.core.access import Access, access_of_file
-from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
-from warpdem.scene.model import Scene
-from warpdem.state import contact_history
-from warpdem.state.blocks import FileSink, Rows, each_block
+from warpdem.state import checkpoint_file, contact_history
+from warpdem.state.blocks import Rows
+from warpdem.state.same_scene import refuse_other
 from warpdem.state.view import RunView
 
 if TYPE_CHECKING:
     from warpdem.engine.neighbor_list import NeighborLists
-
-FORMAT = "warpdem checkpoint 4"
-MAY_CHANGE = {
-    "output.checkpoint_interval", "output.checkpoint_wall_time", "output.picture", "engine.skin", "engine.guards",
-    "engine.max_overlap", "start.checkpoint",
-}  # fmt: skip
-"""Keys of a scene that change no bit of a state or a frame: a run may go on with others. A start's contents count, not its
-place."""
-
 
 class Part(Protocol):
     """A part of a run that a checkpoint holds."""
@@ -115,11 +99,7 @@ def save(run: Run, path: str | Path) -> None:
         "budget": view.totals.state() if view.totals is not None else None,
         "guards": run.guards.state(),
     }
-    with replaced(Path(path)) as part, open(part, "w+b", buffering=0) as file:
-        sink = FileSink(file)
-        _write(sink, view.model.given.json, json.dumps(about), arrays)
-        sink.raise_failure()
-        os.fsync(file.fileno())
+    checkpoint_file.write(Path(path), view.model.given.json, json.dumps(about), arrays)
 
 
 def _about(view: RunView) -> dict[str, Any]:
@@ -189,111 +169,6 @@ def _places(view: RunView) -> dict[str, Any]:
     }
 
 
-def _write(sink: FileSink, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:
-    """Write the file."""
-    digest = hashlib.sha256((scene + about).encode())
-    with h5py.File(sink, "w") as file:
-        file.attrs["format"], file.attrs["scene"], file.attrs["about"] = FORMAT, scene, about
-        for name in sorted(arrays):
-            values = arrays[name]
-            digest.update(_head(name, values))
-            data = file.create_dataset(name, shape=values.shape, dtype=values.dtype)
-            for part, block in each_block(values):
-                digest.update(_bytes(block))
-                data[part] = block
-        file.attrs["digest"] = digest.hexdigest()
-
-
-def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
-    """SHA-256 of all that a checkpoint holds."""
-    digest = hashlib.sha256(text.encode())
-    for name in sorted(arrays):
-        digest.update(_head(name, arrays[name]))
-        digest.update(_bytes(arrays[name]))
-    return digest.hexdigest()
-
-
-def _head(name: str, values: Rows | np.ndarray) -> bytes:
-    """What the digest takes of an array before its numbers."""
-    return f"{name} {values.dtype.str} {tuple(values.shape)}".encode()
-
-
-def _bytes(values: np.ndarray) -> memoryview:
-    """The numbers of an array as the digest takes them, without a copy where they lie side by side."""
-    return np.ascontiguousarray(values).reshape(-1).data
-
-
-def read(path: str | Path) -> dict[str, Any]:
-    """Contents of a checkpoint: its arrays, and what ``about`` holds.
-
-    Raises:
-        SceneError: if it is missing, damaged, or not a checkpoint of this version.
-    """
-    path = Path(path)
-    if not path.exists():
-        raise SceneError(f"{path}: no checkpoint there")
-    try:
-        with h5py.File(path, "r") as file:
-            found = file.attrs.get("format")
-            if found != FORMAT:
-                known = isinstance(found, str) and found.startswith("warpdem checkpoint")
-                what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
-                raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
-            for name in file:
-                _require_stored(file, name, path.stat().st_size)
-            scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
-            arrays = {name: file[name][()] for name in file}
-            if digest != _digest(scene + about, arrays):
-                raise SceneError(f"{path}: damaged: its content is not what was written")
-            return {**arrays, **json.loads(about), "scene": json.loads(scene), "path": path}
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
-        raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
-
-
-def _require_stored(file: h5py.File, name: str, size: int) -> None:
-    """Refuse an array that claims more than its file of ``size`` bytes holds, or that lies in another file.
-
-    Raises:
-        ValueError: it does.
-    """
-    link, held = file.get(name, getlink=True), None
-    if isinstance(link, h5py.HardLink):
-        held = file[name]
-    if not isinstance(held, h5py.Dataset) or held.is_virtual or held.external:
-        raise ValueError(f"{name} is no array in this file")
-    if held.nbytes > size:
-        raise ValueError(f"{name} claims {held.nbytes} bytes in a file of {size}")
-
-
-def scene_of(data: dict[str, Any], plugins: Sequence[str | Path] = ()) -> Scene:
-    """The scene that a checkpoint belongs to; it loads code from no other files than ``plugins``."""
-    from warpdem.scene.file import scene_from_dict
-
-    access = Access(plugins=access_of_file(Path(), plugins=plugins).plugins)
-    return scene_from_dict(data["scene"], data["base"], data["source"], access)
-
-
-def refuse_other(data: dict[str, Any], scene: Scene, files: dict[str, str], scene_hash: str) -> None:
-    """Refuse to go on with another scene than that of a checkpoint, or the same with other files.
-
-    Args:
-        data: the checkpoint, as ``read`` gives it.
-        scene: validated scene.
-        files: its ``model.digests.file_digests``.
-        scene_hash: its ``model.digests.scene_hash``.
-
-    Raises:
-        SceneError: with the keys that differ, unless all are among `MAY_CHANGE`.
-    """
-    if data["scene_hash"] == scene_hash:
-        return
-    changed = _changed(data["scene"], scene.model_dump(mode="json"))
-    keys = [key for key in changed if key not in MAY_CHANGE]
-    named = [place for place in {**data["files"], **files} if data["files"].get(place) != files.get(place)]
-    if keys or named or not changed:
-        raise SceneError(f"{data['path']}: belongs to another scene than {scene.source}: {_told(keys, named)}")
-
-
 def _check(view: RunView, data: dict[str, Any]) -> None:
     """Refuse what another scene was run to, or at another time step."""
     given, dt = view.model.given, view.clock.dt
@@ -302,31 +177,6 @@ def _check(view: RunView, data: dict[str, Any]) -> None:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {dt!r} s; nothing was changed"
         )
-
-
-def _changed(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """Keys whose values differ, those of tables that both have one by one: output.interval."""
-    out = []
-    for key in {**here, **there}:
-        old, new = there.get(key), here.get(key)
-        if old != new:
-            if isinstance(old, dict) and isinstance(new, dict):
-                out += [f"{key}.{inner}" for inner in _changed(old, new)]
-            else:
-                out.append(key)
-    return out
-
-
-def _told(keys: list[str], files: list[str]) -> str:
-    """What differs between the scene of a checkpoint and that of the run, and the remedy."""
-    if not keys:
-        return f"other contents of the file of {', '.join(files)}; nothing was changed"
-    said = f"other values of {', '.join(keys)}; nothing was changed; repeat the same --set options, if any were given"
-    if any(key.startswith("output.") for key in keys):
-        said += "; what is written, and how often, is the same in all of a run: the part before is there already"
-    if "time.end" in keys:
-        said += "; to end at another time, keep time.end and say --until"
-    return said
 
 
 def restore(run: Run, data: dict[str, Any]) -> None:

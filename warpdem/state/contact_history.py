@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, VECTORS, Columns
-from warpdem.kernels.contact.dissipation import ENTRY
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
@@ -41,7 +40,8 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
         none |= {"pair_memory": np.zeros((0, max(springs, 1)))}
         none |= {f"pair_share_{side}": np.zeros((0, force_width)) for side in "ij"}
         none |= {f"pair_own_{name}": np.zeros(0) for name in own}
-        return none | ({f"pair_entry_{side}": np.zeros((0, ENTRY)) for side in "ij"} if features.measures.energy else {})
+        entries = {f"pair_entry_{side}": np.zeros((0, features.measures.entry_width)) for side in "ij"}
+        return none | (entries if features.measures.energy else {})
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
     assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
     lane, ids, history = contacts.real_lanes(), view.state.id.numpy(), contacts.history.numpy()

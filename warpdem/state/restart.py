@@ -20,13 +20,15 @@ from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
 from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
 from warpdem.model.past import Past
+from warpdem.scene.checks import class_problems
+from warpdem.scene.messages import line, report
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
-from warpdem.state import checkpoint, contact_history
+from warpdem.state import checkpoint_file, contact_history
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
@@ -59,7 +61,7 @@ def read(scene: Scene) -> Past:
     """
     key = f"{scene.source}: start.checkpoint"
     try:
-        data = checkpoint.read(scene.resolve(_start(scene).checkpoint))
+        data = checkpoint_file.read(scene.resolve(_start(scene).checkpoint))
     except SceneError as error:
         raise SceneError(f"{key}: {error}") from None
     names = list(data["scene"]["materials"])
@@ -74,6 +76,8 @@ def read(scene: Scene) -> Past:
     redrawn = _redrawn(scene, data)
     said = _notes_on_walls(scene, data, redrawn)
     scene = _going_on(scene, data, redrawn)
+    if unknown := [line(*one) for one in class_problems(scene.measures, scene.groups, list(scene.materials))]:
+        raise SceneError(report(scene.source, unknown))
     grains = _grains(scene, data, [list(scene.materials).index(name) if name in scene.materials else -1 for name in names])
     memory, notes = _memory(scene, data, redrawn)
     if "orientation" in data:

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from warpdem import SceneError, Simulation
+from warpdem.guards.energy import driven
+from warpdem.measure import measures
+from warpdem.model import compiled
 from warpdem.scene.file import scene_from_dict
 from warpdem.state import restart
 
@@ -87,6 +90,78 @@ def test_without_a_touch_there_is_no_bridge_and_energy_is_kept_while_there_is_on
     assert sum(sim.energy().values()) == pytest.approx(first, rel=1e-3)
 
 
+def meeting(folder, step, **keywords):
+    """A grain that meets a grain and one that meets a floor, with the energies that they have and lose added up."""
+    grains = {
+        "positions": [[0, 0, 0.1], [2.004 * RADIUS, 0, 0.1], [0.1, 0, 1.004 * RADIUS]],
+        "velocities": [[0.05, 0, 0], [-0.05, 0, 0], [0, 0, -0.12]],
+    }
+    changes = {
+        "grains": [{"material": "g", "radius": RADIUS, **grains}],
+        "measures": {"energy": True},
+        "time": {"end": 1.0, "step": step, "max_speed": 1e-3},
+    }
+    return simulation(folder, changes, **keywords)
+
+
+def test_energy_closes_over_bridges_that_form_and_break(folder):
+    errors = []
+    for step in (8e-6, 4e-6, 2e-6):
+        sim = meeting(folder, step)
+        motion, worst = sim.energy()["kinetic"], 0.0
+        for _ in range(30):
+            sim.step(round(1.6e-4 / step))
+            worst = max(worst, abs(sim.budget.energy()["integration_error"]) / motion)
+        errors.append(worst)
+    budget = sim.budget.energy()
+    assert sim.contacts().own["joined"].sum() == 0.0
+    # what a bridge holds is lost when it forms: F_b s R*
+    lost = PULL * LONGEST * ((0.5 * RADIUS) ** 2 + RADIUS**2)
+    assert budget["dissipated_liquid"] == pytest.approx(lost, rel=1e-12)
+    assert motion - sim.energy()["kinetic"] == pytest.approx(lost, rel=4 * errors[-1])
+    assert errors[-1] < 1e-3
+    assert errors[0] > 4 * errors[-1]
+
+
+def test_losses_are_the_same_bits_in_the_graph_and_after_a_resume(folder, tmp_path):
+    whole, graph, cut = meeting(folder, 8e-6), meeting(folder, 8e-6, resident=True), meeting(folder, 8e-6)
+    for sim in (whole, graph):
+        sim.step(400)
+    cut.step(150)
+    cut.save_checkpoint(tmp_path / "saved.h5")
+    again = Simulation.from_checkpoint(tmp_path / "saved.h5", device="cpu", threads=1, plugins=[folder / "bridge.py"])
+    again.step(250)
+    assert whole.budget.energy()["dissipated_liquid"] > 0.0
+    assert graph.budget.energy() == whole.budget.energy() == again.budget.energy()
+    assert graph.state_hash() == whole.state_hash() == again.state_hash()
+
+
+def test_what_a_law_loses_is_a_column_of_the_history(folder):
+    scene = scene_from_dict(data(measures={"energy": True}), folder)
+    names = [column.header for column in measures.columns(scene)]
+    assert "dissipated_liquid [J]" in names
+    assert not any("adhesion" in name or "plasticity" in name for name in names)
+
+
+def test_a_law_that_attracts_may_be_watched(folder):
+    """Two grains that a bridge holds together swing for ever, their energy negative: that is no alarm."""
+    near = {"positions": [[0, 0, 0.1], [2 * RADIUS - 1e-8, 0, 0.1]]}
+    changes = {"grains": [{"material": "g", "radius": RADIUS, **near}], "walls": []}
+    sim = simulation(folder, changes)
+    assert not driven(sim.model)
+    lowest = 0.0
+    for _ in range(60):
+        sim.step(40)
+        lowest = min(lowest, sum(sim.energy().values()))
+        sim.guards.look()
+    assert lowest < 0.0
+    assert not sim.noticed
+
+
+def test_the_law_is_evaluated_in_lanes(folder):
+    assert not compiled.no_lanes(meeting(folder, 8e-6).plan)
+
+
 def test_the_history_survives_a_checkpoint_and_a_new_start(folder, tmp_path):
     whole = simulation(folder)
     whole.step(150)
@@ -148,6 +223,9 @@ def test_keys_of_a_law_have_defaults_and_are_refused_without_the_law(folder):
         ('"J/m2", None', '"J/furlong", None', "PAIR['tension']: unit 'J/furlong' is not known"),
         ('("J/m2", None, "Surface tension g of the liquid [J/m2], >= 0.")', '"J/m2"', "PAIR['tension'] = 'J/m2': must be"),
         ("pair.tension, pair.longest\n", "pair.tension\n", "four finite numbers and pull, longest are needed"),
+        ('LOSSES = ("liquid",)', 'LOSSES = ("heat",)', "LOSSES = ('heat',): must be a tuple of some of \"adhesion\", "),
+        ('LOSSES = ("liquid",)', 'LOSSES = ("liquid", "liquid")', "each once"),
+        ('LOSSES = ("liquid",)', 'LOSSES = "liquid"', "LOSSES = 'liquid': must be a tuple"),
     ],
 )
 def test_a_law_that_cannot_be_laid_out_is_refused(folder, tmp_path, old, new, words):

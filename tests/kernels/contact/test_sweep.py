@@ -16,7 +16,8 @@ from warpdem.kernels.tangential import mindlin, mindlin_displacement
 from lane_probes import assert_same_bits
 from switches import switched
 from warpdem import Simulation
-from warpdem.model import compiled, features, lanes
+from warpdem.model import compiled, lanes
+from warpdem.model.choose_features import choose_features
 from warpdem.scene.file import scene_from_dict
 
 REALS = {"double": wp.float64, "single": wp.float32}
@@ -176,7 +177,7 @@ def folder(tmp_path):
 
 
 def run(of, monkeypatch, lanes: int, threads: int = 1) -> Simulation:
-    chosen = features.choose_features
+    chosen = choose_features
     monkeypatch.setattr(
         "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
     )

@@ -1,0 +1,115 @@
+"""The file of a checkpoint: HDF5, float64.
+
+What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
+Arrays are brought in order and written block by block (``blocks``): saving takes little memory beside that of the run.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from warpdem.core.atomic_file import replaced
+from warpdem.errors import SceneError
+from warpdem.state.blocks import FileSink, Rows, each_block
+
+FORMAT = "warpdem checkpoint 4"
+
+
+def write(path: Path, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:
+    """Write a checkpoint beside ``path`` and move it there.
+
+    Args:
+        path: the file.
+        scene: the scene, as JSON.
+        about: all else that is no array, as JSON.
+        arrays: the arrays by name.
+
+    Raises:
+        OutputError: if the file cannot be written; an older one is as it was.
+    """
+    with replaced(path) as part, open(part, "w+b", buffering=0) as file:
+        sink = FileSink(file)
+        _write(sink, scene, about, arrays)
+        sink.raise_failure()
+        os.fsync(file.fileno())
+
+
+def _write(sink: FileSink, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:
+    """Write the HDF5 file to ``sink``."""
+    digest = hashlib.sha256((scene + about).encode())
+    with h5py.File(sink, "w") as file:
+        file.attrs["format"], file.attrs["scene"], file.attrs["about"] = FORMAT, scene, about
+        for name in sorted(arrays):
+            values = arrays[name]
+            digest.update(_head(name, values))
+            data = file.create_dataset(name, shape=values.shape, dtype=values.dtype)
+            for part, block in each_block(values):
+                digest.update(_bytes(block))
+                data[part] = block
+        file.attrs["digest"] = digest.hexdigest()
+
+
+def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
+    """SHA-256 of all that a checkpoint holds."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        digest.update(_head(name, arrays[name]))
+        digest.update(_bytes(arrays[name]))
+    return digest.hexdigest()
+
+
+def _head(name: str, values: Rows | np.ndarray) -> bytes:
+    """What the digest takes of an array before its numbers."""
+    return f"{name} {values.dtype.str} {tuple(values.shape)}".encode()
+
+
+def _bytes(values: np.ndarray) -> memoryview:
+    """The numbers of an array as the digest takes them, without a copy where they lie side by side."""
+    return np.ascontiguousarray(values).reshape(-1).data
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """Contents of a checkpoint: its arrays, and what ``about`` holds.
+
+    Raises:
+        SceneError: if it is missing, damaged, or not a checkpoint of this version.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise SceneError(f"{path}: no checkpoint there")
+    try:
+        with h5py.File(path, "r") as file:
+            found = file.attrs.get("format")
+            if found != FORMAT:
+                known = isinstance(found, str) and found.startswith("warpdem checkpoint")
+                what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
+                raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
+            for name in file:
+                _require_stored(file, name, path.stat().st_size)
+            scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
+            arrays = {name: file[name][()] for name in file}
+            if digest != _digest(scene + about, arrays):
+                raise SceneError(f"{path}: damaged: its content is not what was written")
+            return {**arrays, **json.loads(about), "scene": json.loads(scene), "path": path}
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
+        raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
+
+
+def _require_stored(file: h5py.File, name: str, size: int) -> None:
+    """Refuse an array that claims more than its file of ``size`` bytes holds, or that lies in another file.
+
+    Raises:
+        ValueError: it does.
+    """
+    link, held = file.get(name, getlink=True), None
+    if isinstance(link, h5py.HardLink):
+        held = file[name]
+    if not isinstance(held, h5py.Dataset) or held.is_virtual or held.external:
+        raise ValueError(f"{name} is no array in this file")
+    if held.nbytes > size:
+        raise ValueError(f"{name} claims {held.nbytes} bytes in a file of {size}")
