@@ -360,3 +360,17 @@ def test_across_periodic_borders_a_servo_presses_as_between_none():
         sim.step(3000)
     np.testing.assert_array_equal(*(sim.particles.position for sim in sims))
     assert servo_of(sims[1]).value("position") > 1e-6
+
+
+def test_regions_follow_a_servo_but_those_of_the_laboratory_do_not():
+    """In a lifted frame: an outlet that the lid carries, and one that is at rest in the laboratory as the lid once was."""
+    lid = LID | {"fixed_to": "laboratory", "servo": {"axis": [0, 0, -1], "force": 0.01, "max_speed": 0.05}}
+    box = {"box": {"min": [1, 0, 0], "max": [2, 1, 1]}}
+    outlets = [{"name": "a", "follows": "lid", **box}, {"name": "b", "fixed_to": "laboratory", **box}]
+    sim = run(scene(COLUMN, lid, outlets=outlets, frame={"velocity": [0, 0, 0.1]}))
+    sim.step(200)
+    down = [
+        sim.schedule.placement(sim.schedule.motion_of(outlet), sim.time)[11] + 0.1 * sim.time for outlet in sim.scene.outlets
+    ]
+    assert down == pytest.approx([-servo_of(sim).value("position"), 0.0], abs=1e-15)
+    assert abs(down[0]) > 1e-6  # the floor pushes it up

@@ -90,7 +90,9 @@ class Simulation(RecordedRun):
         self.notes += self.streams.notes
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
-        self.live = RunView(model, self.state, self._clock, self.engine, totals, self.lists.view, self.threads)
+        self.live = RunView(
+            model, self.state, self._clock, self.engine, totals, self.lists.view, self.left, self.threads
+        )
         self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
         self.lists.watch_travel = self.guards.check_travel
         if totals is not None:

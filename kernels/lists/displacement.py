@@ -17,6 +17,8 @@ from warpdem.kernels.step.schedule import Placement, local, wall_velocity
 INNER_HALF, INNER, OUTER_HALF, OUTER, OFF_PATH, IN_OUTLET, CROSSED, NOT_FINITE, FAST = (1 << bit for bit in range(9))
 """What ``check_lists`` finds of a grain, added up: beyond half of what the inner list allows, and all of it; the same of the
 outer list; off its path (``flight``); in an outlet; across a whole periodic domain; not finite; fast beside a mesh."""
+OUTLET_NUMBER = 9
+"""Bit from which on the number of the outlet stands that a grain is in."""
 OUT_OF_DATE = OUTER | OFF_PATH
 """With it the outer list must be built again."""
 FOR_THE_HOST = IN_OUTLET | CROSSED | NOT_FINITE | FAST
@@ -104,8 +106,9 @@ def build(travel, border, Control, *, spins: bool, moving: int, stages: int, lea
                         found = found | wp.static(OUTER_HALF)
                     if not (square <= left * left):
                         found = found | wp.static(OUTER)
-            if travel.outlet_of(q, control.outlet) >= 0:
-                found = found | wp.static(IN_OUTLET)
+            number = travel.outlet_of(q, control.outlet, control.placement, row)
+            if number >= 0:
+                found = found | wp.static(IN_OUTLET) | (number << wp.static(OUTLET_NUMBER))
             if border.crossed(q):
                 found = found | wp.static(CROSSED)
             if not (wp.isfinite(q[0]) and wp.isfinite(q[1]) and wp.isfinite(q[2])):

@@ -9,6 +9,7 @@
     runge_kutta    what ``integrator/rk2`` and ``integrator/rk4`` share
     orientation    rotation of grains
     border         periodic images
+    region         which of the regions, in which grains leave, a place is in
     barrier        where the CPU threads meet between phases
     clock          conditions and counters of a batch of steps
 

@@ -19,7 +19,8 @@ from warpdem.kernels.measure.budget import Momenta, energies_type
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step.barrier import meet
 from warpdem.kernels.step.dynamic_walls import DynamicWalls
-from warpdem.kernels.step.motion import LEFT, Box
+from warpdem.kernels.step.motion import LEFT
+from warpdem.kernels.step.region import Regions
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
 from warpdem.kernels.wall.surface import Surface
 
@@ -118,7 +119,7 @@ def build(
         field: wp.array(dtype=Numbers)  # numbers of each external field
         placement: wp.array2d(dtype=Placement)
         origin: wp.array(dtype=wp.int32)  # step that the first row belongs to
-        outlet: wp.array(dtype=Box)  # where grains leave
+        outlet: Regions  # where grains leave
         removes_in_step: wp.array(dtype=wp.int32)  # per outlet: 1 if the step itself removes a grain in it, 0 if the host does
         removed: wp.array(dtype=wp.int32)  # [1]: 1 when a step of this batch of steps removed a grain
         plane: wp.array(dtype=Plane)  # where their flow is measured
@@ -263,7 +264,9 @@ def build(
         It keeps its slot in the lists and touches nothing there. The host counts it at the end of the batch of steps.
         """
         state = grains.record[i]
-        number = travel.outlet_of(g.position(state), control.outlet)
+        number = travel.outlet_of(
+            g.position(state), control.outlet, control.placement, (s + 2) * wp.static(stages)
+        )
         if control.removes_in_step[number] == 0:
             return False
         grains.record[i] = g.removed(state, i)

@@ -13,6 +13,7 @@ from warpdem.kernels import Built, grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.step.region import Regions
 from warpdem.kernels.step.schedule import (
     FrameRow,
     Placement,
@@ -27,7 +28,6 @@ from warpdem.kernels.step.schedule import (
 
 BEYOND, LEFT = 1, 2  # what ``travelled`` says of a grain: beyond what the lists allow, in an outlet
 vec6 = wp.types.vector(6, wp.float64)
-Box = wp.types.vector(6, wp.float64)  # lower, then upper corner [m]
 
 
 # Sum over ``row``, number by number in its order: the bits of the plain loop, in two registers (19 -> 14 ns per grain and step)
@@ -142,7 +142,9 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
 
 
 @functools.cache
-def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int):
+def build_travel(
+    border, outlet_of, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int
+):  # fmt: skip
     """Return ``travelled``, what it is made of, and ``outlet_of``.
 
     Neighbor lists hold as long as no grain has moved far in axes common to all grains: those of the frame, or of any wall. So
@@ -151,7 +153,8 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
 
     Args:
         border: periodic images, of ``border.build``.
-        outlets: number of boxes in which a grain has left the domain.
+        outlet_of: number of the region, of those in which a grain has left the domain, that a place is in; of ``region.build``.
+        outlets: number of these regions.
         spins: grains spin.
         moving: number of wall motions relative to the frame (they come first among the placements).
         in_frame: displacements in frame axes count: a wall rests there, or none moves.
@@ -159,17 +162,6 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         stages: force calls per step.
     """
     g = grain.build(spins)
-
-    @wp.func
-    def outlet_of(q: wp.vec3d, outlet: wp.array(dtype=Box)) -> int:
-        """Number of the first outlet that a position [m] is in, -1 in none."""
-        number = int(-1)
-        for e in range(wp.static(outlets)):
-            b = outlet[e]
-            if q[0] >= b[0] and q[1] >= b[1] and q[2] >= b[2] and q[0] < b[3] and q[1] < b[4] and q[2] < b[5]:
-                if number < 0:
-                    number = e
-        return number
 
     @wp.func
     def allowed_displacement(state: g.Record, max_displacement: wp.float64, dt: wp.float64) -> wp.float64:
@@ -215,7 +207,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
         reference: wp.array2d(dtype=wp.vec3d),
         flight: wp.array(dtype=Flight),
         placements: wp.array2d(dtype=Placement),
-        outlet: wp.array(dtype=Box),
+        outlets_at: Regions,
         origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
@@ -234,7 +226,7 @@ def build_travel(border, *, spins: bool, moving: int, in_frame: bool, outlets: i
                 if holds(flight[i], state, now, dt):
                     moved = 0
         if wp.static(outlets > 0):
-            if outlet_of(g.position(state), outlet) >= 0:
+            if outlet_of(g.position(state), outlets_at, placements, next_row) >= 0:
                 moved = moved | wp.static(LEFT)
         return moved
 

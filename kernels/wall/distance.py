@@ -51,6 +51,35 @@ def closest_on_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> w
     return wp.vec3d(va / total, vb / total, vc / total)
 
 
+@wp.func
+def signed_from_face(
+    mesh: wp.uint64, local: wp.vec3, size: wp.float64, x: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d
+):  # fmt: skip
+    """Distance [m] of x from a closed mesh, negative inside, and its gradient [-]; abc is its face closest to x.
+
+    Args:
+        mesh: Search tree in unit coordinates, with winding numbers.
+        local: x in unit coordinates.
+        size: Metres per unit coordinate.
+        x: Point [m].
+        a, b, c: Corners of the closest face [m].
+    """
+    share = closest_on_triangle(x, a, b, c)
+    offset = x - (share[0] * a + share[1] * b + share[2] * c)
+    gradient = wp.normalize(wp.cross(b - a, c - a))
+    distance = wp.length(offset)
+    sign = wp.float64(1.0)
+    if wp.min(share) > wp.float64(0.0):
+        if wp.dot(offset, gradient) < wp.float64(0.0):
+            sign = wp.float64(-1.0)
+    else:
+        sign = wp.float64(wp.mesh_query_point_sign_winding_number(mesh, local, wp.float32(1.0e6)).sign)
+        # a point on the surface itself has no direction of its own: the face's normal stands in
+        if distance > wp.float64(1.0e-12) * size:
+            gradient = offset * (sign / distance)
+    return sign * distance, gradient
+
+
 @wp.kernel(enable_backward=False, module=SHARED_READERS)
 def signed_distance(
     # mesh: search tree in unit coordinates (x - centre) / size, and its true corners [m]
@@ -76,25 +105,11 @@ def signed_distance(
         gradient_out[i] = wp.vec3d()
         return
     corners = triangle[query.face]
-    a = vertex[corners[0]]
-    b = vertex[corners[1]]
-    c = vertex[corners[2]]
-    share = closest_on_triangle(x, a, b, c)
-    offset = x - (share[0] * a + share[1] * b + share[2] * c)
-    normal = wp.normalize(wp.cross(b - a, c - a))
-    distance = wp.length(offset)
-    sign = wp.float64(1.0)
-    if wp.min(share) > wp.float64(0.0):
-        if wp.dot(offset, normal) < wp.float64(0.0):
-            sign = wp.float64(-1.0)
-        gradient_out[i] = normal
-    else:
-        sign = wp.float64(wp.mesh_query_point_sign_winding_number(mesh, local, wp.float32(1.0e6)).sign)
-        gradient_out[i] = normal
-        # a point on the surface itself has no direction of its own: the face's normal stands in
-        if distance > wp.float64(1.0e-12) * size:
-            gradient_out[i] = offset * (sign / distance)
-    distance_out[i] = sign * distance
+    distance, gradient = signed_from_face(
+        mesh, local, size, x, vertex[corners[0]], vertex[corners[1]], vertex[corners[2]]
+    )
+    distance_out[i] = distance
+    gradient_out[i] = gradient
 
 
 @wp.kernel(enable_backward=False, module=SHARED_READERS)

@@ -16,7 +16,6 @@ from warpdem.kernels.step import barrier
 from warpdem.kernels.step import clock as clock_slots
 from warpdem.kernels.step.dynamic_walls import STATE, SUMS, DynamicWalls
 from warpdem.kernels.step.loop import SPAN
-from warpdem.kernels.step.motion import Box
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
@@ -75,7 +74,7 @@ class Batch:
         control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
-        control.outlet = wp.array(model.domain.boxes, dtype=Box, device=device)
+        control.outlet = model.ways_out.on_device(device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
         removes_in_step = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
         control.removes_in_step = wp.array(np.array(removes_in_step, dtype=np.int32), dtype=wp.int32, device=device)

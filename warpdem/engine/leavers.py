@@ -6,8 +6,7 @@ import numpy as np
 
 from warpdem.engine.host_build import Found
 from warpdem.engine.stops import beyond_border, crossed_domain
-from warpdem.kernels import grain
-from warpdem.kernels.lists.displacement import CROSSED, IN_OUTLET
+from warpdem.kernels.lists.displacement import CROSSED, IN_OUTLET, OUTLET_NUMBER
 from warpdem.model.domain import Domain
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -49,7 +48,7 @@ class Leavers:
         if not found.all & IN_OUTLET:
             return np.zeros(0, dtype=np.int64)
         gone = np.flatnonzero(found.of_grain & IN_OUTLET)
-        self._count(gone, self._domain.left_by(state.record.numpy()[gone, grain.POSITION]))
+        self._count(gone, found.of_grain[gone] >> OUTLET_NUMBER)
         self.before_leaving(gone)
         return gone
 

@@ -95,7 +95,7 @@ def choose_features(
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
-    if not len(domain.boxes):
+    if not domain.shapes:
         left_out["borders and outlets"] = "the scene has none"
     for name, on in (("energy", scene.measures.energy), ("momentum", scene.measures.momentum)):
         if not on:
@@ -129,7 +129,9 @@ def choose_features(
             conveying=any(w.surface_velocity is not None for w in scene.walls),
             dynamic=sum(w.servo is not None for w in scene.walls),
         ),
-        domain=DomainFeatures(period=domain.period, lower=domain.lower, outlets=len(domain.boxes)),
+        domain=DomainFeatures(
+            period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed
+        ),
         backend=BackendFeatures(
             integrator=scene.engine.integrator, lanes=lanes, precision=scene.engine.precision, resident=resident
         ),

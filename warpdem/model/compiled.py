@@ -11,7 +11,7 @@ from warpdem.kernels.lists import displacement, flight, inner, neighbors, number
 from warpdem.kernels.measure import budget, flow
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
-from warpdem.kernels.step import border, dynamic_walls, loop, motion, orientation
+from warpdem.kernels.step import border, dynamic_walls, loop, motion, orientation, region
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
@@ -160,8 +160,8 @@ def _built(features: Features) -> Built:
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
     travel = motion.build_travel(
-        images, **spins, moving=walls.moving, in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0,
-        stages=stages,
+        images, region.build(count=domain.outlets, kinds=domain.kinds, placed=domain.placed), **spins, moving=walls.moving,
+        in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0, stages=stages,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts) if walls.dynamic else None
     step = loop.build(

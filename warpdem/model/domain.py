@@ -8,10 +8,13 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.packing_neighbors import worst_overlaps
+from warpdem.kernels.step.region import BOX, CYLINDER, MESH, SPHERE
+from warpdem.model.ways_out import WaysOut
 from warpdem.scene.borders import Border
 from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement, Translation
 from warpdem.scene.motion_chain import Chain
+from warpdem.scene.regions import Box, CylinderRegion, MeshRegion, Placed, PlaneRegion, Shape, SphereRegion
 
 AXES = "xyz"
 LEAST_PERIOD = 4.4  # in largest diameters: a grain must not meet two images of another, with room for a skin
@@ -25,14 +28,22 @@ def _periodic_span(border: Border | None) -> tuple[float, float]:
     return border.max - border.min, border.min
 
 
+KINDS = {Box: BOX, CylinderRegion: CYLINDER, PlaneRegion: CYLINDER, SphereRegion: SPHERE, MeshRegion: MESH}
+"""Kind of each shape in the kernels; what lies beyond a plane is a cylinder without an end."""
+NOT_PLACED = Placed()
+"""At rest in the frame."""
+
+
 class Domain:
     """Borders and outlets of a scene as the engine takes them.
 
     Attributes:
         period: length along each axis [m], 0 where it is not periodic.
         lower: lower border along each periodic axis [m], else 0.
-        boxes: regions in which grains leave, lower and upper corner [m], shape (b, 6).
-        names: what each box is called.
+        shapes: regions in which grains leave, each in its own axes.
+        places: what each region is at rest in.
+        keys: the key of the scene that each region comes from.
+        names: what each region is called.
         stops: whether a grain in it stops the run.
     """
 
@@ -41,7 +52,10 @@ class Domain:
         round_ = [b is not None and b.kind == "periodic" for b in borders]
         x, y, z = (_periodic_span(border) for border in borders)
         self.period, self.lower = (x[0], y[0], z[0]), (x[1], y[1], z[1])
-        boxes, self.names, self.stops = [], [], []
+        self.shapes: list[Shape] = []
+        self.places: list[Placed] = []
+        self.keys, self.names, self.stops = [], [], []
+        borders_at = Placed(fixed_to=scene.borders.fixed_to) if scene.borders else NOT_PLACED
         for k, (border, periodic) in enumerate(zip(borders, round_, strict=True)):
             if border is None or periodic:
                 continue
@@ -50,33 +64,33 @@ class Domain:
                 if place is not None:
                     corners = np.array([[-np.inf] * 3, [np.inf] * 3])
                     corners[1 if side == "min" else 0, k] = place
-                    boxes.append(corners.ravel())
+                    # half of all space: more than a scene may give
+                    self.shapes.append(Box.model_construct(min=tuple(corners[0].tolist()), max=tuple(corners[1].tolist())))
+                    self.places.append(borders_at)
+                    self.keys.append(f"borders.{AXES[k]}")
                     self.names.append(f"{AXES[k]} {side}")
                     self.stops.append(kind == "stop")
-        for outlet in scene.outlets:
-            boxes.append(np.array([*outlet.box.min, *outlet.box.max]))
+        for number, outlet in enumerate(scene.outlets):
+            self.shapes.append(outlet.shape)
+            self.places.append(outlet)
+            self.keys.append(f"outlets[{number}]")
             self.names.append(outlet.name)
             self.stops.append(False)
-        self.boxes = np.array(boxes).reshape(-1, 6)
+
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """Kinds of regions in the kernels that are among them, in ascending order."""
+        return tuple(sorted({KINDS[type(shape)] for shape in self.shapes}))
+
+    @property
+    def placed(self) -> bool:
+        """Whether some region is not at rest in the frame."""
+        return any(place.follows is not None or place.fixed_to == "laboratory" for place in self.places)
 
     @property
     def images(self) -> np.ndarray:
         """Shifts to the images of a place [m], shape (k, 3), numbered as in ``kernels.step.border``, the first of them 0."""
         return np.array([*itertools.product(*((0.0, p, -p) if p else (0.0,) for p in self.period))])
-
-    def left_by(self, position: np.ndarray) -> np.ndarray:
-        """Number of the box that each position (n, 3) [m] is in, -1 if none; shape (n,)."""
-        out = np.full(len(position), -1)
-        for number in reversed(range(len(self.boxes))):
-            inside = None
-            for k in range(3):
-                low, high = self.boxes[number, [k, k + 3]]
-                for end, side in ((low, np.greater_equal), (high, np.less)):
-                    if np.isfinite(end):
-                        within = side(position[:, k], end)
-                        inside = within if inside is None else inside & within
-            out[inside] = number
-        return out
 
     def wrapped(self, position: np.ndarray) -> np.ndarray:
         """Images of positions (n, 3) [m] within the periodic borders."""
@@ -91,7 +105,7 @@ class Domain:
         return way - np.where(period > 0, turns * period, 0.0)
 
 
-def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
+def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out: WaysOut) -> None:
     """Refuse borders that cannot be, and grains that start beyond them.
 
     Args:
@@ -99,6 +113,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
         start: grains at the start.
         frame: motions of the frame.
         gap: how far beyond contact the normal law acts [m].
+        ways_out: regions in which grains leave.
 
     Raises:
         SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
@@ -136,7 +151,8 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
                 axis = getattr(motion, "axis", None)
                 if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):
                     raise SceneError(f"{key}: periodic, but walls[{number}].motion turns about another axis")
-    where = domain.left_by(start.position)
+    _check_places(scene, domain)
+    where = ways_out.left_by(start.position)
     if (where >= 0).any():
         first = int(np.flatnonzero(where >= 0)[0])
         place = ", ".join(f"{x:.4g}" for x in start.position[first])
@@ -147,6 +163,23 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float) -> None:
             f"({int((where >= 0).sum())} of {len(where)} grains do)"
         )
     _check_overlaps_of_images(scene, start, domain, largest)
+
+
+def _check_places(scene: Scene, domain: Domain) -> None:
+    """Refuse regions that would cross a periodic border: grains come round there, and regions do not."""
+    if not any(domain.period):
+        return
+    for place, key in zip(domain.places, domain.keys, strict=True):
+        if place.follows is not None:
+            raise SceneError(
+                f"{scene.source}: {key}.follows = {place.follows!r}: a region that follows a wall has no periodic images: "
+                "leave follows out, or the periodic borders"
+            )
+        if place.fixed_to == "laboratory" and any(isinstance(motion, Translation) for motion in scene.frame or ()):
+            raise SceneError(
+                f'{scene.source}: {key}.fixed_to = "laboratory": the frame is shifted, and a region has no periodic images: '
+                "leave fixed_to out, or the periodic borders"
+            )
 
 
 def _check_overlaps_of_images(scene: Scene, start: InitialGrains, domain: Domain, largest: float) -> None:

@@ -117,6 +117,10 @@ class DomainFeatures:
     """Lower border along each periodic axis [m]."""
     outlets: int = 0
     """Regions in which grains leave."""
+    kinds: tuple[int, ...] = ()
+    """Kinds of shapes among these, as of ``kernels.step.region``."""
+    placed: bool = False
+    """Some of them are at rest in the laboratory, or carried by a wall."""
 
     @property
     def periodic(self) -> bool:

@@ -14,6 +14,7 @@ from warpdem.model.features import Features
 from warpdem.model.schedule import Schedule
 from warpdem.model.time_step import Limits
 from warpdem.model.walls import Walls
+from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 
 
@@ -31,6 +32,8 @@ class Model:
     """Mesh walls by name."""
     domain: Domain
     """Borders and outlets."""
+    ways_out: WaysOut
+    """The regions of these in which grains leave, where they stand."""
     expected: InitialGrains
     """Grains at the start, and of each stream those that represent it: what limits and cutoffs are made for."""
     schedule: Schedule

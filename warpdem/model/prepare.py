@@ -10,6 +10,7 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
+from warpdem.mesh.solid import shape_of
 from warpdem.model import domain, needs, time_step
 from warpdem.model.choose_features import WARP_LANES, choose_features
 from warpdem.model.coefficients import coefficient_table
@@ -23,6 +24,7 @@ from warpdem.model.past import Past
 from warpdem.model.schedule import Schedule
 from warpdem.model.wall_images import wall_images
 from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
+from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 
@@ -86,7 +88,9 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         largest=float(expected.radius.max(initial=0.0)),
     )
     features = as_the_law_allows(features)
-    domain.check(scene, start, schedule.frame, features.contact.gap)
+    shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
+    ways_out = WaysOut(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
+    domain.check(scene, start, schedule.frame, features.contact.gap, ways_out)
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)
@@ -102,6 +106,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         device=device,
         meshes=meshes,
         domain=borders,
+        ways_out=ways_out,
         expected=expected,
         schedule=schedule,
         features=features,

@@ -1,6 +1,7 @@
 """The tables of ``kernels.step.schedule`` for a batch of steps: all that is known beforehand about time."""
 
 import copy
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from warpdem.model.driven import DrivenMotion
 from warpdem.model.dynamic_walls import DynamicWall
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, timed, wall_chain
+from warpdem.scene.regions import Placed
 from warpdem.scene.surface_velocity import Belt, SurfaceVelocity
 
 
@@ -62,7 +64,7 @@ class Schedule:
         dt: time step [s], to be set before any table is asked for.
         turning: whether the frame's axes ever turn.
         shifting: whether the frame moves at all.
-        motions: wall motions, those that move relative to the frame first.
+        motions: wall motions, those that move relative to the frame first; then those of regions alone.
         wall_motion: motion number of each wall of the scene, shape (w,).
         moving: how many of the motions move relative to the frame.
         driven: motions that may be changed in the run, by the names of their walls.
@@ -106,6 +108,33 @@ class Schedule:
         self.motions = [found[key] for key in order]
         self.moving = sum(not motion.rests_in_frame for motion in self.motions)
         self.wall_motion = np.array([order.index(key) for key in keys], dtype=np.int32)
+        self._wall_names = [wall.name for wall in scene.walls]
+
+    def motion_of(self, place: Placed) -> int:
+        """Number of the motion that carries a region, -1 where it is at rest in the frame; a new one is the last of all.
+
+        Grains do not touch regions: no displacement is counted in the axes of their motions, which are behind those of walls.
+        """
+        if place.follows is not None:
+            number = int(self.wall_motion[self._wall_names.index(place.follows)])
+            return -1 if self.motions[number].rests_in_frame else number
+        if place.fixed_to == "frame" or not self.frame.displaces:
+            return -1
+        for number, motion in enumerate(self.motions):
+            if motion.fixed_to == "laboratory" and not motion.own.displaces and motion.dynamic is None:
+                return number
+        self.motions.append(WallMotion("laboratory", Chain(None, Path, "")))
+        return len(self.motions) - 1
+
+    def place(self, motion: int, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Axes (3, 3) of a motion's body in frame axes [-] at ``time`` [s], and its origin there [m], shape (3,)."""
+        numbers = self.placement(motion, time)
+        return numbers[:9].reshape(3, 3), numbers[9:12]
+
+    def placement(self, motion: int, time: float) -> np.ndarray:
+        """The numbers of one motion at ``time`` [s], with absolute velocities, shape (24,)."""
+        now = np.array([time])
+        return self._placement(self.motions[motion], now, self.frame.pose(now), False)[0]
 
     def pose(self, time: float) -> FramePose:
         """Place of the frame in the laboratory at ``time`` [s]; where its rate jumps, velocities are those after."""

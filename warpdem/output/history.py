@@ -2,7 +2,7 @@
 
 A new column is an entry of ``GENERAL``, or of ``WALL`` for one per wall. What a scene's ``measures`` and ``observers`` ask for
 follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns, and
-``warpdem.measure.dynamic_walls`` those of walls that move by the load on them.
+``warpdem.measure.dynamic_walls`` those of walls that move by the load on them. What outlets have removed comes last.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,10 +45,11 @@ WALL: tuple[tuple[str, str, Callable[[WallLoad], float]], ...] = (
 
 
 def history_columns(scene: Scene) -> list[Column]:
-    """All columns of a scene: those of every scene, of its walls, measures and observers."""
+    """All columns of a scene: those of every scene, of its walls, measures, observers and outlets."""
     walls = [column for wall in scene.walls for column in _wall_columns(wall.name)]
     walls += [column for wall in scene.walls for column in dynamic_walls.columns(wall)]
-    return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene)]
+    outlets = [column for outlet in scene.outlets for column in _outlet_columns(outlet.name)]
+    return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene), *outlets]
 
 
 def history_row(columns: Sequence[Column], readings: Readings) -> list[float]:
@@ -61,3 +62,11 @@ def _wall_columns(wall: str) -> list[Column]:
         return lambda readings: read(readings.wall_loads[wall])
 
     return [Column(f"{wall} {name}", unit, of_load(read)) for name, unit, read in WALL]
+
+
+def _outlet_columns(outlet: str) -> list[Column]:
+    """What the outlet of this name has removed so far."""
+    return [
+        Column(f"outlet {outlet} mass", "kg", lambda r: float(r.view.left[outlet][1])),
+        Column(f"outlet {outlet} count", "-", lambda r: float(r.view.left[outlet][0])),
+    ]

@@ -1,10 +1,10 @@
-"""Borders of the domain and outlets as scene data, in frame axes."""
+"""Borders of the domain as scene data."""
 
 from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Name, Point, SceneModel, validation_error
+from warpdem.scene.base import SceneModel, validation_error
 from warpdem.scene.units import Quantity
 
 Coordinate = Annotated[float, Quantity("m")]
@@ -36,28 +36,21 @@ class Border(SceneModel):
 
 
 class Borders(SceneModel):
-    """Borders of the domain along the frame axes."""
+    """Borders of the domain along the axes of the frame or of the laboratory."""
 
     x: Border | None = Field(None, description="Borders of the x axis, default none.")
     y: Border | None = Field(None, description="Borders of the y axis, default none.")
     z: Border | None = Field(None, description="Borders of the z axis, default none.")
-
-
-class Box(SceneModel):
-    """Box aligned with the frame axes."""
-
-    min: Point = Field(description="Lowest corner [m].")
-    max: Point = Field(description="Highest corner [m], above min along each axis.")
+    fixed_to: Literal["frame", "laboratory"] = Field(
+        "frame", description='Whose axes they are square to and at rest in: "frame" (default) or "laboratory"; periodic ones '
+        "belong to the frame.",
+    )
 
     @model_validator(mode="after")
-    def _is_not_empty(self) -> "Box":
-        if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
-            raise validation_error([(("max",), self.max, f"must be above min = {list(self.min)} along each axis")])
+    def _periodic_ones_belong_to_the_frame(self) -> "Borders":
+        for axis in "xyz":
+            border = getattr(self, axis)
+            if self.fixed_to == "laboratory" and border is not None and border.kind == "periodic":
+                reason = 'periodic borders belong to the frame: leave fixed_to = "laboratory" out; outlets may have it instead'
+                raise validation_error([((axis, "kind"), border.kind, reason)])
         return self
-
-
-class Outlet(SceneModel):
-    """A region that removes grains from the run and counts them."""
-
-    name: Name = Field(description="Unique name: letters, digits, _ and -.")
-    box: Box = Field(description="Region of the outlet: a grain is removed as soon as its centre is inside.")

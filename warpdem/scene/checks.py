@@ -6,9 +6,10 @@ from typing import Protocol
 from warpdem.core.key_path import KeyPath
 from warpdem.scene import models
 from warpdem.scene.base import Problem, file_system_name
-from warpdem.scene.borders import Borders, Outlet
+from warpdem.scene.borders import Borders
 from warpdem.scene.grains import Grains, Stream
 from warpdem.scene.measures import Measures
+from warpdem.scene.regions import Outlet, Placed
 from warpdem.scene.selection import selection_problems
 from warpdem.scene.start import Start
 from warpdem.scene.walls import Wall
@@ -78,10 +79,20 @@ def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[
             first_group[number] = i
 
 
+def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[Wall]) -> Iterator[Problem]:
+    """Regions that follow a wall which the scene does not have."""
+    names = [wall.name for wall in walls]
+    for key_path, region in regions:
+        if region.follows is not None and region.follows not in names:
+            yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
+
+
 def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], borders: Borders | None) -> Iterator[Problem]:
     """Streams whose grains would be removed where they are inserted."""
     for i, stream in enumerate(streams):
         for outlet in outlets:
+            if outlet.box is None:
+                continue
             sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
             if all(low < high_out and low_out < high for low, high, low_out, high_out in sides):
                 yield ("streams", i, "box"), None, f'overlaps the box of the outlet "{outlet.name}", which removes grains'

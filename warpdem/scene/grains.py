@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import core_schema
 
 from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, validation_error
-from warpdem.scene.borders import Box
+from warpdem.scene.regions import Box
 from warpdem.scene.size_distribution import Diameter, size_law
 from warpdem.scene.units import Array, Quantity, Vector
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StrictBool, model_validator
 
 from warpdem.scene.base import Direction, Length, Name, Point, SceneModel, exactly_one
-from warpdem.scene.borders import Box
+from warpdem.scene.regions import Box
 from warpdem.scene.selection import Selection
 
 OF = "Which grains count: group, material, diameter = [smallest, largest]. Default all."

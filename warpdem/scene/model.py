@@ -24,7 +24,7 @@ from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
 from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
-from warpdem.scene.borders import Borders, Outlet
+from warpdem.scene.borders import Borders
 from warpdem.scene.checks import (
     Named,
     grain_problems,
@@ -32,6 +32,7 @@ from warpdem.scene.checks import (
     measure_problems,
     name_problems,
     quoted,
+    region_problems,
     source_problems,
     stream_problems,
 )
@@ -45,6 +46,7 @@ from warpdem.scene.model_names import plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.parameters import field_values
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
+from warpdem.scene.regions import MeshRegion, Outlet, Placed
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
 from warpdem.scene.units import Quantity, Vector
@@ -109,6 +111,9 @@ class Scene(SceneModel):
         """Key path and name of each data file that the scene names; files of code are not among them."""
         yield from ((("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(self.walls) if wall.mesh is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
+        for key_path, region in self.regions():
+            if isinstance(mesh := getattr(region, "mesh", None), MeshRegion):
+                yield (*key_path, "mesh", "file"), mesh.file
         if self.start is not None:
             yield ("start", "checkpoint"), self.start.checkpoint
         moving = [(("frame",), self.frame), *((("walls", i, "motion"), wall.motion) for i, wall in enumerate(self.walls))]
@@ -116,6 +121,10 @@ class Scene(SceneModel):
             for k, motion in enumerate(motions or ()):
                 if isinstance(motion, Sampled):
                     yield (*key_path, *[k] * (len(motions or ()) > 1), "usd"), motion.usd
+
+    def regions(self) -> Iterator[tuple[tuple[str | int, ...], Placed]]:
+        """Key path and region of each part of the scene that has one."""
+        yield from ((("outlets", i), outlet) for i, outlet in enumerate(self.outlets))
 
     def later(self, time: float) -> "Scene":
         """The scene from ``time`` [s] on: its motions are ahead by this time, its streams start and end earlier by it."""
@@ -235,6 +244,7 @@ class Scene(SceneModel):
             *source_problems(self.grains, self.streams, self.start),
             *name_problems(named),
             *grain_problems(self.grains, self.walls),
+            *region_problems(self.regions(), self.walls),
             *stream_problems(self.streams, self.outlets, self.borders),
             *pair_problems(self.pairs, self.materials, of_grains, of_walls),
             *law_problems(self.contact, self.pairs),

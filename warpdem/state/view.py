@@ -1,6 +1,6 @@
 """What readers see of a run at one time: a live run provides it, and so does a copy that is read while the run goes on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -44,6 +44,8 @@ class RunView:
     """Of the budgets; None where nothing is added up."""
     listed: Callable[[], ListedContacts]
     """Gives the contacts of the present lists."""
+    left: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Number and mass [kg] of the grains that each border or outlet took so far, by its name."""
     threads: Threads | None = None
     """CPU threads that may read side by side; None: the reader's own alone."""
     kept: dict[str, Any] = field(default_factory=dict, compare=False)
