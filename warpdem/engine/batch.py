@@ -10,6 +10,7 @@ from warpdem.core.timers import Timers
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.lists.displacement import Watched
+from warpdem.kernels.measure import wear, window_sum
 from warpdem.kernels.measure.exact_sum import WIDTH
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step import barrier
@@ -20,6 +21,7 @@ from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
+from warpdem.scene.wear import Finnie
 from warpdem.state.clock import Clock
 
 
@@ -81,6 +83,14 @@ class Batch:
         control.removed = wp.zeros(1, dtype=wp.int32, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        if model.features.measures.wear:
+            assert model.walls is not None and scene.measures.wear is not None
+            sums = len(model.walls.wall_of) * wear.SUMS.width
+            control.wear = wp.zeros((threads, sums, window_sum.WIDTH), dtype=wp.int64, device=device)
+            first = round(scene.measures.wear.start / model.dt)
+            control.wear_from = wp.array([first], dtype=wp.int32, device=device)
+            law = scene.measures.wear.finnie or Finnie(pressure=1.0)
+            control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         control.done = wp.zeros(1, dtype=wp.int32, device=device)
         control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)

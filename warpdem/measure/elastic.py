@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from warpdem.model.features import ContactFeatures
-from warpdem.model.impact import DIFFERENCE, elastic_energy, secant
+from warpdem.model.impact import DIFFERENCE, elastic_energy, secant, tangent
 from warpdem.scene.models import model
 from warpdem.state.view import RunView
 
@@ -101,6 +101,13 @@ def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np
     if not contacts.own:
         return secant(normal, overlap, contacts.stiffness)
     return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+
+
+def normal_slope(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:
+    """Slope of the force of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [N/m], shape (c,)."""
+    if not contacts.own:
+        return tangent(normal, overlap, contacts.stiffness)
+    return contacts.weight * tangent(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
 
 
 def elastic_normal_force(normal: str, contacts: NormalState) -> np.ndarray:

@@ -102,6 +102,9 @@ def choose_features(
             left_out[f"{name} budget"] = f"measures.{name} is not asked for"
     if not scene.measures.flow:
         left_out["flow through planes"] = "measures.flow names none"
+    wears = scene.measures.wear is not None and bool(scene.walls)
+    if not wears:
+        left_out["wear of walls"] = "measures.wear is not asked for" if scene.walls else "there are no walls"
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
@@ -142,6 +145,7 @@ def choose_features(
             momentum=scene.measures.momentum,
             scene_walls=len(scene.walls) if scene.measures.energy else 0,
             flows=len(scene.measures.flow),
+            wear=wears,
             observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
         ),
         fields=fields,

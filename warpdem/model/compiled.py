@@ -8,7 +8,7 @@ import warp as wp
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
-from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
 from warpdem.kernels.step import border, dynamic_walls, loop, motion, orientation, region
@@ -141,7 +141,7 @@ def _built(features: Features) -> Built:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying,
+        conveying=walls.conveying, wear=measures.wear,
     )
     wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
     WallContacts = wall_kernels.WallContacts
@@ -180,6 +180,7 @@ def _built(features: Features) -> Built:
         orientation.build(turning_axes=turns) if measures.orientation else None,
         sums,
         flow.build(moving_frame=frame.moves) if measures.flows else None,
+        wear.build(one, WallContacts, laws.spins) if measures.wear else None,
         dynamic,
         **spins,
         stages=stages,

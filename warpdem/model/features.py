@@ -166,6 +166,8 @@ class MeasureFeatures:
     """Walls of the scene when the energy budget is added up, else 0."""
     flows: int = 0
     """Planes that the flow through is measured at."""
+    wear: bool = False
+    """What wears walls is added up."""
     observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
 
@@ -235,6 +237,7 @@ class Features:
         runs += [f"integrator: {backend.integrator}" + (" in a moving frame" if self.frame.moves else "")]
         added = [name for name, on in (("energy", measures.energy), ("momentum", measures.momentum)) if on]
         runs += [f"planes with flow counted at every step: {measures.flows}"] if measures.flows else []
+        runs += ["wear of walls, added up at every step"] if measures.wear else []
         runs += [f"budget at every step: {' and '.join(added)}"] if added else []
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
         runs += ["orientation of the grains"] if measures.orientation else []

@@ -47,8 +47,11 @@ class GuardsPart(Protocol):
 class EnginePart(Protocol):
     """What runs the steps."""
 
-    def restore(self, extreme: np.ndarray) -> None:
-        """Take over the largest overlaps and approach speeds so far, shape (4,); schedule and structs are made again."""
+    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
+        """Take over the largest overlaps and approach speeds so far, shape (4,), and the digits of wear.
+
+        Schedule and structs are made again.
+        """
 
 
 class Run(Protocol):
@@ -155,6 +158,8 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if features.measures.wear:
+        readings["wear"] = view.reader.wear_digits
     return out | readings | contact_history.read(view)
 
 
@@ -193,7 +198,7 @@ def restore(run: Run, data: dict[str, Any]) -> None:
         view.model.schedule.driven[name].restore(state)
     for one in view.model.schedule.dynamic:
         one.restore(data["dynamic"][one.wall.name])
-    run.engine.restore(data["extreme"])
+    run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])
     if view.totals is not None:
