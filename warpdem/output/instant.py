@@ -115,7 +115,8 @@ class Instant:
             sums = {name: values.copy() for name, values in live.reader.read_sums().items()}
         reader = CopiedReadings(extreme, (loads, velocity, spin), sums, live.reader.wear_digits)
         totals = copy.deepcopy(live.totals)
-        self._view = RunView(live.model, state, copy.copy(live.clock), reader, totals, lambda: listed, copy.deepcopy(live.left))
+        model = live.model.at_present()
+        self._view = RunView(model, state, copy.copy(live.clock), reader, totals, lambda: listed, copy.deepcopy(live.left))
 
     def view(self) -> RunView:
         """The run at that time; waits until all of it has arrived."""
