@@ -18,6 +18,7 @@ from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Momenta, energies_type
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step.barrier import meet
+from warpdem.kernels.step.dynamic_walls import DynamicWalls
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.region import Regions
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
@@ -41,7 +42,7 @@ def never() -> bool:
 @functools.cache
 def build(
     pairs, evaluate_lane, sweep, lanes: int, evaluate_wall_contacts, sweep_walls, WallContacts, load, acceleration, travel,
-    integrator, border, orientation, budget, flow, wear, *,
+    integrator, border, orientation, budget, flow, wear, dynamic, *,
     stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
@@ -63,6 +64,7 @@ def build(
         budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
         flow: of ``flow.build``; None when the flow through no plane is asked for.
         wear: of ``wear.build``; None when what wears walls is not asked for.
+        dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
         stages: force calls per step.
         spins: grains spin.
         walls: there are walls.
@@ -132,6 +134,7 @@ def build(
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
         wait_modes: wp.array(dtype=wp.uint64)  # how a thread waits at the barrier, of ``barrier.wait_modes``
+        dynamic: DynamicWalls  # walls that move by the load on them
 
     @wp.func
     def pair_phase_by_lane(
@@ -383,6 +386,21 @@ def build(
         for s in range(count + 1):
             if stop == 0:
                 if s > 0:
+                    if wp.static(dynamic is not None):
+                        dynamic.add_loads(
+                            thread, control.thread_ranges[thread, 4], control.thread_ranges[thread, 5], grains.record,
+                            grains.inverse, wall_contacts, control.placement, base + s, (parity + s - 1) & 1, control.dynamic,
+                        )  # fmt: skip
+                        if threads > 1:
+                            target += threads
+                            meet(control.meeting, target, control.wait_modes)
+                        if thread == 0:
+                            dynamic.advance(
+                                threads, base + s - 1, control.row, control.placement, dt, control.dynamic
+                            )
+                        if threads > 1:
+                            target += threads
+                            meet(control.meeting, target, control.wait_modes)
                     moved = int(0)
                     for stage in range(wp.static(stages)):
                         moved = move_phase(

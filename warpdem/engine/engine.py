@@ -78,6 +78,22 @@ class Engine:
             self._count_removed()
         return done
 
+    @property
+    def moves_walls(self) -> bool:
+        """Whether some walls move by the load on them."""
+        return bool(self._model.schedule.dynamic)
+
+    def advance_walls(self, count: int) -> None:
+        """Run ``count`` steps of a run without grains, in which only such walls move."""
+        base, _ = self.batch.row()
+        control = self.batch.control
+        inputs = [base, count, control.row, control.placement, self._model.dt, control.dynamic]
+        wp.launch(self._model.kernels.dynamic.advance_alone, dim=1, inputs=inputs, device=self._model.device)
+
+    def read_walls(self) -> None:
+        """Take over where steps have moved the walls that move by the load on them; the clock has gone on."""
+        self.batch.read_dynamic()
+
     def _count_removed(self) -> None:
         """Count the grains that the steps have removed from the domain, in the order in which they left."""
         exit = self.structs.arguments()[0].exit

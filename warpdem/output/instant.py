@@ -116,10 +116,8 @@ class Instant:
         reader = CopiedReadings(extreme, (loads, velocity, spin), sums, live.reader.wear_digits)
         totals = copy.deepcopy(live.totals)
         departures = live.departures.copied() if live.departures is not None else None
-        left = copy.deepcopy(live.left)
-        self._view = RunView(
-            live.model, state, copy.copy(live.clock), reader, totals, lambda: listed, left, departures
-        )
+        model, left = live.model.at_present(), copy.deepcopy(live.left)
+        self._view = RunView(model, state, copy.copy(live.clock), reader, totals, lambda: listed, left, departures)
 
     def view(self) -> RunView:
         """The run at that time; waits until all of it has arrived."""

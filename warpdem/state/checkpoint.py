@@ -115,9 +115,11 @@ def _about(view: RunView) -> dict[str, Any]:
         "files": given.files,
         "groups": scene.groups,
         "driven": {name: one.state() for name, one in view.model.schedule.driven.items() if one.is_changed},
+        "dynamic": {one.wall.name: one.saved() for one in view.model.schedule.dynamic},
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
+            "servos": {wall.name: wall.servo.elapsed for wall in scene.walls if wall.servo is not None},
             "surfaces": {w.name: w.surface_velocity.elapsed for w in scene.walls if w.surface_velocity is not None},
         },
         "places": _places(view),
@@ -196,6 +198,8 @@ def restore(run: Run, data: dict[str, Any]) -> None:
     view.clock.step_number = data["step"]
     for name, state in data.get("driven", {}).items():
         view.model.schedule.driven[name].restore(state)
+    for one in view.model.schedule.dynamic:
+        one.restore(data["dynamic"][one.wall.name])
     run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])
