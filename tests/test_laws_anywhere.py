@@ -13,6 +13,8 @@ LAWS = {
     "hertz_clamped": {"restitution": 0.3},
     "dmt": {"surface_energy": 0.02, "tail_length": "2 um"},
     "sjkr": {"cohesion_energy_density": 2e4},
+    "jkr": {"surface_energy": 0.05},
+    "jkr_fixed_load": {"surface_energy": 0.05},
 }
 TESTED_ELSEWHERE = {"hertz", "hooke"}
 """Laws that other tests run in all these ways."""
