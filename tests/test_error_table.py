@@ -175,6 +175,10 @@ TABLE = {
         ["pairs[0].cohesion_energy_density", "must be an energy density", "[J/m3]"],
     ),
     "cohesion without its law": ("pairs.0.cohesion_energy_density=5", ['only for contact.normal = "sjkr"; it is "hertz"']),
+    "luding without its stiffness": (
+        "contact.normal=luding",
+        ["pairs[0].stiffness", "pairs[0].unloading_stiffness", '"luding" needs an unloading stiffness [N/m], > 0'],
+    ),
     "friction without law": ("contact.tangential=none", ["pairs[0].friction = 0.5", "set friction = 0"]),
     "rolling without law": ("contact.rolling=none", ["pairs[0].rolling_friction = 0.1", "set rolling_friction = 0"]),
     "pose of a plane": ("walls.0.translate=[0, 0, 1]", ["walls[0].translate", "only for a mesh"]),

@@ -13,6 +13,8 @@ LAWS = {
     "hertz_clamped": {"restitution": 0.3},
     "dmt": {"surface_energy": 0.02, "tail_length": "2 um"},
     "sjkr": {"cohesion_energy_density": 2e4},
+    "luding": {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100},
+    "edinburgh": {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2},
 }
 TESTED_ELSEWHERE = {"hertz", "hooke"}
 """Laws that other tests run in all these ways."""
