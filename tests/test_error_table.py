@@ -179,6 +179,8 @@ TABLE = {
         "contact.normal=luding",
         ["pairs[0].stiffness", "pairs[0].unloading_stiffness", '"luding" needs an unloading stiffness [N/m], > 0'],
     ),
+    "jkr without its energy": ("contact.normal=jkr", ["pairs[0].surface_energy", '"jkr" needs a surface energy [J/m2], >= 0']),
+    "surface energy in another unit": ("pairs.0.surface_energy='1 mN'", ["pairs[0].surface_energy", "a surface energy"]),
     "friction without law": ("contact.tangential=none", ["pairs[0].friction = 0.5", "set friction = 0"]),
     "rolling without law": ("contact.rolling=none", ["pairs[0].rolling_friction = 0.1", "set rolling_friction = 0"]),
     "pose of a plane": ("walls.0.translate=[0, 0, 1]", ["walls[0].translate", "only for a mesh"]),

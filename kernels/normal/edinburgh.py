@@ -16,10 +16,10 @@ In EDEM: Constant Pull-off Force f0, Surface Energy w, Contact Plasticity Ratio 
 Multiplier k_t/k_n; its Slope Exponent is 1.5 here (for 1 take ``luding``).
 
 A contact remembers h^(3/2), which on the branch is forgotten as far as the contact opens, so that pressing again starts from
-there, and the overlap g at which it yielded last, by which d_p, P and k_a = P/d_min^X go. f0 begins and ends at d = 0 and is given for
-the part of the step that it acts in (``contact.jumps``); it loses nothing. Lost are the work of yielding (plasticity) and that
-on the branch (adhesion), beside what the unloading line stores. Friction goes by F - f0 + k_a d^X, the last at most P (EDEM
-lets it grow on, to any multiple of the force itself).
+there, and the overlap g at which it yielded last, by which d_p, P and k_a = P/d_min^X go. f0 begins and ends at d = 0 and is
+given for the part of the step that it acts in (``contact.jumps``); it loses nothing. Lost are the work of yielding (plasticity)
+and that on the branch (adhesion), beside what the unloading line stores. Friction goes by F - f0 + k_a d^X, the last at most P
+(EDEM lets it grow on, to any multiple of the force itself).
 
 Sources: Morrissey 2013; Thakur, Morrissey, Sun, Chen and Ooi 2014, 10.1007/s10035-014-0506-4.
 """
@@ -137,7 +137,7 @@ def build(real):
 
     @wp.func
     def branch(turned: real, stiffness: real, own: Own):
-        """P [N] and overlap d_min [m] where the unloading line meets the branch, of a contact that yielded last at ``turned``."""
+        """P [N] and overlap d_min [m] where the unloading line meets the branch, of a contact that yielded at ``turned``."""
         plastic = own[wp.static(at.plastic)]
         line = stiffness / (real(1.0) - plastic) * plastic * turned * wp.sqrt(turned)  # k2 d_p^(3/2)
         plastic_depth = own[wp.static(at.plastic_depth)] * turned

@@ -27,7 +27,8 @@ PAIR = {
         "N/m", None, 'Normal stiffness [N/m], > 0; required by normal = "hooke" and "luding" (of first loading).', positive=True
     ),
     "tangential_stiffness_ratio": PairKey(
-        "-", 2.0 / 7.0, 'Tangential over normal stiffness [-], > 0, default 2/7; of normal = "hooke", "luding", "edinburgh".', positive=True
+        "-", 2.0 / 7.0, 'Tangential over normal stiffness [-], > 0, default 2/7; of normal = "hooke", "luding", "edinburgh".',
+        positive=True,
     ),
 }
 

@@ -128,7 +128,7 @@ def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: in
             clock_out[DEEP_AT] = ahead + 1
             return
         s = clock_out[SCHEDULE_ROW] + ahead
-        moved = step.move_phase(i, i + 1, 1, s, stage, grains, wall_contacts, control, dt, max_displacement)
+        moved = step.move_phase(i, i + 1, 1, s, stage, grains, wall_contacts, control, dt, max_displacement, 0)
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1
         if (moved & wp.static(BEYOND)) > 0:

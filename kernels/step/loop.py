@@ -18,6 +18,7 @@ from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Momenta, energies_type
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step.barrier import meet
+from warpdem.kernels.step.dynamic_walls import DynamicWalls
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.region import Regions
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row, gravity, kick_time, past_turn, slip_time
@@ -41,7 +42,7 @@ def never() -> bool:
 @functools.cache
 def build(
     pairs, evaluate_lane, sweep, lanes: int, evaluate_wall_contacts, sweep_walls, WallContacts, load, acceleration, travel,
-    integrator, border, orientation, budget, flow, *,
+    integrator, border, orientation, budget, flow, wear, dynamic, *,
     stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return the CPU kernel ``run``, the readers, and what else is made of its phases.
@@ -62,6 +63,8 @@ def build(
         orientation: of ``orientation.build``; None when orientations are not requested.
         budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
         flow: of ``flow.build``; None when the flow through no plane is asked for.
+        wear: of ``wear.build``; None when what wears walls is not asked for.
+        dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
         stages: force calls per step.
         spins: grains spin.
         walls: there are walls.
@@ -121,6 +124,9 @@ def build(
         removes_in_step: wp.array(dtype=wp.int32)  # per outlet: 1 if the step itself removes a grain in it, 0 if the host does
         removed: wp.array(dtype=wp.int32)  # [1]: 1 when a step of this batch of steps removed a grain
         plane: wp.array(dtype=Plane)  # where their flow is measured
+        wear: wp.array3d(dtype=wp.int64)  # [thread, sum of a feature, digit]: what wears walls
+        wear_from: wp.array(dtype=wp.int32)  # [1]: first step that counts
+        cutting: wp.array(dtype=wp.float64)  # [1]: K of Finnie's law [-]
         thread_ranges: wp.array2d(dtype=wp.int32)  # per thread: first and last contact batch, grain, grain at a wall
         moved: wp.array(dtype=wp.int32)
         extreme: wp.array(dtype=wp.float64)  # per thread: largest overlap ratio [-], approach speed [m/s], by pairs and walls
@@ -128,6 +134,7 @@ def build(
         done: wp.array(dtype=wp.int32)
         meeting: wp.array(dtype=wp.int32)
         wait_modes: wp.array(dtype=wp.uint64)  # how a thread waits at the barrier, of ``barrier.wait_modes``
+        dynamic: DynamicWalls  # walls that move by the load on them
 
     @wp.func
     def pair_phase_by_lane(
@@ -284,7 +291,7 @@ def build(
     def move_phase(
         first: int, last: int, stride: int, s: int, stage: int, grains: Grains, wall_contacts: WallContacts,
         control: Control,
-        dt: wp.float64, max_displacement: wp.float64,
+        dt: wp.float64, max_displacement: wp.float64, thread: int,
     ) -> int:  # fmt: skip
         call = s * wp.static(stages) + stage
         row = control.row[call]
@@ -299,6 +306,13 @@ def build(
             if wp.static(budget is not None):
                 v, w = reading(state, a, b, row, control.frame, call, dt)
                 add_to_budget(i, state, total, v, w, kick_time(row), row, call, grains, wall_contacts, control, dt)
+            if wp.static(wear is not None):
+                if wall_contacts.candidates[i] > 0 and control.origin[0] + s >= control.wear_from[0]:
+                    here, spinning = reading(state, a, b, row, control.frame, call, dt)
+                    wear(
+                        i, (control.origin[0] + s) & 1, state, here, spinning, wp.float64(1.0) / grains.inverse[i][0],
+                        kick_time(row), wall_contacts, control.cutting, thread, control.wear,
+                    )  # fmt: skip
             before = g.position(state)
             state = advance(stage, i, state, a, b, row, control.frame, call, dt, grains.store)
             if wp.static(flow is not None):
@@ -372,12 +386,27 @@ def build(
         for s in range(count + 1):
             if stop == 0:
                 if s > 0:
+                    if wp.static(dynamic is not None):
+                        dynamic.add_loads(
+                            thread, control.thread_ranges[thread, 4], control.thread_ranges[thread, 5], grains.record,
+                            grains.inverse, wall_contacts, control.placement, base + s, (parity + s - 1) & 1, control.dynamic,
+                        )  # fmt: skip
+                        if threads > 1:
+                            target += threads
+                            meet(control.meeting, target, control.wait_modes)
+                        if thread == 0:
+                            dynamic.advance(
+                                threads, base + s - 1, control.row, control.placement, dt, control.dynamic
+                            )
+                        if threads > 1:
+                            target += threads
+                            meet(control.meeting, target, control.wait_modes)
                     moved = int(0)
                     for stage in range(wp.static(stages)):
                         moved = move_phase(
                             control.thread_ranges[thread, 2], control.thread_ranges[thread, 3], 1, base + s - 1,
                             stage, grains, wall_contacts,
-                            control, dt, max_displacement,
+                            control, dt, max_displacement, thread,
                         )  # fmt: skip
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
@@ -440,7 +469,7 @@ def build(
     ):  # fmt: skip
         t = wp.tid()
         control.moved[t * wp.static(SPAN)] = move_phase(
-            t, last, stride, s, stage, grains, wall_contacts, control, dt, max_displacement
+            t, last, stride, s, stage, grains, wall_contacts, control, dt, max_displacement, t
         )
 
     @kernel

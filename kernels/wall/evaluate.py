@@ -18,7 +18,7 @@ from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.wall import contact_points
 from warpdem.kernels.wall.contact import Inverse, vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
-from warpdem.kernels.wall.record import FOUND, Found
+from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
 
@@ -37,7 +37,7 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
     """
     g, at = grain.build(one.spins), one.at
     Memory, Result, Coefficients, WallEntry = one.Memory, one.Result, one.Coefficients, one.WallEntry
-    moving, rolling, energies = one.moving, one.rolling, one.has_parts
+    moving, energies = one.moving, one.has_parts
 
     @wp.struct
     class WallContacts:
@@ -201,17 +201,19 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         if found[wp.static(FOUND.before)] >= 0:
             before = wall_contacts.place[old, found[wp.static(FOUND.before)]]
             known = wp.float64(1.0)
-        memory, load, moment, overlap_ratio, approach, entry, power = one.contact(
+        memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
             grains[i], inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]], wp.float64(found[wp.static(FOUND.wall)]),
             known, before, now, then, coefficients[found[wp.static(FOUND.coefficients)]], row, dt,
         )  # fmt: skip
         wall_contacts.place[new, slot] = memory
         wall_contacts.load[i] = wall_contacts.load[i] + load
-        f = wp.float64(found[wp.static(FOUND.feature)])
-        if wp.static(rolling):
-            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2], moment[0], moment[1], moment[2])
-        else:
-            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2])
+        result = Result()
+        result[0] = wp.float64(found[wp.static(FOUND.feature)])
+        for k in range(3):
+            result[1 + k] = load[k]
+        for k in range(wp.static(Result._length_ - FRICTION)):
+            result[wp.static(FRICTION) + k] = rest[k]
+        wall_contacts.result[slot] = result
         if wp.static(energies):
             wall = found[wp.static(FOUND.wall)]
             wall_contacts.entry[i] = wall_contacts.entry[i] + entry

@@ -1,4 +1,4 @@
-"""The command ``warpdem``: run, check, convert, schema, render, plot, demo. Arguments to calls; no physics."""
+"""The command ``warpdem``: run, check, convert, schema, render, plot, report, demo. Arguments to calls; no physics."""
 
 import json
 import shlex
@@ -51,6 +51,7 @@ def run(
     plugin: Plugins = [],  # noqa: B006
     allow_path: AllowPaths = [],  # noqa: B006
     picture: Picture = None,
+    report: bool = False,
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -65,6 +66,7 @@ def run(
         threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
+        report: Write report.html at the end, as warpdem report does.
         resume: Continue from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
@@ -84,6 +86,8 @@ def run(
             try:
                 run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
                         quiet=quiet, picture=picture)  # fmt: skip
+                if report:
+                    write_report(folder, None, picture is not False, quiet)
                 break
             except FolderLocked as taken:
                 if out or resume or taken.folder != folder:
@@ -95,6 +99,7 @@ def run(
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
                     for word in (f"--{name}", str(path))]  # fmt: skip
+        options += ["--report"] if report else []
         options += [] if picture is None else ["--picture" if picture else "--no-picture"]
         options += ["--set", *set_] if set_ else []
         command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
@@ -228,6 +233,34 @@ def render(
         draw(
             [folder, *others], target, time=time, start=start, end=end, speed=speed, fps=fps, watch=watch, **vars(style)
         )  # fmt: skip
+    console.print(f"wrote {target}", markup=False)
+
+
+@app.command(name="report")
+def report_(folder: Path, /, *, out: Path | None = None, pictures: bool = True, quiet: bool = False) -> None:
+    """Write the report of a run: an HTML page with pictures, curves, loads, time step, warnings and a section on methods.
+
+    The page needs no network and no file beside it. A film (.mp4) in the folder becomes part of it.
+
+    Args:
+        folder: Folder of the results.
+        out: File to write; FOLDER/report.html if not given.
+        pictures: Draw the first, the middle and the last frame, which takes seconds each.
+        quiet: Print errors only.
+    """
+    from warpdem.core.file_names import require_usable
+
+    for name, path in (("--out", out), ("FOLDER", folder)):
+        require_usable(name, path)
+    write_report(folder, out, pictures, quiet)
+
+
+def write_report(folder: Path, out: Path | None, pictures: bool, quiet: bool) -> None:
+    """Write a report, and say what takes time."""
+    from warpdem.reports.write_report import report as write
+
+    console = Console(highlight=False, quiet=quiet)
+    target = write(folder, out, draw=pictures, watch=lambda message: console.print(message, markup=False))
     console.print(f"wrote {target}", markup=False)
 
 

@@ -11,6 +11,7 @@ from warpdem.engine.graph import GraphExecutor
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
+from warpdem.kernels.measure import wear, window_sum
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.loop import SPAN
 from warpdem.model.model import Model
@@ -77,6 +78,22 @@ class Engine:
             self._count_removed()
         return done
 
+    @property
+    def moves_walls(self) -> bool:
+        """Whether some walls move by the load on them."""
+        return bool(self._model.schedule.dynamic)
+
+    def advance_walls(self, count: int) -> None:
+        """Run ``count`` steps of a run without grains, in which only such walls move."""
+        base, _ = self.batch.row()
+        control = self.batch.control
+        inputs = [base, count, control.row, control.placement, self._model.dt, control.dynamic]
+        wp.launch(self._model.kernels.dynamic.advance_alone, dim=1, inputs=inputs, device=self._model.device)
+
+    def read_walls(self) -> None:
+        """Take over where steps have moved the walls that move by the load on them; the clock has gone on."""
+        self.batch.read_dynamic()
+
     def _count_removed(self) -> None:
         """Count the grains that the steps have removed from the domain, in the order in which they left."""
         exit = self.structs.arguments()[0].exit
@@ -105,8 +122,12 @@ class Engine:
         self.batch.forget_schedule()
         self.lists.flights.end_paths()
 
-    def restore(self, extreme: np.ndarray) -> None:
-        """Take over the extremes of a checkpoint; schedule and structs are made again."""
+    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
+        """Take over the extremes of a checkpoint and the digits of its wear; schedule and structs are made again."""
+        if wear_digits is not None:
+            digits = np.zeros(self.batch.control.wear.shape, dtype=np.int64)
+            digits[0] = wear_digits
+            self.batch.control.wear.assign(digits)
         values = self.batch.control.extreme.numpy()
         values[:4] = extreme
         self.batch.control.extreme.assign(values)
@@ -133,6 +154,17 @@ class Engine:
             inputs = [base, grains, wall_contacts, self.batch.control, model.dt, load, velocity, spin]
             wp.launch(model.kernels.loop.read, dim=n, inputs=inputs, device=model.device)
         return load, velocity, spin
+
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+        if not self._model.features.measures.wear:
+            return np.zeros((0, window_sum.WIDTH), dtype=np.int64)
+        return window_sum.joined(self.batch.control.wear.numpy())
+
+    def read_wear(self) -> np.ndarray:
+        """What wears walls, added up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+        return window_sum.rounded(self.wear_digits[None]).reshape(-1, wear.SUMS.width)
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain up to the present time, in memory order."""

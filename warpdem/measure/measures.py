@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
@@ -69,6 +71,7 @@ def columns(scene: Scene) -> list[Column]:
     found += _momentum() if asked.momentum else []
     found += [column for number, plane in enumerate(asked.flow) for column in _flow(plane, number)]
     found += [column for region in asked.all_regions for column in region_columns(region)]
+    found += _wear(scene)
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -121,6 +124,22 @@ def region_columns(region: Region) -> list[Column]:
 def _in_region(region: Region, read: Callable[[Bulk], float]) -> Callable[[Readings], float]:
     """Reads a bulk property of a region."""
     return lambda readings: float(read(readings.bulk(region)))
+
+
+def _wear(scene: Scene) -> list[Column]:
+    """Totals of what wears each wall."""
+    asked = scene.measures.wear
+    if asked is None:
+        return []
+    names = [("normal_impulse", "N s"), ("shear_work", "J"), ("impact_work", "J")]
+    names += [("archard_volume", "m3")] if asked.archard else []
+    names += [("finnie_volume", "m3")] if asked.finnie else []
+    return [Column(f"{wall.name} {name}", unit, _worn(wall.name, name)) for wall in scene.walls for name, unit in names]
+
+
+def _worn(wall: str, name: str) -> Callable[[Readings], float]:
+    """Reads the total of a wall."""
+    return lambda readings: float(np.sum(getattr(readings.wear[wall], name)))
 
 
 def _mixing(asked: Mixing) -> Column:

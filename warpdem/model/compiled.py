@@ -8,10 +8,10 @@ import warp as wp
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
-from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
-from warpdem.kernels.step import border, loop, motion, orientation, region
+from warpdem.kernels.step import border, dynamic_walls, loop, motion, orientation, region
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
@@ -31,7 +31,7 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     Returns:
         Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
         ``displacement``, ``inner`` (the inner list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains
-        in flight), ``WallContacts``.
+        in flight), ``dynamic`` (walls that move by their load, or None), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -141,7 +141,7 @@ def _built(features: Features) -> Built:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying,
+        conveying=walls.conveying, wear=measures.wear,
     )
     wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
     WallContacts = wall_kernels.WallContacts
@@ -163,6 +163,7 @@ def _built(features: Features) -> Built:
         images, region.build(count=domain.outlets, kinds=domain.kinds, placed=domain.placed), **spins, moving=walls.moving,
         in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0, stages=stages,
     )  # fmt: skip
+    dynamic = dynamic_walls.build(one, WallContacts) if walls.dynamic else None
     step = loop.build(
         pair_kernels,
         by_lane,
@@ -179,6 +180,8 @@ def _built(features: Features) -> Built:
         orientation.build(turning_axes=turns) if measures.orientation else None,
         sums,
         flow.build(moving_frame=frame.moves) if measures.flows else None,
+        wear.build(one, WallContacts, laws.spins) if measures.wear else None,
+        dynamic,
         **spins,
         stages=stages,
         walls=walls.present,
@@ -220,5 +223,5 @@ def _built(features: Features) -> Built:
     return Built(
         loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
         pairs=pair_kernels, paths=paths,
-        displacement=moved, inner=on_threads,
+        displacement=moved, inner=on_threads, dynamic=dynamic,
     )  # fmt: skip

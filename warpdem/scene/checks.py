@@ -120,6 +120,8 @@ def measure_problems(
     for key in ("energy", "momentum"):
         if getattr(measures, key) and integrator != "exact_drift":
             yield ("measures", key), True, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
+    if measures.wear is not None and integrator != "exact_drift":
+        yield ("measures", "wear"), None, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
     stages = len(models.model("integrator", integrator).STAGES)
     if measures.flow and stages > 1:
         yield ("measures", "flow"), None, f'not with engine.integrator = "{integrator}", whose steps have stages'

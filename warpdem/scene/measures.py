@@ -7,6 +7,7 @@ from pydantic import Field, StrictBool, model_validator
 from warpdem.scene.base import Direction, Length, Name, Point, SceneModel, exactly_one
 from warpdem.scene.regions import Box
 from warpdem.scene.selection import Selection
+from warpdem.scene.wear import Wear
 
 OF = "Which grains count: group, material, diameter = [smallest, largest]. Default all."
 
@@ -129,6 +130,11 @@ class Measures(SceneModel):
         [], description="Boxes cut into slices along an axis, in each of which the same is measured, default none."
     )
     mixing: list[Mixing] = Field([], description="Mixing indices, default none.")
+    wear: Wear | None = Field(
+        None,
+        description="Wear and mean pressure of the walls, added up at every step: columns of history.csv, and arrays of the "
+        "triangles of meshes in frames of VTK; default none.",
+    )
     grid: Grid | None = Field(
         None,
         description="Grid of coarse-grained density, solid fraction, velocity, stress and granular temperature, written with "

@@ -135,8 +135,8 @@ class Scene(SceneModel):
             )
 
         walls = [
-            wall.model_copy(update={"motion": ahead(wall.motion), "surface_velocity": wall.surface_velocity and
-                                    wall.surface_velocity.later(time)})
+            wall.model_copy(update={"motion": ahead(wall.motion), "servo": wall.servo and wall.servo.later(time),
+                                    "surface_velocity": wall.surface_velocity and wall.surface_velocity.later(time)})
             for wall in self.walls
         ]  # fmt: skip
         streams = [
@@ -308,7 +308,8 @@ class Scene(SceneModel):
     def continues(self, number: int) -> tuple[str, ...]:
         """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
-        moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to", "surface_velocity"} & wall.keys()]
+        moves = {"motion", "fixed_to", "surface_velocity", "servo"}
+        moved = [wall["name"] for wall in changes.get("walls", []) if moves & wall.keys()]
         before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]

@@ -28,6 +28,13 @@ class StepReader(Protocol):
         Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
         """
 
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+
+    def read_wear(self) -> np.ndarray:
+        """What wears walls, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
 
