@@ -97,6 +97,12 @@ def everything(folder: Path) -> Scene:
                  "surface_velocity": {"axis": [0, 1, 0], "schedule": [{"until": 1, "speed": [0, 1]}, {"speed": 1}]}},
                 {"name": "press", "material": "steel", "plane": {"point": [0, 0, 9], "normal": [0, 0, -1]},
                  "servo": {"axis": [1, 0, -1], "pressure": [[0, 0.1], [1, 1 / 3]], "area": 0.3, "max_speed": 0.1, "start": 1}},
+                {"name": "flap", "material": "steel", "plane": {"point": [0, 0, 7], "normal": [0, 0, -1]}, "fixed_to": "laboratory",
+                 "free": {"joint": "hinge", "axis": [0, 1, 0], "origin": [0.1, 0, 0], "inertia": 1 / 3, "mass": 0.1,
+                          "center": [0.1, 0, 0.1], "motor": [[0, 1 / 3], [1, 0]], "range": [-1, 1], "torque": [[0, 0], [1, 2]]}},
+                {"name": "sieve", "material": "steel", "plane": {"point": [0, 0, 6], "normal": [0, 0, -1]},
+                 "fixed_to": "laboratory",
+                 "free": {"joint": "slider", "axis": [0, 0, 1], "mass": 0.1, "stiffness": 1 / 3, "damping": 0.1, "rest": 0.1}},
                 {"name": "vane", "material": "steel", "plane": {"point": [0, 0, 8], "normal": [0, 0, -1]},
                  "servo": {"axis": [0, 1, 0], "origin": [0.1, 0, 0], "torque": 0.1, "max_rate": "5 rpm"}},
                 {
