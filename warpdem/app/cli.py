@@ -311,6 +311,64 @@ def plot(
 
 
 @app.command
+def compare(
+    first: Path,
+    second: Path,
+    /,
+    *,
+    twins: int = 0,
+    twin: Annotated[list[Path], Parameter(consume_multiple=True)] = [],  # noqa: B006
+    columns: Annotated[list[str], Parameter(consume_multiple=True)] = [],  # noqa: B006
+    start: float | None = None,
+    end: float | None = None,
+    out: Path | None = None,
+    json_: Annotated[bool, Parameter(name="--json")] = False,
+    device: str | None = None,
+    threads: int | None = None,
+    plugin: Plugins = [],  # noqa: B006
+) -> None:
+    """Compare two runs: how far their histories are apart, over the scatter of perturbed twins of the first.
+
+    Grains are chaotic: equal runs go different ways in detail. Twins, whose grains begin 1e-9 of a radius apart, tell by how
+    much; each takes as long as the first run, and stays in its folder.
+
+    Args:
+        first: Folder of the results to compare with.
+        second: Folder of the other results.
+        twins: Number of twins of the first run to make; those that are there already are taken.
+        twin: Folders of twins that you have run, as with other seeds.
+        columns: Names of columns, as in plot; all that the runs share if none are given.
+        start: Compare from this time [s].
+        end: Compare up to this time [s].
+        out: Write a page with the curves: .html.
+        json_: Print JSON.
+        device: As in run, for the twins.
+        threads: As in run, for the twins.
+    """
+    from warpdem.app.compare import as_data, compared, print_comparison
+    from warpdem.core.file_names import require_usable
+    from warpdem.reports.comparison import write_comparison
+    from warpdem.reports.document import page_file
+    from warpdem.runs.names import run_names
+
+    for name, path in (("--out", out), ("FIRST", first), ("SECOND", second), *(("--twin", path) for path in twin)):
+        require_usable(name, path)
+    if out is not None:
+        page_file(out)
+    console = Console(highlight=False)
+    quiet = Console(highlight=False, quiet=json_)
+    found, count = compared(first, second, twin=twin, twins=twins, columns=columns, start=start, end=end, device=device,
+                            threads=threads, plugins=plugin, console=quiet)  # fmt: skip
+    names = run_names([first, second])
+    if json_:
+        sys.stdout.write(json.dumps(as_data(found, count), indent=2, allow_nan=False) + "\n")
+    else:
+        print_comparison(found, count, (names[0], names[1]), console)
+    if out is not None:
+        quiet.print(f"wrote {write_comparison(found, (names[0], names[1]), count, out)}", markup=False)
+
+
+@app.command
 def demo(
     name: str | None = None,
     *,

@@ -146,6 +146,7 @@ def choose_features(
             scene_walls=len(scene.walls) if scene.measures.energy else 0,
             flows=len(scene.measures.flow),
             wear=wears,
+            residence=bool(scene.measures.residence),
             observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
         ),
         fields=fields,

@@ -168,6 +168,8 @@ class MeasureFeatures:
     """Planes that the flow through is measured at."""
     wear: bool = False
     """What wears walls is added up."""
+    residence: bool = field(default=False, compare=False)
+    """Grains that leave are taken down, on the host."""
     observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from importlib import resources
 from pathlib import Path
-from typing import Any
 
-from warpdem.core.atomic_file import replaced
 from warpdem.errors import WarpdemError
 from warpdem.reports import pictures, sections
 from warpdem.reports.charts import MOST, charts_of
-from warpdem.reports.html import Node, el, page_text, raw
+from warpdem.reports.document import document, page_file, write_page
+from warpdem.reports.html import Node, el
 from warpdem.runs import History, Run, read
 
 NAME = "report.html"
@@ -42,14 +40,8 @@ def report(
         WarpdemError: There is no run in the folder, or one of its files cannot be read.
     """
     run = read(folder)
-    target = run.folder / NAME if out is None else Path(out)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise WarpdemError(f"{target}: a report is an HTML page; take a name that ends in .html")
-    text = page_text(page(run, draw, watch))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with replaced(target) as part:
-        part.write_text(text, encoding="utf-8")
-    return target
+    target = page_file(run.folder / NAME if out is None else Path(out))
+    return write_page(target, page(run, draw, watch))
 
 
 def page(run: Run, draw: bool, watch: Callable[[str], None]) -> Node:
@@ -75,7 +67,12 @@ def page(run: Run, draw: bool, watch: Callable[[str], None]) -> Node:
         body.append((f"{name}What was run", sections.plan(record) + sections.flows(record) + sections.timings(record)))
     body.append(("Methods and citation", sections.method_text(last)))
     body.append(("Versions", sections.origin(last)))
-    return _document(run, [(title, nodes) for title, nodes in body if nodes])
+    record, status = run.record, run.status
+    when = datetime.fromtimestamp((run.folder / "run.json").stat().st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    badge = el("span", status, class_=f"status {'good' if status == 'done' else 'bad'}")
+    line: list[Node | str] = [badge, f" {record.get('scene') or ''}, {when}"]
+    title = str(record.get("title") or record.get("scene") or run.folder.name)
+    return document(title, "report of a run", line, [(name, nodes) for name, nodes in body if nodes])
 
 
 def _history(run: Run) -> tuple[History | None, str]:
@@ -118,39 +115,3 @@ def _curves(history: History, walls: list[str]) -> list[tuple[str, list[Node]]]:
         ("Grains", made["grains"]),
         ("Measures", made["measures"]),
     ]
-
-
-def _document(run: Run, body: list[tuple[str, list[Node]]]) -> Node:
-    record: Mapping[str, Any] = run.record
-    title = str(record.get("title") or record.get("scene") or run.folder.name)
-    when = datetime.fromtimestamp((run.folder / "run.json").stat().st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    style, script = (resources.files("warpdem.reports").joinpath(name).read_text("utf-8") for name in ("page.css", "page.js"))
-    head = el(
-        "head",
-        el("meta", charset="utf-8"),
-        el("title", f"{title} \u2013 report of a run"),
-        el("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        el("meta", name="generator", content="warpdem"),
-        # the page may be sent on: whatever a scene's texts say, nothing is loaded from anywhere
-        el("meta", http_equiv="Content-Security-Policy",
-           content="default-src 'none'; img-src data:; media-src data: 'self' file:; style-src 'unsafe-inline'; "
-                   "script-src 'unsafe-inline'"),
-        raw("style", style),
-    )  # fmt: skip
-    status = run.status
-    links = [el("li", el("a", name, href=f"#part-{k}")) for k, (name, _) in enumerate(body)]
-    header = el(
-        "header",
-        el("h1", title),
-        el("p", el("span", status, class_=f"status {'good' if status == 'done' else 'bad'}"),
-           f" {record.get('scene') or ''}, {when}"),
-        el("button", "Light or dark", type="button", id="theme"),
-    )  # fmt: skip
-    parts = [
-        el("section", el("h2", name, id=f"part-{k}"), *nodes, aria_labelledby=f"part-{k}")
-        for k, (name, nodes) in enumerate(body)
-    ]
-    contents = el("nav", el("ul", *links), aria_label="Contents")
-    main = el("main", *parts, id="main")
-    skip = el("a", "To the report", href="#main", class_="skip")
-    return el("html", head, el("body", skip, header, contents, main, raw("script", script)), lang="en")

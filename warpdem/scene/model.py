@@ -35,6 +35,7 @@ from warpdem.scene.checks import (
     region_problems,
     source_problems,
     stream_problems,
+    ways_out,
 )
 from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_own_keys
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
@@ -251,7 +252,8 @@ class Scene(SceneModel):
             *law_problems(self.contact, self.pairs),
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
             *measure_problems(
-                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials)
+                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
+                ways_out(self.borders, self.outlets),
             ),
         ]
         if problems:

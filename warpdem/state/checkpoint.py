@@ -158,6 +158,8 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if view.departures is not None:
+        readings |= view.departures.arrays()
     if features.measures.wear:
         readings["wear"] = view.reader.wear_digits
     return out | readings | contact_history.read(view)
@@ -201,6 +203,8 @@ def restore(run: Run, data: dict[str, Any]) -> None:
     run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])
+    if view.departures is not None:
+        view.departures.restore(data)
     if view.totals is not None:
         view.totals.restore(data["budget"])
     contact_history.restore(run.lists, data)
