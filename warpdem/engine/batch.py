@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,8 +17,9 @@ from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step import barrier
 from warpdem.kernels.step import clock as clock_slots
 from warpdem.kernels.step.dynamic_walls import STATE, SUMS, DynamicWalls
-from warpdem.kernels.step.loop import SPAN
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
+from warpdem.kernels.step.structs import SPAN, Control, Report
+from warpdem.kernels.wall.surface import Surface
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
@@ -59,7 +61,8 @@ class Batch:
         steps_ahead: steps whose schedule is written to the device at once, asked for each time.
 
     Attributes:
-        control: struct of ``kernels.step.loop``.
+        control, report, model: structs of ``kernels.step.structs``: what steps read of the host, what they hand back, and what
+            is the same in all of them.
         clock: conditions and counters, ``kernels.step.clock``.
         placements: of the wall motions at present, shape (motions,).
         watched: mesh walls beside which the travel per step is bounded.
@@ -68,32 +71,33 @@ class Batch:
 
     def __init__(self, model: Model, clock: Clock, timers: Timers, threads: int, steps_ahead: Callable[[], int]) -> None:
         self._model, self._now, self._timers, self._steps_ahead = model, clock, timers, steps_ahead
-        device, scene, kernels = model.device, model.scene, model.kernels
+        device, scene = model.device, model.scene
         self.stages = len(model.features.backend.scheme.STAGES)
-        control = self.control = kernels.loop.Control()
+        control, report = self.control, self.report = Control(), Report()
+        self.model = model_struct(model)
         control.thread_ranges = wp.zeros((threads, 6), dtype=wp.int32, device=device)
-        control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
-        control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
+        report.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
+        report.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
         control.outlet = model.ways_out.on_device(device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
         removes_in_step = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
         control.removes_in_step = wp.array(np.array(removes_in_step, dtype=np.int32), dtype=wp.int32, device=device)
-        control.removed = wp.zeros(1, dtype=wp.int32, device=device)
+        report.removed = wp.zeros(1, dtype=wp.int32, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
         if model.features.measures.wear:
             assert model.walls is not None and scene.measures.wear is not None
             sums = len(model.walls.wall_of) * wear.SUMS.width
-            control.wear = wp.zeros((threads, sums, window_sum.WIDTH), dtype=wp.int64, device=device)
+            report.wear = wp.zeros((threads, sums, window_sum.WIDTH), dtype=wp.int64, device=device)
             first = round(scene.measures.wear.start / model.dt)
             control.wear_from = wp.array([first], dtype=wp.int32, device=device)
             law = scene.measures.wear.finnie or Finnie(pressure=1.0)
             control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
-        control.done = wp.zeros(1, dtype=wp.int32, device=device)
-        control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        report.done = wp.zeros(1, dtype=wp.int32, device=device)
+        report.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
         control.wait_modes = wp.array(barrier.wait_modes(), dtype=wp.uint64, device=device)
         self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)
         self.placements = wp.zeros(max(len(model.schedule.motions), 1), dtype=Placement, device=device)
@@ -179,6 +183,14 @@ class Batch:
             self.placements.assign(self.placements_ahead()[0])
 
 
+def model_struct(model: Model) -> Any:
+    """``Model`` of ``kernels.step.structs``: what is the same in all steps."""
+    struct = model.kernels.structs.Model()
+    struct.coefficients, struct.materials, struct.dt = model.coefficients, model.features.contact.materials, model.dt
+    struct.surface = model.walls.surface if model.walls is not None else Surface()
+    return struct
+
+
 def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     """Arrays of the walls that move by the load on them; state and drive come with the schedule."""
     schedule, device, walls = model.schedule, model.device, DynamicWalls()
@@ -188,6 +200,7 @@ def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     walls.number = wp.array(number, dtype=wp.int32, device=device)
     walls.motion = wp.array(schedule.wall_motion[number >= 0], dtype=wp.int32, device=device)
     walls.numbers = wp.array(np.stack([wall.numbers for wall in schedule.dynamic]), dtype=wp.float64, device=device)
+    walls.curve = wp.array(np.stack([wall.curve for wall in schedule.dynamic]), dtype=wp.vec2d, device=device)
     walls.state = wp.zeros((count, STATE.width), dtype=wp.float64, device=device)
     walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
     walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)

@@ -13,7 +13,7 @@ from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
 from warpdem.kernels.measure import wear, window_sum
 from warpdem.kernels.measure.budget import Momenta
-from warpdem.kernels.step.loop import SPAN
+from warpdem.kernels.step.structs import SPAN
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -74,7 +74,7 @@ class Engine:
             hold: leave the forces after the last step to the next call: grains are inserted there.
         """
         done = self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
-        if self._model.features.domain.outlets and self.batch.control.removed.numpy()[0]:
+        if self._model.features.domain.outlets and self.batch.report.removed.numpy()[0]:
             self._count_removed()
         return done
 
@@ -104,14 +104,14 @@ class Engine:
         self._state.mark_left(gone)
         self.lists.flights.leave(gone)
         exit.zero_()
-        self.batch.control.removed.zero_()
+        self.batch.report.removed.zero_()
 
     # -- extremes -------------------------------------------------------------------------------
 
     @property
     def extreme(self) -> np.ndarray:
         """Largest overlap over radius [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
-        return self.batch.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+        return self.batch.report.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
 
     def ignore_overlaps(self) -> None:
         """Let batches go on whatever the overlaps."""
@@ -125,12 +125,12 @@ class Engine:
     def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
         """Take over the extremes of a checkpoint and the digits of its wear; schedule and structs are made again."""
         if wear_digits is not None:
-            digits = np.zeros(self.batch.control.wear.shape, dtype=np.int64)
+            digits = np.zeros(self.batch.report.wear.shape, dtype=np.int64)
             digits[0] = wear_digits
-            self.batch.control.wear.assign(digits)
-        values = self.batch.control.extreme.numpy()
+            self.batch.report.wear.assign(digits)
+        values = self.batch.report.extreme.numpy()
         values[:4] = extreme
-        self.batch.control.extreme.assign(values)
+        self.batch.report.extreme.assign(values)
         self.batch.forget_schedule()
         self.structs.forget()
 
@@ -151,8 +151,8 @@ class Engine:
         if n:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
-            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, load, velocity, spin]
-            wp.launch(model.kernels.loop.read, dim=n, inputs=inputs, device=model.device)
+            inputs = [base, self.batch.model, self.batch.control, grains, wall_contacts, load, velocity, spin]
+            wp.launch(model.kernels.read.read, dim=n, inputs=inputs, device=model.device)
         return load, velocity, spin
 
     @property
@@ -160,7 +160,7 @@ class Engine:
         """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
         if not self._model.features.measures.wear:
             return np.zeros((0, window_sum.WIDTH), dtype=np.int64)
-        return window_sum.joined(self.batch.control.wear.numpy())
+        return window_sum.joined(self.batch.report.wear.numpy())
 
     def read_wear(self) -> np.ndarray:
         """What wears walls, added up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
@@ -176,8 +176,9 @@ class Engine:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)
-            types = ("energies", model.kernels.loop.Energies), ("momenta", Momenta)
+            types = ("energies", model.kernels.structs.Energies), ("momenta", Momenta)
             energies, momenta = (packed(out.get(k, none), t) for k, t in types)
-            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
-            wp.launch(model.kernels.loop.read_budget, dim=n, inputs=inputs, device=model.device)
+            read = base, self.batch.model, self.batch.control, grains, wall_contacts
+            inputs = [*read, energies, momenta, out.get("wall_work", none)]
+            wp.launch(model.kernels.read.read_budget, dim=n, inputs=inputs, device=model.device)
         return {name: array.numpy() for name, array in out.items()}

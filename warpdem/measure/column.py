@@ -13,6 +13,7 @@ from warpdem.measure.budget import Budget
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
+from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.selection import selected
 from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import total_loads
@@ -103,6 +104,11 @@ class Readings:
     def wear(self) -> dict[str, WallWear]:
         """Wear of each wall by its name."""
         return read_wear(self.view)
+
+    @cached_property
+    def departed(self) -> Departed:
+        """The grains that have left."""
+        return read_departed(self.view)
 
     @cached_property
     def flow(self) -> list[float]:

@@ -168,6 +168,8 @@ class MeasureFeatures:
     """Planes that the flow through is measured at."""
     wear: bool = False
     """What wears walls is added up."""
+    residence: bool = field(default=False, compare=False)
+    """Grains that leave are taken down, on the host."""
     observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
 
@@ -247,7 +249,7 @@ class Features:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
-        runs += [f"walls that a servo moves by the load on them: {walls.dynamic}"] if walls.dynamic else []
+        runs += [f"walls that move by the load on them (servos, free walls): {walls.dynamic}"] if walls.dynamic else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]

@@ -115,8 +115,9 @@ class Instant:
             sums = {name: values.copy() for name, values in live.reader.read_sums().items()}
         reader = CopiedReadings(extreme, (loads, velocity, spin), sums, live.reader.wear_digits)
         totals = copy.deepcopy(live.totals)
-        model = live.model.at_present()
-        self._view = RunView(model, state, copy.copy(live.clock), reader, totals, lambda: listed, copy.deepcopy(live.left))
+        departures = live.departures.copied() if live.departures is not None else None
+        model, left = live.model.at_present(), copy.deepcopy(live.left)
+        self._view = RunView(model, state, copy.copy(live.clock), reader, totals, lambda: listed, left, departures)
 
     def view(self) -> RunView:
         """The run at that time; waits until all of it has arrived."""

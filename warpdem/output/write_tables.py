@@ -11,6 +11,28 @@ import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
 from warpdem.errors import WarpdemError
+from warpdem.measure.residence import Departed
+
+
+def write_departures(path: Path, departed: Departed, groups: Sequence[str], materials: Sequence[str]) -> None:
+    """Write a table of the grains that have left, a row each, in the order in which they did.
+
+    Args:
+        path: file to write, usually ``departures.csv``; replaced whole.
+        departed: the grains.
+        groups: names of the scene's groups.
+        materials: names of its materials.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with replaced(path) as part, open(part, "w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["id [-]", "group", "material", "diameter [m]", "outlet", "came [s]", "left [s]", "residence [s]"])
+        for k in range(len(departed.id)):
+            times = departed.came[k], departed.left[k], departed.residence[k]
+            which = departed.id[k], groups[departed.group[k]], materials[departed.type[k]], _digits(2.0 * departed.radius[k])
+            rows.writerow([*which, departed.way_out[k], *map(_digits, times)])
 
 
 class HistoryWriter:

@@ -74,6 +74,16 @@ class Profile(SceneModel):
         ]
 
 
+class Residence(SceneModel):
+    """Residence times of the grains that leave."""
+
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
+    outlet: str | None = Field(
+        None, description='Name of the outlet, or border such as "x max", that they leave through; default any.'
+    )
+    of: Selection | None = Field(None, description=OF)
+
+
 class Mixing(SceneModel):
     """Mixing of two classes of grains by Lacey's index."""
 
@@ -128,6 +138,10 @@ class Measures(SceneModel):
     )
     profiles: list[Profile] = Field(
         [], description="Boxes cut into slices along an axis, in each of which the same is measured, default none."
+    )
+    residence: list[Residence] = Field(
+        [],
+        description="Residence times, from insertion or the start to the way out, of grains that have left; default none.",
     )
     mixing: list[Mixing] = Field([], description="Mixing indices, default none.")
     wear: Wear | None = Field(

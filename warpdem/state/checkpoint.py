@@ -119,7 +119,7 @@ def _about(view: RunView) -> dict[str, Any]:
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
-            "servos": {wall.name: wall.servo.elapsed for wall in scene.walls if wall.servo is not None},
+            "loads": {wall.name: wall.dynamic.elapsed for wall in scene.walls if wall.dynamic is not None},
             "surfaces": {w.name: w.surface_velocity.elapsed for w in scene.walls if w.surface_velocity is not None},
         },
         "places": _places(view),
@@ -158,6 +158,8 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if view.departures is not None:
+        readings |= view.departures.arrays()
     if features.measures.wear:
         readings["wear"] = view.reader.wear_digits
     return out | readings | contact_history.read(view)
@@ -201,6 +203,8 @@ def restore(run: Run, data: dict[str, Any]) -> None:
     run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])
+    if view.departures is not None:
+        view.departures.restore(data)
     if view.totals is not None:
         view.totals.restore(data["budget"])
     contact_history.restore(run.lists, data)

@@ -56,7 +56,7 @@ class Streams:
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
             position, radius = inlet.insert(step, *there, self._model.domain.nearest)
             if len(radius):
-                state.add(self._grains(inlet, position, radius), self._model.density)
+                state.add(self._grains(inlet, position, radius), self._model.density, step)
                 inserted.append(np.arange(state.slots - len(radius), state.slots))
         return inserted
 
