@@ -95,6 +95,10 @@ def everything(folder: Path) -> Scene:
                  "surface_velocity": {"axis": [0, 1, 0], "table": [[0, 0.1], [1, 1 / 3]], "until": 0.7}},
                 {"name": "ramp", "material": "steel", "plane": {"point": [0, 0, -2], "normal": [0, 0, 1]},
                  "surface_velocity": {"axis": [0, 1, 0], "schedule": [{"until": 1, "speed": [0, 1]}, {"speed": 1}]}},
+                {"name": "press", "material": "steel", "plane": {"point": [0, 0, 9], "normal": [0, 0, -1]},
+                 "servo": {"axis": [1, 0, -1], "pressure": [[0, 0.1], [1, 1 / 3]], "area": 0.3, "max_speed": 0.1, "start": 1}},
+                {"name": "vane", "material": "steel", "plane": {"point": [0, 0, 8], "normal": [0, 0, -1]},
+                 "servo": {"axis": [0, 1, 0], "origin": [0.1, 0, 0], "torque": 0.1, "max_rate": "5 rpm"}},
                 {
                     "name": "a_b", "material": "steel", "cone": {"apex": [0, 0, -1], "axis": [0, 0, 1], "half_angle": "30 deg"},
                     "motion": [

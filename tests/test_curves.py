@@ -9,7 +9,8 @@ import pytest
 
 from warpdem import WarpdemError, plot, runs
 from warpdem.app import cli
-from warpdem.drawing.curves import drawn, run_names
+from warpdem.drawing.curves import drawn
+from warpdem.runs.names import run_names
 
 EVERYTHING = (-np.inf, np.inf)
 

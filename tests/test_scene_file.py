@@ -156,7 +156,7 @@ BAD = [
     ("time.max_speed='3 m'", ["time.max_speed", "speed", "[m/s]"]),
     ("engine.skin=0", ["engine.skin = 0", "> 0", '"auto"']),
     ("engine.max_overlap=2", ["engine.max_overlap", "<= 1"]),
-    ("contact.normal=herz", ["contact.normal", '"hertz" or "hooke"', 'mean "hertz"']),
+    ("contact.normal=herz", ["contact.normal", '"hertz", "hertz_clamped"', 'mean "hertz"']),
     ("contact.torsion=true", ["contact.torsion", "rolling"]),
     ("materials.glass.poisson_ratio=0.6", ["materials.glass.poisson_ratio = 0.6", "> -1 and <= 0.5"]),
     ("materials.glass.poisson_ratio=-1", ["> -1 and <= 0.5"]),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from warpdem.app.notebook import picture
     from warpdem.drawing.curves import plot
     from warpdem.drawing.rendering import render
+    from warpdem.reports.write_report import report
     from warpdem.scene.file import load_scene
     from warpdem.scene.model import Scene
     from warpdem.simulation import Simulation
@@ -44,6 +45,7 @@ __all__ = [
     "picture",
     "plot",
     "render",
+    "report",
 ]
 
 
@@ -54,6 +56,7 @@ LATER = {
     "load_scene": "scene.file",
     "picture": "app.notebook",
     "plot": "drawing.curves",
+    "report": "reports.write_report",
     "render": "drawing.rendering",
 }
 """Modules of names that are imported when first asked for: their libraries take a second or more.

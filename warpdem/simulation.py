@@ -91,7 +91,8 @@ class Simulation(RecordedRun):
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
         self.live = RunView(
-            model, self.state, self._clock, self.engine, totals, self.lists.view, self.left, self.threads
+            model, self.state, self._clock, self.engine, totals, self.lists.view, self.left,
+            self.engine.leavers.departures, self.threads,
         )
         self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
         self.lists.watch_travel = self.guards.check_travel

@@ -11,10 +11,10 @@ from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
 from warpdem.kernels.lists import neighbors
-from warpdem.kernels.step import border, motion
+from warpdem.kernels.step import border, motion, structs
 from warpdem.kernels.step.schedule import Placement, Row, slip_time
+from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import candidates, contact, evaluate, feature, images, record
-from warpdem.kernels.wall.surface import Surface
 
 
 class ContactLaw:
@@ -78,7 +78,8 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     one = contact.build(
         wall_law, None, around, seen, spins=True, turning_frame=False, moving_frame=False, moving=0, **met
     )
-    walls = evaluate.build(one, closest, around, seen, table=True, meshes=True, gap=gap)
+    arrays = structs.build(pair_kernels)
+    walls = evaluate.build(arrays, one, closest, around, seen, table=True, meshes=True, gap=gap)
     WallContacts, evaluate_wall_contacts = walls.WallContacts, walls.evaluate
     beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
     load_of = motion.build_load(real, spins=True, walls=False)
@@ -121,31 +122,26 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
 
     @kernel
     def wall_forces(
-        record: wp.array(dtype=Record),
-        inverse: wp.array(dtype=Pair),
-        material: wp.array(dtype=wp.int32),
-        materials: int,
-        coefficients: wp.array(dtype=pair_kernels.Coefficients),
-        surface: Surface,
-        wall_contacts: WallContacts,
-        placement: wp.array2d(dtype=Placement),  # (1, 1)
-        row: wp.array(dtype=Row),
         parity: int,  # of the step
-        dt: wp.float64,
+        row: wp.array(dtype=Row),  # (1,)
+        placement: wp.array2d(dtype=Placement),  # (1, 1)
+        model: arrays.Model,
+        grains: arrays.Grains,
+        # written
+        wall_contacts: WallContacts,
         load_out: wp.array(dtype=Load),  # (n,), added to
     ):
         """Evaluate one grain beside the wall per thread."""
         r = wp.tid()
-        evaluate_wall_contacts(
-            r, record, inverse, material, materials, coefficients, surface, wall_contacts, placement, 0, 0, row[0],
-            1 - parity, parity,
-            dt,
-        )  # fmt: skip
+        call = ForceCall()
+        call.old_generation = 1 - parity
+        call.new_generation = parity
+        evaluate_wall_contacts(r, call, row[0], placement, model, grains, wall_contacts)
         i = wall_contacts.grain[r]
         load_out[i] = load_out[i] + wall_contacts.load[i]
 
     return Built(
         lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
         pair_load=pair_load,
-        wall_forces=wall_forces, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
+        wall_forces=wall_forces, structs=arrays, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip

@@ -62,11 +62,11 @@ class MeshWall(ListedGrains):
         self.update()
         row = step_row(dt, (0.0, 0.0, 0.0), g.steps == 0, g.device.alias)
         if self._wall_contacts.grain is not None and len(self._wall_contacts.grain):
-            self.launch(self.kernels.wall_forces, len(self._wall_contacts.grain), [
-                g.record, g.inverse, g.material, self.law.materials, self._table, self.surface, self._wall_contacts,
-                self._placement,
-                row, g.steps & 1, dt, g.load,
-            ])  # fmt: skip
+            model, struct = self.kernels.structs.Model(), self.kernels.structs.Grains()
+            model.coefficients, model.materials, model.surface, model.dt = self._table, self.law.materials, self.surface, dt
+            struct.record, struct.inverse, struct.material = g.record, g.inverse, g.material
+            read = g.steps & 1, row, self._placement, model, struct
+            self.launch(self.kernels.wall_forces, len(self._wall_contacts.grain), [*read, self._wall_contacts, g.load])
 
     def _new_wall_contacts(self, first: wp.array, slots: int):
         """WallContacts with ``slots`` slots in all, those of each grain from ``first`` on."""

@@ -1,6 +1,6 @@
 r"""What is not elastic in a contact: the parts of its force and torque that take energy from the grains, and spring losses.
 
-    normal damping       -gamma_n v_n n, gamma_n as it acts at the step (``normal_law``)
+    normal damping       -gamma_n v_n n, as it acts at the step (``normal_law``)
     tangential damping   F_t + k_t s while the contact sticks
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
@@ -113,7 +113,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
-        f_n, load, k_n, gamma_n, gamma_t, depth, depth_before, _own = of_normal.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
@@ -150,7 +150,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
                 in_springs -= real(0.5) * wp.dot(torque_before, transported_angle)
         old = stored(overlap_before, k, radius, inertia, c, before, dt)
         common = Common(
-            -gamma_n * speed, rest[0], rest[1], rest[2], slides, nonelastic[0], nonelastic[1], nonelastic[2], cut_spring,
+            dashpot, rest[0], rest[1], rest[2], slides, nonelastic[0], nonelastic[1], nonelastic[2], cut_spring,
             cut_angle, old, in_springs,
         )  # fmt: skip
         out = Parts()

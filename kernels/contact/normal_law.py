@@ -11,6 +11,10 @@ Its Coulomb load is max(F_n, 0). Any other gets and gives its own numbers too:
     force(overlap, overlap_before, speed, stiffness, damping, own, history)
         -> F_n, load, k_n, gamma_n, depth, depth_before, history
 
+A law that says ``CLOSENESS = True`` gets one more argument in ``constants``, the last:
+
+closeness     1/(R_i + R_j), 0 at a wall: what R* does not tell of two radii                    [1/m]
+
 load          normal force that friction and rolling resistance go by, >= 0                     [N]
 depth         overlap that the tangential spring is rescaled by, now and one step before        [m]
 
@@ -36,6 +40,8 @@ Schemes that do not predict (``predicted`` false) have the plain coefficients.
 A law states the ratio r of the slope of its elastic force to k_n as ``TANGENT``, its power of the overlap; without it, 1. It is
 asked for k_n and gamma_n at rest, then for the force at the speed that makes its dashpot the above: whatever its form. k_n
 and gamma_n must not depend on the speed.
+
+A law whose contacts never attract says ``CLAMPED = True``: its dashpot then acts only as far as the force stays >= 0.
 """
 
 import functools
@@ -66,11 +72,12 @@ def build(real, normal: ModuleType, predicted: bool = True):
     Losses = losses.vector(real)
     first = len(columns.OF_CONTACT)
     half_tangent = 0.5 * getattr(normal, "TANGENT", 1.0)
+    clamped, needs_closeness = getattr(normal, "CLAMPED", False), getattr(normal, "CLOSENESS", False)
 
     if not columns.declares_own(normal):
 
         @wp.func
-        def constants(c: Coefficients, radius: real, mass: real) -> Constants:
+        def constants(c: Coefficients, radius: real, mass: real, closeness: real) -> Constants:
             """Stiffness and damping of a contact from R* [m] and m* [kg]."""
             stiffness, damping = constants_of_law(
                 c[wp.static(at.stiffness)], c[wp.static(at.damping)], radius, mass
@@ -85,15 +92,23 @@ def build(real, normal: ModuleType, predicted: bool = True):
             return f_n, load, k_n, gamma_n, overlap, overlap_before, history
 
     else:
+        if needs_closeness:
+            made_by_law = constants_of_law
+        else:
+
+            @wp.func
+            def made_by_law(base: real, damping: real, given: Own, radius: real, mass: real, closeness: real):
+                stiffness, dashpot, made = constants_of_law(base, damping, given, radius, mass)
+                return stiffness, dashpot, made
 
         @wp.func
-        def constants(c: Coefficients, radius: real, mass: real) -> Constants:
-            """Stiffness, damping and the law's own constants of a contact from R* [m] and m* [kg]."""
+        def constants(c: Coefficients, radius: real, mass: real, closeness: real) -> Constants:
+            """Stiffness, damping and the law's own constants of a contact from R* [m], m* [kg] and 1/(R_i + R_j) [1/m]."""
             given = Own()
             for f in range(wp.static(own.width)):
                 given[f] = c[wp.static(at.width - own.width) + f]
-            stiffness, damping, made = constants_of_law(
-                c[wp.static(at.stiffness)], c[wp.static(at.damping)], given, radius, mass
+            stiffness, damping, made = made_by_law(
+                c[wp.static(at.stiffness)], c[wp.static(at.damping)], given, radius, mass, closeness
             )  # fmt: skip
             k = Constants()
             k[0] = stiffness
@@ -118,7 +133,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
     def force(
         overlap: real, overlap_before: real, speed: real, k: Constants, c: Coefficients, history: History, dt: real
     ):
-        """F_n, load [N], k_n [N/m], gamma_n, gamma_t [N s/m] as they act, depth now and before [m], history."""
+        """F_n, load, the dashpot's part of F_n [N], k_n [N/m], gamma_t [N s/m], depth now and before [m], history."""
         share_n = real(1.0)
         share_t = real(1.0)
         if wp.static(predicted):
@@ -139,7 +154,12 @@ def build(real, normal: ModuleType, predicted: bool = True):
             overlap, overlap_before, speed * share_n, k, history
         )
         gamma_t = c[wp.static(at.shear_damping)] * gamma_n * share_t
-        return f_n, load, k_n, gamma_n * share_n, gamma_t, depth, depth_before, now
+        dashpot = -(gamma_n * share_n) * speed
+        if wp.static(clamped):
+            pushing = f_n if f_n > real(0.0) else real(0.0)
+            dashpot = dashpot + (pushing - f_n)
+            f_n = pushing
+        return f_n, load, dashpot, k_n, gamma_t, depth, depth_before, now
 
     if not losses.width:
 

@@ -76,7 +76,9 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
         inv_i = inverse[i]
         inv_j = inverse[j]
         radius = pairs.reduced_radius(gi, gj)
-        constants_64 = constants(coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]))
+        constants_64 = constants(
+            coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]), wp.float64(1.0) / (gi[3] + gj[3])
+        )  # fmt: skip
         numbers = Constants()
         for f in range(wp.static(Constants._length_)):
             numbers[f] = real(constants_64[f])

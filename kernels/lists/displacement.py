@@ -13,6 +13,7 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, SCHEDULE_ROW
 from warpdem.kernels.step.schedule import Placement, local, wall_velocity
+from warpdem.kernels.step.structs import Control
 
 INNER_HALF, INNER, OUTER_HALF, OUTER, OFF_PATH, IN_OUTLET, CROSSED, NOT_FINITE, FAST = (1 << bit for bit in range(9))
 """What ``check_lists`` finds of a grain, added up: beyond half of what the inner list allows, and all of it; the same of the
@@ -47,13 +48,12 @@ class References:
 
 
 @functools.cache
-def build(travel, border, Control, *, spins: bool, moving: int, stages: int, leave: bool):
+def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool):
     """Return the kernels.
 
     Args:
         travel: namespace of ``motion.build_travel``.
         border: periodic images, of ``border.build``.
-        Control: struct of ``loop.build``.
         spins: grains spin.
         moving: number of wall motions relative to the frame.
         stages: force calls per step.

@@ -23,7 +23,7 @@ from warpdem.kernels.lists.displacement import FOR_THE_HOST, INNER, OUT_OF_DATE,
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import BLOCK, Counts, Starts, Sums, block_sums, joined, start_block
 from warpdem.kernels.step.barrier import meet
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.step.structs import Control, Report
 
 CHECK, BUILD = 1, 2
 """Work of a launch; with both, the list is built if the check finds it out of date and nothing else wrong."""
@@ -45,21 +45,32 @@ class Scratch:
 
 
 @functools.cache
-def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lanes: int, stages: int):
+def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lanes: int, stages: int):
     """Return the kernel.
 
     Args:
+        structs: of ``step.structs.build``.
         lists: namespace of ``neighbors.build``.
         displacement: of ``displacement.build``.
         walls: of ``candidates.build``; None without walls.
-        Control: struct of ``loop.build``.
         WallContacts: struct of the wall contacts.
         spins: grains spin.
         lanes: of a contact batch.
         stages: force calls per step.
     """
     g = grain.build(spins)
-    ListedGrains, ListedContacts, Coefficients = lists.ListedGrains, lists.ListedContacts, lists.Coefficients
+    ListedGrains, ListedContacts = lists.ListedGrains, lists.ListedContacts
+
+    @wp.struct
+    class Work:
+        """What a launch is to do, and the arrays that only it reads."""
+
+        mode: wp.int32
+        schedule_row: wp.int32  # of the present step
+        inner_skin: wp.float64  # [m]
+        unused_slot: wp.int32  # force slot that belongs to no grain, behind all others
+        near_feature: wp.array(dtype=wp.int32)  # (wall slots,) features closer than the skin
+        old_history: wp.array3d(dtype=lists.real)  # (batches, numbers, lanes) of the list before
 
     @wp.func
     def clear_rest(begin: int, count: int, partner: int, unused_slot: int, contacts: ListedContacts):
@@ -72,22 +83,15 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
     def build_inner(
         thread: int,
         threads: int,
-        mode: int,
-        schedule_row: int,  # of the present step
-        inner_skin: wp.float64,  # [m]
-        dt: wp.float64,
+        work: Work,
+        model: structs.Model,
+        control: Control,
+        watched: Watched,
         grains: ListedGrains,
         rows: NeighborRows,
         references: References,  # ``inner`` is written
-        control: Control,
-        watched: Watched,
-        materials: int,
-        coefficients: wp.array(dtype=Coefficients),
-        surface: Surface,
-        near_feature: wp.array(dtype=wp.int32),  # (wall slots,) features closer than the skin
-        old_history: wp.array3d(dtype=lists.real),
-        unused_slot: int,  # force slot that belongs to no grain, behind all others
         # written
+        steps: Report,  # only the meeting of its threads
         scratch: Scratch,
         counts: Counts,
         starts: Starts,
@@ -104,15 +108,18 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
         report = scratch.report
 
         found = int(0)
+        mode = work.mode
+        schedule_row = work.schedule_row
+        inner_skin = work.inner_skin
         if mode & wp.static(CHECK):
             for i in range(first, last):
-                one = displacement.check_grain(i, grains.record[i], references, control, schedule_row, watched, dt)
+                one = displacement.check_grain(i, grains.record[i], references, control, schedule_row, watched, model.dt)
                 scratch.found[i] = one
                 found = found | one
             report[(thread + 1) * wp.static(SPAN)] = found
             if threads > 1:
                 target += threads
-                meet(control.meeting, target, control.wait_modes)
+                meet(steps.meeting, target, control.wait_modes)
             for t in range(threads):
                 found = found | report[(t + 1) * wp.static(SPAN)]
         chosen = mode & wp.static(BUILD)
@@ -132,13 +139,13 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
                 lists.select_row(i, grains, rows, inner_skin, references.flight, scratch.listed, counts)
                 if wp.static(walls is not None):
                     walls.select_features(
-                        i, grains.record[i], wp.float64(0.5) * inner_skin, surface, control.placement[now], near_feature,
-                        references.flight, wall_contacts,
+                        i, grains.record[i], wp.float64(0.5) * inner_skin, model.surface, control.placement[now],
+                        work.near_feature, references.flight, wall_contacts,
                     )  # fmt: skip
             scratch.sums[b] = block_sums(b, wp.static(lanes), counts)
         if threads > 1:
             target += threads
-            meet(control.meeting, target, control.wait_modes)
+            meet(steps.meeting, target, control.wait_modes)
 
         before = Sums()
         total = Sums()
@@ -147,7 +154,7 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
                 before = total
             total = joined(total, scratch.sums[b])
         held = joined(Sums(total[0], 0, 0, 0), Sums(total[1], 0, 0, 0))
-        fits = held[0] <= contacts.owner.shape[0] * wp.static(lanes) and total[2] <= unused_slot
+        fits = held[0] <= contacts.owner.shape[0] * wp.static(lanes) and total[2] <= work.unused_slot
         if thread == 0:
             report[wp.static(LANES)] = held[0]
             report[wp.static(FORCE_SLOTS)] = total[2]
@@ -162,7 +169,7 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
             at = joined(at, scratch.sums[b])
         if threads > 1:
             target += threads
-            meet(control.meeting, target, control.wait_modes)
+            meet(steps.meeting, target, control.wait_modes)
 
         partner = wp.min(1, n - 1)
         for b in range(first_block, last_block):
@@ -170,13 +177,15 @@ def build(lists, displacement, walls, Control, WallContacts, *, spins: bool, lan
             near = int(0)
             end = wp.min((b + 1) * wp.static(BLOCK), n)
             for i in range(b * wp.static(BLOCK), end):
-                lists.fill_row(i, grains, materials, coefficients, rows, scratch.listed, starts, old_history, contacts)
+                lists.fill_row(
+                    i, grains, model.materials, model.coefficients, rows, scratch.listed, starts, work.old_history, contacts
+                )
                 displacement.put_reference(
                     i, g.position(grains.record[i]), control.placement[now], references.flight, references.inner
                 )
                 touching += counts.touching[i]
                 near += counts.near[i]
-            clear_rest(starts.touching[b * wp.static(BLOCK)], touching, partner, unused_slot, contacts)
-            clear_rest(starts.near[b * wp.static(BLOCK)], near, partner, unused_slot, contacts)
+            clear_rest(starts.touching[b * wp.static(BLOCK)], touching, partner, work.unused_slot, contacts)
+            clear_rest(starts.near[b * wp.static(BLOCK)], near, partner, work.unused_slot, contacts)
 
-    return Built(build_inner=build_inner)
+    return Built(build_inner=build_inner, Work=Work)

@@ -238,8 +238,11 @@ def build(
         c = coefficients[0]
         if wp.static(table):
             c = coefficients[kind[p, k]]
-        radius = record[i][3] * record[j][3] / (record[i][3] + record[j][3])
-        numbers = law.constants(c, radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]))
+        radii = record[i][3] + record[j][3]
+        radius = record[i][3] * record[j][3] / radii
+        numbers = law.constants(
+            c, radius, wp.float64(1.0) / (inverse[i][0] + inverse[j][0]), wp.float64(1.0) / radii
+        )  # fmt: skip
         for f in range(wp.static(law_constants_width)):
             constants_out[p, f, k] = real(numbers[f])
         if wp.static(rolling):

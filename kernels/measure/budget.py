@@ -89,13 +89,15 @@ def _field_power(before, number: int, force, in_laboratory: bool, conservative: 
 
 @functools.cache
 def build(
-    real, fields: tuple, conservative: tuple[bool, ...], *, spins: bool, walls: bool, energy: bool, momentum: bool,
-    turning_frame: bool, moving_frame: bool, periodic: bool, losses: tuple[str, ...] = (),
+    structs, WallContacts, Control, fields: tuple, conservative: tuple[bool, ...], *, spins: bool, walls: bool, energy: bool,
+    momentum: bool, turning_frame: bool, moving_frame: bool, periodic: bool, losses: tuple[str, ...] = (),
 ):  # fmt: skip
     """Return ``energies``, ``momenta``, ``turned`` and ``wall_powers`` of one grain at one instant.
 
     Args:
-        real: precision of the contact entries.
+        structs: namespace of ``step.structs.build``.
+        WallContacts: of ``wall.evaluate.build``.
+        Control: of ``step.structs``.
         fields: external fields as in ``motion.build_acceleration``.
         conservative: whether each of them has a potential.
         spins: grains spin.
@@ -108,7 +110,7 @@ def build(
         losses: LOSSES of the normal law.
     """
     g = grain.build(spins)
-    Entry = with_losses(ENTRY_AT, losses).vector(real)
+    Model, Grains, Entry = structs.Model, structs.Grains, structs.Entry
     Energies, WallEntry = energies_type(losses), wall_entry_type(losses)
     Common = energies_type(())
     more = len(losses)
@@ -131,12 +133,10 @@ def build(
 
     @wp.func
     def energies(
-        i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, mass: wp.float64, weight: wp.float64,
-        row_start: wp.array(dtype=wp.int32), entries: wp.array(dtype=Entry), candidates: wp.array(dtype=wp.int32),
-        wall_entries: wp.array(dtype=WallEntry), frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64,
-        numbers: wp.array(dtype=Numbers),
+        i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, at: int, model: Model, grains: Grains,
+        wall_contacts: WallContacts, control: Control,
     ) -> Energies:  # fmt: skip
-        """Energies of the instant, powers times ``weight`` [s]; contacts in order of partner id."""
+        """Energies at the call in row ``at``, powers times ``weight`` [s]; contacts in order of partner id."""
         damping = wp.float64(0.0)
         sticking = wp.float64(0.0)
         sliding = wp.float64(0.0)
@@ -145,8 +145,8 @@ def build(
         cut_angle = wp.float64(0.0)
         rescaled = wp.float64(0.0)
         out = Energies()
-        for e in range(row_start[i], row_start[i + 1]):
-            x = entries[e]
+        for e in range(grains.row_start[i], grains.row_start[i + 1]):
+            x = grains.entry[e]
             n = of_entry(x, wp.static(ENTRY_AT.normal))
             tangential = of_entry(x, wp.static(ENTRY_AT.tangential))
             power = wp.dot(tangential, v - wp.cross(w, n) * wp.float64(x[wp.static(ENTRY_AT.arm)]))
@@ -161,8 +161,8 @@ def build(
             for f in range(wp.static(more)):
                 out[wp.static(len(ENERGIES)) + f] += wp.float64(x[wp.static(ENTRY_AT.width) + f])
         if wp.static(walls):
-            if candidates[i] > 0:
-                y = wall_entries[i]
+            if wall_contacts.candidates[i] > 0:
+                y = wall_contacts.entry[i]
                 damping += y[wp.static(at_wall.damping_power)] - wp.dot(of_wall(y, wp.static(at_wall.damping)), v)
                 sticking += (
                     y[wp.static(at_wall.sticking_power)]
@@ -182,8 +182,9 @@ def build(
                     out[wp.static(len(ENERGIES)) + f] += y[wp.static(at_wall.width) + f]
         given = wp.float64(0.0)
         if wp.static(field_power is not None):
-            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
-            given = field_power(frames[at], g.position(state), predicted, v, mass, state[3], numbers)
+            mass = wp.float64(1.0) / grains.inverse[i][0]
+            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * model.dt)
+            given = field_power(control.frame[at], g.position(state), predicted, v, mass, state[3], control.field)
         common = Common(
             damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
             given * weight, wp.float64(0.0),
@@ -198,8 +199,8 @@ def build(
         return vec6(force[0], force[1], force[2], moment[0], moment[1], moment[2])
 
     @wp.func
-    def place(q: wp.vec3d, frames: wp.array(dtype=FrameRow), at: int) -> wp.vec3d:
-        """Place relative to the laboratory's origin, in frame axes [m]."""
+    def from_laboratory(q: wp.vec3d, frames: wp.array(dtype=FrameRow), at: int) -> wp.vec3d:
+        """Position relative to the laboratory's origin, in frame axes [m]."""
         seen = q
         if wp.static(moving_frame):
             seen = q + wp.transpose(frame_axes(frames[at])) * frame_origin(frames[at])
@@ -207,17 +208,17 @@ def build(
 
     @wp.func
     def momenta(
-        i: int, state: g.Record, total: vec6, mass: wp.float64, weight: wp.float64, row: Row,
-        candidates: wp.array(dtype=wp.int32), wall_load: wp.array(dtype=vec6), frames: wp.array(dtype=FrameRow), at: int,
-        dt: wp.float64, numbers: wp.array(dtype=Numbers),
+        i: int, state: g.Record, total: vec6, weight: wp.float64, at: int, model: Model, grains: Grains,
+        wall_contacts: WallContacts, control: Control,
     ) -> Momenta:  # fmt: skip
-        """Impulses of the instant, forces times ``weight`` [s], in frame axes; ``total`` is the load of all contacts."""
-        arm = place(g.position(state), frames, at)
+        """Impulses at the call in row ``at``, forces times ``weight`` [s], in frame axes; ``total``: load of all contacts."""
+        arm = from_laboratory(g.position(state), control.frame, at)
+        mass = wp.float64(1.0) / grains.inverse[i][0]
         out = Momenta()
         by_pairs = total
         if wp.static(walls):
-            if candidates[i] > 0:
-                load = wall_load[i]
+            if wall_contacts.candidates[i] > 0:
+                load = wall_contacts.load[i]
                 by_pairs = total - load
                 moment = wp.cross(arm, wp.vec3d(load[0], load[1], load[2])) + wp.vec3d(load[3], load[4], load[5])
                 for k in range(3):
@@ -229,12 +230,14 @@ def build(
             )
             for k in range(3):
                 out[wp.static(MOMENTA_AT.carried + 3) + k] = carried[k] * weight
-        heavy = with_moments(arm, gravity(row) * mass)
+        heavy = with_moments(arm, gravity(control.row[at]) * mass)
         for k in range(6):
             out[wp.static(MOMENTA_AT.gravity) + k] = heavy[k] * weight
         if wp.static(external is not None):
-            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * dt)
-            pulled = with_moments(arm, external(frames[at], g.position(state), predicted, mass, state[3], numbers))
+            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * model.dt)
+            pulled = with_moments(
+                arm, external(control.frame[at], g.position(state), predicted, mass, state[3], control.field)
+            )
             for k in range(6):
                 out[wp.static(MOMENTA_AT.fields) + k] = pulled[k] * weight
         return out
@@ -253,30 +256,27 @@ def build(
         return out
 
     @wp.func
-    def lifted(way: wp.vec3d, weight: wp.vec3d) -> Energies:
-        """Potential energy given by a shift by ``way`` [m] against a ``weight`` [N]."""
+    def lifted(shift: wp.vec3d, weight: wp.vec3d) -> Energies:
+        """Potential energy given by a shift ``shift`` [m] against a ``weight`` [N]."""
         out = Energies()
-        out[wp.static(ENERGIES.index("carried"))] = -wp.dot(weight, way)
+        out[wp.static(ENERGIES.index("carried"))] = -wp.dot(weight, shift)
         return out
 
     @wp.func
-    def shifted(way: wp.vec3d, momentum: wp.vec3d) -> Momenta:
-        """Angular momentum given by a shift by ``way`` [m]."""
-        moment = wp.cross(way, momentum)
+    def shifted(shift: wp.vec3d, momentum: wp.vec3d) -> Momenta:
+        """Angular momentum given by a shift ``shift`` [m]."""
+        moment = wp.cross(shift, momentum)
         out = Momenta()
         for k in range(3):
             out[wp.static(MOMENTA_AT.carried + 3) + k] = moment[k]
         return out
 
     @wp.func
-    def wall_works(
-        i: int, weight: wp.float64, candidates: wp.array(dtype=wp.int32), power: wp.array2d(dtype=wp.float64),
-        work_out: wp.array2d(dtype=wp.float64),
-    ):  # fmt: skip
+    def wall_works(i: int, weight: wp.float64, wall_contacts: WallContacts, work_out: wp.array2d(dtype=wp.float64)):
         """Add the work of each wall on grain ``i``."""
-        if candidates[i] > 0:
-            for wall in range(power.shape[1]):
-                work_out[i, wall] = work_out[i, wall] + power[i, wall] * weight
+        if wall_contacts.candidates[i] > 0:
+            for wall in range(wall_contacts.power.shape[1]):
+                work_out[i, wall] = work_out[i, wall] + wall_contacts.power[i, wall] * weight
 
     return Built(
         energies=energies, momenta=momenta, turned=turned, lifted=lifted, shifted=shifted, wall_works=wall_works,

@@ -63,6 +63,16 @@ def add_vector(value: wp.vec3d, row: int, column: int, sums_out: wp.array3d(dtyp
         add(value[k], row, column + k, sums_out)
 
 
+@wp.func
+def add_wall_contact(
+    point: wp.vec3d, force: wp.vec3d, torque: wp.vec3d, row: int, column: int, sums_out: wp.array3d(dtype=wp.int64)
+):  # fmt: skip
+    """Add a contact point to the ``WALL_SUMS`` from ``column`` on: force [N] and rolling torque [N m] on the grain."""
+    add_vector(force, row, column + wp.static(WALL_SUMS.force), sums_out)
+    add_vector(wp.cross(point, force), row, column + wp.static(WALL_SUMS.moment), sums_out)
+    add_vector(torque, row, column + wp.static(WALL_SUMS.torque), sums_out)
+
+
 @wp.kernel(enable_backward=False, module=SHARED_READERS)
 def grain_sums(
     first: int, row: int, spread: int,
@@ -136,15 +146,13 @@ def wall_sums(
         )  # fmt: skip
         arm = record[i, wp.static(RADIUS)] - place[parity, s, wp.static(GEOMETRY.overlap)]
         at = column + int(place[parity, s, wp.static(GEOMETRY.wall)]) * wp.static(WALL_SUMS.width)
-        add_vector(force, p, at + wp.static(WALL_SUMS.force), sums_out)
-        moment = wp.cross(position(record, i) - normal * arm, force)
-        add_vector(moment, p, at + wp.static(WALL_SUMS.moment), sums_out)
+        torque = wp.vec3d()
         if result.shape[1] > wp.static(RESULT.moment):
             torque = wp.vec3d(
                 result[s, wp.static(RESULT.moment)], result[s, wp.static(RESULT.moment + 1)],
                 result[s, wp.static(RESULT.moment + 2)],
             )  # fmt: skip
-            add_vector(torque, p, at + wp.static(WALL_SUMS.torque), sums_out)
+        add_wall_contact(position(record, i) - normal * arm, force, torque, p, at, sums_out)
 
 
 @wp.kernel(enable_backward=False, module=SHARED_READERS)

@@ -1,9 +1,13 @@
 """The time step: forces at t_k, then the integrator takes the grains to t_k+1.
 
-    loop           the step as phases, and ``run``, the kernel that each CPU thread runs for a batch of steps; the readers
+    loop           the step: ``run``, the kernel that each CPU thread runs for a batch of steps
+    forces, move   its phases: contact forces of a force call; kick, drift and what follows from the new positions
     graph          the same phases with a thread per contact or grain, for a captured graph
+    structs        what the kernels of both take: what is read, what is written, which part a thread does
+    read           forces, velocities and budgets of the present time
     motion         what acts on one grain, and how far it has gone since the lists were built
     schedule       what changes with time and is known beforehand, one row per force call
+    dynamic_walls  walls whose motion follows from the load on them
     frame_terms    apparent accelerations, for integrators with velocities relative to the frame
     runge_kutta    what ``integrator/rk2`` and ``integrator/rk4`` share
     orientation    rotation of grains
@@ -12,5 +16,5 @@
     barrier        where the CPU threads meet between phases
     clock          conditions and counters of a batch of steps
 
-Both compute the same bits on a CPU.
+``loop`` and ``graph`` compute the same bits on a CPU.
 """

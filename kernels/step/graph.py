@@ -35,10 +35,10 @@ from warpdem.kernels.step.clock import (
     WALL_GRAINS,
     forces_due,
 )
-from warpdem.kernels.step.loop import too_deep
+from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.motion import BEYOND
 from warpdem.kernels.step.schedule import Placement, past_turn, slip_time
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.step.structs import Control, Report, build_call, one
 
 
 @wp.func
@@ -49,24 +49,27 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 
 
 @functools.cache
-def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: int, lanes: int):
+def build(
+    structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int
+):
     """Return the kernels of the graph.
 
     Args:
-        step: namespace of ``loop.build``.
+        structs: namespace of ``structs.build``.
         pairs: namespace of ``pairs.build``.
         evaluate: of ``thread_contact.build``.
-        WallContacts: struct of the wall contacts.
-        real: precision of the contact law.
+        wall_contacts_of_grain: of ``wall.evaluate.build``, and ``WallContacts``, its struct.
+        move_phase: of ``move.build``.
         history: numbers remembered per contact.
         stages: force calls per step.
         lanes: contacts per contact batch.
     """
+    real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.struct
     class Contacts:
-        """Grain-grain contacts, as ``loop.ContactBatches``, with one array element per lane."""
+        """Grain-grain contacts, as ``structs.ContactBatches``, with one array element per lane."""
 
         owner: wp.array2d(dtype=wp.int32)
         partner: wp.array2d(dtype=wp.int32)
@@ -79,8 +82,8 @@ def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: in
 
     @kernel
     def pair_forces(
-        first: int, ahead: int, stage: int, grains: step.Grains, contacts: Contacts, control: step.Control,
-        coefficients: wp.array(dtype=pairs.Coefficients), clock: wp.array(dtype=wp.int32), dt: wp.float64,
+        first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains, contacts: Contacts,
+        report: Report, clock: wp.array(dtype=wp.int32),
     ):  # fmt: skip
         t = first + wp.tid()
         if t >= clock[CONTACT_LANES] or not forces_due(clock, ahead, stage):
@@ -91,44 +94,44 @@ def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: in
             history_out = contacts.trial
         overlap_ratio, approach = evaluate(
             t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, grains.inverse,
-            contacts.kind, coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), dt, contacts.history,
-            contacts.slot_i, contacts.slot_j, history_out, grains.row, grains.entry,
+            contacts.kind, model.coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), model.dt,
+            contacts.history, contacts.slot_i, contacts.slot_j, history_out, grains.row, grains.entry,
         )  # fmt: skip
-        raise_to(control.extreme, 0, overlap_ratio)
-        raise_to(control.extreme, 1, approach)
+        raise_to(report.extreme, 0, overlap_ratio)
+        raise_to(report.extreme, 1, approach)
 
     @kernel
     def wall_forces(
-        first: int, ahead: int, stage: int, grains: step.Grains, wall_contacts: WallContacts, surface: Surface,
-        control: step.Control,
-        coefficients: wp.array(dtype=pairs.Coefficients), materials: int, clock: wp.array(dtype=wp.int32), dt: wp.float64,
+        first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains,
+        wall_contacts: WallContacts, report: Report, clock: wp.array(dtype=wp.int32),
     ):  # fmt: skip
         r = first + wp.tid()
         if r >= clock[WALL_GRAINS] or not forces_due(clock, ahead, stage):
             return
-        overlap_ratio, approach = step.wall_forces_of_grain(
-            r, clock[SCHEDULE_ROW] + ahead, stage, grains, wall_contacts, surface, control, coefficients, materials,
-            (clock[PARITY] + ahead) & 1, dt,
-        )  # fmt: skip
-        raise_to(control.extreme, 2, overlap_ratio)
-        raise_to(control.extreme, 3, approach)
+        call = force_call(clock[SCHEDULE_ROW] + ahead, stage, (clock[PARITY] + ahead) & 1)
+        overlap_ratio, approach = wall_contacts_of_grain(
+            r, call, control.row[call.row], control.placement, model, grains, wall_contacts
+        )
+        raise_to(report.extreme, 2, overlap_ratio)
+        raise_to(report.extreme, 3, approach)
 
     @kernel
     def move(
-        first: int, ahead: int, stage: int, grains: step.Grains, wall_contacts: WallContacts, control: step.Control,
-        clock_out: wp.array(dtype=wp.int32), dt: wp.float64, max_displacement: wp.float64,
+        first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains,
+        wall_contacts: WallContacts, report: Report, clock_out: wp.array(dtype=wp.int32), max_displacement: wp.float64,
     ):  # fmt: skip
-        i = first + wp.tid()
         # a thread of this very launch may have found its grain beyond max_displacement already
         if ahead >= clock_out[STEPS_LEFT] or (clock_out[MOVED_AT] != 0 and clock_out[MOVED_AT] <= ahead):
             return
         if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
             return
-        if stage == 0 and too_deep(control.extreme, 0, control.max_overlap):
+        if stage == 0 and too_deep(report.extreme, 0, control.max_overlap):
             clock_out[DEEP_AT] = ahead + 1
             return
         s = clock_out[SCHEDULE_ROW] + ahead
-        moved = step.move_phase(i, i + 1, 1, s, stage, grains, wall_contacts, control, dt, max_displacement)
+        moved = move_phase(
+            one(first + wp.tid()), s, stage, model, grains, wall_contacts, control, report, max_displacement
+        )
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1
         if (moved & wp.static(BEYOND)) > 0:
@@ -136,7 +139,7 @@ def build(step, pairs, evaluate, WallContacts, real, *, history: int, stages: in
 
     @kernel
     def advance_clock(
-        count: int, motions: int, control: step.Control, clock_out: wp.array(dtype=wp.int32),
+        count: int, motions: int, control: Control, clock_out: wp.array(dtype=wp.int32),
         placement_out: wp.array(dtype=Placement),
     ):  # fmt: skip
         """One thread: the ``count`` steps of a body are done, or those before a grain had moved too far."""

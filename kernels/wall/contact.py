@@ -39,7 +39,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
-    inertia_factor: float, moving: int, conveying: bool = False,
+    inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False,
 ):  # fmt: skip
     """Return ``contact``, the types of what it is given and gives, and readers of what a contact point remembers.
 
@@ -55,12 +55,14 @@ def build(
         inertia_factor: of ``columns.inertia_factor`` [-].
         moving: number of wall motions relative to the frame.
         conveying: surfaces move along themselves.
+        wear: what wears walls is added up, from results that hold the wall's velocity.
     """
     g = grain.build(spins)
     Coefficients, History, past = law.Coefficients, law.History, law.history
     at, remembers = record.columns(past.at), past.at.width
     history_at = record.GEOMETRY.width
     Memory = record.memory_type(past.at)
+    Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
     losses = len(law.losses)
     Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
     Common = wall_entry_type(())
@@ -135,7 +137,7 @@ def build(
     @wp.func
     def in_springs(before: Memory, radius: wp.float64, inv: Inverse, c: Coefficients, dt: wp.float64) -> wp.float64:
         """Energy in the springs of a contact point of the step before [J]; needs ``dissipation``."""
-        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
+        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
         energy = stored(before[wp.static(at.overlap)], numbers, radius, inertia_of(inv), c, history_of(before), dt)
         return energy * before[wp.static(at.weight)]
 
@@ -156,8 +158,9 @@ def build(
         """What is remembered of the contact point, and what it does to the grain.
 
         Returns:
-            Memory, load on the grain (force [N], torque [N m]), rolling torque [N m], overlap over the radius [-], approach
-            speed [m/s], energy entry and power [W] of the wall's motion; the last two are zero unless energies are added up.
+            Memory, load on the grain (force [N], torque [N m]), what RESULT holds beside feature and force, overlap over the
+            radius [-], approach speed [m/s], energy entry and power [W] of the wall's motion; the last two are zero unless
+            energies are added up.
         """
         radius = state[3]
         slip_dt = slip_time(row)
@@ -219,7 +222,7 @@ def build(
         if wp.static(conveying):
             v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
-        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0])
+        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
         inertia = inertia_of(inv)
         turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
@@ -249,12 +252,20 @@ def build(
         for d in range(wp.static(remembers)):
             memory[wp.static(history_at) + d] = history_now[d]
         load = vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
-        return memory, load, moment, overlap / radius, -wp.dot(velocity, n), entry, power
+        rest = Rest()
+        for d in range(3):
+            rest[d] = moment[d]
+        if wp.static(wear):
+            for d in range(3):
+                rest[3 + d] = v_wall[d]
+            rest[6] = wp.float64(1.0) - known
+        return memory, load, rest, overlap / radius, -wp.dot(velocity, n), entry, power
 
     return Built(
-        contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in, at=at,
+        contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
+        normal_in=normal_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
         looks_back=moving > 0 or conveying,
-        Result=record.result_type(rolling), Coefficients=Coefficients, Record=g.Record,
+        Result=record.result_type(rolling, wear), Coefficients=Coefficients, Record=g.Record,
         WallEntry=WallEntry,
     )  # fmt: skip

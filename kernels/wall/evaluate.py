@@ -15,18 +15,20 @@ import warp as wp
 from warpdem.kernels import Built, grain
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT
 from warpdem.kernels.step.schedule import Placement, Row
+from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import contact_points
-from warpdem.kernels.wall.contact import Inverse, vec6
+from warpdem.kernels.wall.contact import vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
-from warpdem.kernels.wall.record import FOUND, Found
+from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float):
+def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float):
     """Return the struct of wall contacts, and the functions of a grain's.
 
     Args:
+        structs: namespace of ``step.structs.build``.
         one: namespace of ``contact.build``.
         closest_on_feature: of ``feature.build``.
         border: periodic images, of ``border.build``.
@@ -36,8 +38,9 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         gap: as in ``pairs.build``.
     """
     g, at = grain.build(one.spins), one.at
-    Memory, Result, Coefficients, WallEntry = one.Memory, one.Result, one.Coefficients, one.WallEntry
-    moving, rolling, energies = one.moving, one.rolling, one.has_parts
+    Memory, Result, WallEntry = one.Memory, one.Result, one.WallEntry
+    Model, Grains = structs.Model, structs.Grains
+    moving, energies = one.moving, one.has_parts
 
     @wp.struct
     class WallContacts:
@@ -54,9 +57,9 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         hit_mask: wp.array(dtype=wp.int32)
         found: wp.array(dtype=Found)  # contact points whose law is to be evaluated; those of several grains together
         result: wp.array(dtype=Result)
-        # contact points [generation, grain or slot]: 0 and 1 in alternate steps, 2 for the stages within a step
-        place_count: wp.array2d(dtype=wp.int32)
-        place: wp.array2d(dtype=Memory)
+        # contact points by generation: 0 and 1 in alternate steps, 2 for the stages within a step
+        place_count: wp.array2d(dtype=wp.int32)  # (generations, n)
+        place: wp.array2d(dtype=Memory)  # (generations, slots)
         # per grain, when energies are added up
         entry: wp.array(dtype=WallEntry)
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
@@ -107,40 +110,31 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
         return found
 
     @wp.func
-    def in_springs(
-        i: int, old: int, radius: wp.float64, inv: Inverse, kind: wp.array(dtype=wp.int32), materials: int,
-        coefficients: wp.array(dtype=Coefficients), surface: Surface, wall_contacts: WallContacts, dt: wp.float64,
-    ) -> wp.float64:  # fmt: skip
+    def in_springs(i: int, old: int, model: Model, grains: Grains, wall_contacts: WallContacts) -> wp.float64:
         """Energy in the springs of the contact points of the step before [J]."""
         total = wp.float64(0.0)
         for s in range(wall_contacts.first[i], wall_contacts.first[i] + wall_contacts.place_count[old, i]):
             before = wall_contacts.place[old, s]
-            c = coefficients[0]
+            c = model.coefficients[0]
             if wp.static(table):
-                c = coefficients[kind[i] * materials + surface.material[int(before[wp.static(at.wall)])]]
-            total += one.in_springs(before, radius, inv, c, dt)
+                wall = int(before[wp.static(at.wall)])
+                c = model.coefficients[grains.material[i] * model.materials + model.surface.material[wall]]
+            total += one.in_springs(before, grains.record[i][3], grains.inverse[i], c, model.dt)
         return total
 
     @wp.func
     def search(
         r: int,  # number in the list of grains that have candidates
         listed: int,  # where its contact points are listed
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        kind: wp.array(dtype=wp.int32),
-        materials: int,
-        coefficients: wp.array(dtype=Coefficients),
-        surface: Surface,
-        wall_contacts: WallContacts,
+        call: ForceCall,
         placements: wp.array2d(dtype=Placement),
-        now_row: int,
-        old: int,  # generation of contact points that is read
-        new: int,  # and the one that is written
-        dt: wp.float64,
+        model: Model,
+        grains: Grains,
+        wall_contacts: WallContacts,  # written
     ) -> int:
         """List the contact points of a grain and set its sums to zero; returns where the list ends."""
         i = wall_contacts.grain[r]
-        state = grains[i]
+        state = grains.record[i]
         radius = state[3]
         if wp.static(energies):
             for wall in range(wall_contacts.power.shape[1]):
@@ -148,70 +142,66 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
             entry = WallEntry()
             if wp.static(one.in_springs is not None):
                 # over all of them: one contact point may pass its springs on to several, or to none
-                entry[wp.static(WALL_ENTRY_AT.rescaled)] = in_springs(
-                    i, old, radius, inverse[i], kind, materials, coefficients, surface, wall_contacts, dt
-                )
+                entry[wp.static(WALL_ENTRY_AT.rescaled)] = in_springs(i, call.old_generation, model, grains, wall_contacts)
             wall_contacts.entry[i] = entry
         wall_contacts.load[i] = vec6()
         first = wall_contacts.first[i]
         slot = int(first)
         n = int(listed)
-        hits = find_contact_points(i, g.position(state), radius, surface, wall_contacts, placements, now_row)
+        hits = find_contact_points(i, g.position(state), radius, model.surface, wall_contacts, placements, call.now)
         if hits > 0:
             for c in range(first, first + wall_contacts.candidates[i]):
                 if wall_contacts.hit_state[c] >= wp.static(TAKEN):
-                    f = around.feature_of(surface, wall_contacts.feature[c])
-                    wall = surface.wall[f]
+                    f = around.feature_of(model.surface, wall_contacts.feature[c])
+                    wall = model.surface.wall[f]
                     row = int(0)
                     if wp.static(table):
-                        row = kind[i] * materials + surface.material[wall]
-                    before = remembered(i, c, hits == 1, wall, radius, old, surface, wall_contacts)
-                    wall_contacts.found[n] = Found(i, c, before, slot, f, wall, surface.motion[wall], row)
+                        row = grains.material[i] * model.materials + model.surface.material[wall]
+                    before = remembered(i, c, hits == 1, wall, radius, call.old_generation, model.surface, wall_contacts)
+                    wall_contacts.found[n] = Found(i, c, before, slot, f, wall, model.surface.motion[wall], row)
                     n += 1
                     slot += 1
-        wall_contacts.place_count[new, i] = slot - first
+        wall_contacts.place_count[call.new_generation, i] = slot - first
         return n
 
     @wp.func
     def evaluate_found(
         e: int,  # number in the list of what is found
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        coefficients: wp.array(dtype=Coefficients),
-        wall_contacts: WallContacts,
-        placements: wp.array2d(dtype=Placement),
-        before_row: int,  # of the placements: where springs slip from
-        now_row: int,
+        call: ForceCall,
         row: Row,
-        old: int,
-        new: int,
-        dt: wp.float64,
+        placements: wp.array2d(dtype=Placement),
+        model: Model,
+        grains: Grains,
+        wall_contacts: WallContacts,  # written
     ):
         """Evaluate one contact point and add what it does to its grain; returns overlap ratio [-] and approach speed [m/s]."""
         found = wall_contacts.found[e]
         i = found[wp.static(FOUND.grain)]
         slot = found[wp.static(FOUND.slot)]
         motion = found[wp.static(FOUND.motion)]
-        now = placements[now_row, motion]
+        now = placements[call.now, motion]
         then = now
         if wp.static(one.looks_back):
-            then = placements[before_row, motion]
+            then = placements[call.before, motion]
         before = Memory()
         known = wp.float64(0.0)
         if found[wp.static(FOUND.before)] >= 0:
-            before = wall_contacts.place[old, found[wp.static(FOUND.before)]]
+            before = wall_contacts.place[call.old_generation, found[wp.static(FOUND.before)]]
             known = wp.float64(1.0)
-        memory, load, moment, overlap_ratio, approach, entry, power = one.contact(
-            grains[i], inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]], wp.float64(found[wp.static(FOUND.wall)]),
-            known, before, now, then, coefficients[found[wp.static(FOUND.coefficients)]], row, dt,
+        memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
+            grains.record[i], grains.inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]],
+            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then,
+            model.coefficients[found[wp.static(FOUND.coefficients)]], row, model.dt,
         )  # fmt: skip
-        wall_contacts.place[new, slot] = memory
+        wall_contacts.place[call.new_generation, slot] = memory
         wall_contacts.load[i] = wall_contacts.load[i] + load
-        f = wp.float64(found[wp.static(FOUND.feature)])
-        if wp.static(rolling):
-            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2], moment[0], moment[1], moment[2])
-        else:
-            wall_contacts.result[slot] = Result(f, load[0], load[1], load[2])
+        result = Result()
+        result[0] = wp.float64(found[wp.static(FOUND.feature)])
+        for k in range(3):
+            result[1 + k] = load[k]
+        for k in range(wp.static(Result._length_ - FRICTION)):
+            result[wp.static(FRICTION) + k] = rest[k]
+        wall_contacts.result[slot] = result
         if wp.static(energies):
             wall = found[wp.static(FOUND.wall)]
             wall_contacts.entry[i] = wall_contacts.entry[i] + entry
@@ -220,46 +210,16 @@ def build(one, closest_on_feature, border, around, *, table: bool, meshes: bool,
 
     @wp.func
     def evaluate(
-        r: int,
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        kind: wp.array(dtype=wp.int32),
-        materials: int,
-        coefficients: wp.array(dtype=Coefficients),
-        surface: Surface,
+        r: int, call: ForceCall, row: Row, placements: wp.array2d(dtype=Placement), model: Model, grains: Grains,
         wall_contacts: WallContacts,
-        placements: wp.array2d(dtype=Placement),
-        before_row: int,
-        now_row: int,
-        row: Row,
-        old: int,
-        new: int,
-        dt: wp.float64,
-    ):
+    ):  # fmt: skip
         """Evaluate one grain; returns the largest overlap ratio [-] and approach speed [m/s] of its wall contacts."""
         overlap_ratio = wp.float64(0.0)
         approach = wp.float64(0.0)
         listed = wall_contacts.first[wall_contacts.grain[r]]
-        end = search(
-            r,
-            listed,
-            grains,
-            inverse,
-            kind,
-            materials,
-            coefficients,
-            surface,
-            wall_contacts,
-            placements,
-            now_row,
-            old,
-            new,
-            dt,
-        )
+        end = search(r, listed, call, placements, model, grains, wall_contacts)
         for e in range(listed, end):
-            a, b = evaluate_found(
-                e, grains, inverse, coefficients, wall_contacts, placements, before_row, now_row, row, old, new, dt
-            )
+            a, b = evaluate_found(e, call, row, placements, model, grains, wall_contacts)
             overlap_ratio = wp.max(overlap_ratio, a)
             approach = wp.max(approach, b)
         return overlap_ratio, approach

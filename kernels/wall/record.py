@@ -21,7 +21,9 @@ RESULT = Columns(
     (
         ("feature", 1),  # number of the feature that is touched
         ("force", 3),  # on the grain [N]
-        ("moment", 3),  # rolling torque on the grain [N m]; only with a rolling model
+        ("moment", 3),  # rolling torque on the grain [N m]; only with a rolling model, or where wear is added up
+        ("wall_velocity", 3),  # of the wall's material there [m/s]; where wear is added up
+        ("begins", 1),  # 1 in the first step of a contact, else 0; where wear is added up
     )
 )
 FOUND = scalars(
@@ -38,7 +40,7 @@ FOUND = scalars(
 )
 """What is known of a contact point before its law is evaluated: where to read and write."""
 Found = FOUND.vector(wp.int32)
-FRICTION = 4  # numbers of RESULT without the moment
+FRICTION, ROLLING = 4, 7  # numbers of RESULT without the moment, and with it
 
 
 def columns(history: Columns) -> Columns:
@@ -51,9 +53,14 @@ def memory_type(history: Columns):
     return columns(history).vector(wp.float64)
 
 
-def result_type(rolling: bool):
-    """Vector that holds RESULT."""
-    return wp.types.vector(RESULT.width if rolling else FRICTION, wp.float64)
+def result_width(rolling: bool, wear: bool = False) -> int:
+    """How many numbers of RESULT are kept."""
+    return RESULT.width if wear else ROLLING if rolling else FRICTION
+
+
+def result_type(rolling: bool, wear: bool = False):
+    """Vector that holds them."""
+    return wp.types.vector(result_width(rolling, wear), wp.float64)
 
 
 def unpacked(history: Columns, memory: np.ndarray, result: np.ndarray) -> dict[str, np.ndarray]:

@@ -8,15 +8,14 @@ grain's contact points are added up in their order, so its load has the bits of 
 import functools
 
 import warp as wp
-from warpdem.kernels import grain
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
-from warpdem.kernels.wall.contact import Inverse, vec6
+from warpdem.kernels.step.structs import ForceCall, Range
+from warpdem.kernels.wall.contact import Inverse
 from warpdem.kernels.wall.contact_points import Hit
-from warpdem.kernels.wall.record import FOUND, FRICTION, Found
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.wall.record import FOUND, FRICTION
 
 BLOCK = 64  # grains searched before their contact points are evaluated, while what the search has read is in the caches
 
@@ -50,22 +49,22 @@ def source(one, lanes: int, table: bool) -> str:
     law = Translator()
     contact = law.add(one.contact).name
     memory, result, entry = one.Memory._length_, one.Result._length_, one.WallEntry._length_
-    indices = "".join(f"            {name}_of[k] = found.data[at].c[{FOUND.of(name)}];\n" for name in FOUND.names)
-    placement = "wp::address(placements, {}, 0)->c".format
-    c_of_all = "" if table else same("c", one.Coefficients, "coefficients.data[0].c")
-    c_of_each = gathered("c", one.Coefficients, "coefficients.data[0].c", "coefficients_of", lanes) if table else ""
-    then = gathered("then", Placement, placement("before_row"), "motion_of", lanes) if one.looks_back else ""
+    indices = "".join(f"            {name}_of[k] = wall_contacts.found.data[at].c[{FOUND.of(name)}];\n" for name in FOUND.names)
+    placement = "wp::address(placements, call.{}, 0)->c".format
+    c_of_all = "" if table else same("c", one.Coefficients, "model.coefficients.data[0].c")
+    c_of_each = gathered("c", one.Coefficients, "model.coefficients.data[0].c", "coefficients_of", lanes) if table else ""
+    then = gathered("then", Placement, placement("before"), "motion_of", lanes) if one.looks_back else ""
     given = [
-        ("wp::address(place, now_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
-        ("result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
+        ("wp::address(wall_contacts.place, call.new_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
+        ("wall_contacts.result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
                                        *(f"o.r2.c[{f}]" for f in range(result - FRICTION))]),
         ("loads[k]", [f"o.r1.c[{f}]" for f in range(6)]),
     ]  # fmt: skip
-    sums = "            for (int f = 0; f < 6; ++f) load.data[grain_of[k]].c[f] += loads[k][f];\n"
+    sums = "            for (int f = 0; f < 6; ++f) wall_contacts.load.data[grain_of[k]].c[f] += loads[k][f];\n"
     if one.has_parts:
         given.append(("entries[k]", [f"o.r5.c[{f}]" for f in range(entry)]))
-        sums += f"            for (int f = 0; f < {entry}; ++f) entry.data[grain_of[k]].c[f] += entries[k][f];\n"
-        sums += "            *wp::address(power, grain_of[k], wall_of[k]) += o.r6[k];\n"
+        sums += f"            for (int f = 0; f < {entry}; ++f) wall_contacts.entry.data[grain_of[k]].c[f] += entries[k][f];\n"
+        sums += "            *wp::address(wall_contacts.power, grain_of[k], wall_of[k]) += o.r6[k];\n"
     return f"""{declarations(lanes)}
     struct batch {{
         enum {{ LANES = {lanes} }};
@@ -82,13 +81,13 @@ def source(one, lanes: int, table: bool) -> str:
             wall[k] = wall_of[k];
             feature[k] = feature_of[k];
         }}
-{gathered("state", one.Record, "grains.data[0].c", "grain_of", lanes)}\
-{gathered("inv", Inverse, "inverse.data[0].c", "grain_of", lanes)}\
-{gathered("point", Hit, "hit.data[0].c", "hit_of", lanes)}\
-{gathered("before", one.Memory, "wp::address(place, old_generation, 0)->c", "before_of", lanes)}\
-{gathered("now", Placement, placement("now_row"), "motion_of", lanes)}{then}{c_of_each}\
+{gathered("state", one.Record, "grains.record.data[0].c", "grain_of", lanes)}\
+{gathered("inv", Inverse, "grains.inverse.data[0].c", "grain_of", lanes)}\
+{gathered("point", Hit, "wall_contacts.hit.data[0].c", "hit_of", lanes)}\
+{gathered("before", one.Memory, "wp::address(wall_contacts.place, call.old_generation, 0)->c", "before_of", lanes)}\
+{gathered("now", Placement, placement("now"), "motion_of", lanes)}{then}{c_of_each}\
         const auto o = batch::{contact}(
-            state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, c, step, f64(dt));
+            state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, c, step, f64(model.dt));
         deepest = deepest < o.r3 ? o.r3 : deepest;
         fastest = fastest < o.r4 ? o.r4 : fastest;
         double loads[{lanes}][6]{f", entries[{lanes}][{entry}]" if one.has_parts else ""};
@@ -104,10 +103,11 @@ def source(one, lanes: int, table: bool) -> str:
 
 
 @functools.cache
-def build(one, grains_of_walls, lanes: int, table: bool):
+def build(structs, one, grains_of_walls, lanes: int, table: bool):
     """Return ``sweep``: evaluates the wall contacts of a range of grains.
 
     Args:
+        structs: namespace of ``step.structs.build``.
         one: namespace of ``contact.build``.
         grains_of_walls: namespace of ``evaluate.build``.
         lanes: contacts side by side, a power of two.
@@ -116,32 +116,19 @@ def build(one, grains_of_walls, lanes: int, table: bool):
     Raises:
         NotStraight: the law cannot be evaluated in lanes.
     """
-    g, Coefficients = grain.build(one.spins), one.Coefficients
+    Model, Grains = structs.Model, structs.Grains
     search, WallContacts = grains_of_walls.search, grains_of_walls.WallContacts
 
     @wp.func_native(source(one, lanes, table))
     def evaluate_found(
         first: int,
         last: int,
-        found: wp.array(dtype=Found),
-        # state, read
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        hit: wp.array(dtype=Hit),
-        placements: wp.array2d(dtype=Placement),
-        before_row: int,
-        now_row: int,
-        coefficients: wp.array(dtype=Coefficients),
+        call: ForceCall,
         row: Row,
-        dt: wp.float64,
-        # written
-        place: wp.array2d(dtype=one.Memory),
-        old_generation: int,
-        now_generation: int,
-        result: wp.array(dtype=one.Result),
-        load: wp.array(dtype=vec6),  # added to, as the entries and powers
-        entry: wp.array(dtype=one.WallEntry),
-        power: wp.array2d(dtype=wp.float64),
+        placements: wp.array2d(dtype=Placement),
+        model: Model,
+        grains: Grains,
+        wall_contacts: WallContacts,  # written; loads, entries and powers are added to
         extreme: wp.array(dtype=wp.float64),  # from ``to``: largest overlap ratio [-] and approach speed [m/s]
         to: int,
     ):
@@ -150,47 +137,23 @@ def build(one, grains_of_walls, lanes: int, table: bool):
 
     @wp.func
     def sweep(
-        first: int,
-        last: int,
-        stride: int,
-        grains: wp.array(dtype=g.Record),
-        inverse: wp.array(dtype=Inverse),
-        kind: wp.array(dtype=wp.int32),
-        materials: int,
-        coefficients: wp.array(dtype=Coefficients),
-        surface: Surface,
-        wall_contacts: WallContacts,
-        placements: wp.array2d(dtype=Placement),
-        before_row: int,
-        now_row: int,
-        row: Row,
-        old: int,
-        new: int,
-        dt: wp.float64,
-        extreme: wp.array(dtype=wp.float64),
-        to: int,
-    ):
-        """Evaluate grains ``first`` to ``last`` of those that have candidates; arguments as of ``evaluate``."""
+        part: Range, call: ForceCall, row: Row, placements: wp.array2d(dtype=Placement), model: Model, grains: Grains,
+        wall_contacts: WallContacts, extreme: wp.array(dtype=wp.float64),
+    ):  # fmt: skip
+        """Evaluate a range of the grains that have candidates; arguments as of ``evaluate``."""
         done = int(0)
-        if first < last:
+        if part.first < part.last:
             # from the first slot of its grains on there is room for what a thread finds, apart from the others'
-            done = wall_contacts.first[wall_contacts.grain[first]]
+            done = wall_contacts.first[wall_contacts.grain[part.first]]
         end = int(done)
-        for block in range(first, last, stride * wp.static(BLOCK)):
-            block_end = wp.min(block + stride * wp.static(BLOCK), last)
-            for r in range(block, block_end, stride):
-                end = search(
-                    r, end, grains, inverse, kind, materials, coefficients, surface, wall_contacts, placements, now_row, old,
-                    new, dt,
-                )  # fmt: skip
+        for block in range(part.first, part.last, part.stride * wp.static(BLOCK)):
+            block_end = wp.min(block + part.stride * wp.static(BLOCK), part.last)
+            for r in range(block, block_end, part.stride):
+                end = search(r, end, call, placements, model, grains, wall_contacts)
             full = int(end)
-            if block_end < last:  # what fills no register waits for the next block
+            if block_end < part.last:  # what fills no register waits for the next block
                 full -= (end - done) % wp.static(lanes)
-            evaluate_found(
-                done, full, wall_contacts.found, grains, inverse, wall_contacts.hit, placements, before_row, now_row,
-                coefficients, row, dt, wall_contacts.place, old, new, wall_contacts.result, wall_contacts.load,
-                wall_contacts.entry, wall_contacts.power, extreme, to,
-            )  # fmt: skip
+            evaluate_found(done, full, call, row, placements, model, grains, wall_contacts, extreme, part.slot + 2)
             done = full
 
     return sweep

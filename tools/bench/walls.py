@@ -32,16 +32,13 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
     engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
     grains, contacts, rows = engine.structs.arguments()
     base, _ = engine.batch.row()
-    control, last = engine.batch.control, len(sim.state)
+    b, last = engine.batch, len(sim.state)
+    shared = b.model, b.control, grains
     calls = {
-        "pairs": (loop.pair_forces, [1, contacts.owner.shape[0], base, 0, grains, contacts, control, sim.coefficients, sim.dt]),
-        "walls": (
-            loop.wall_forces,
-            [1, lists.row_count, base, 0, grains, rows, sim.walls.surface, control, sim.coefficients,
-             sim.plan.contact.materials, sim.step_number & 1, sim.dt],
-        ),
-        "motion": (loop.move, [1, last, base - 1, 0, grains, rows, control, sim.dt, lists.max_displacement]),
-    }  # fmt: skip
+        "pairs": (loop.pair_forces, [1, contacts.owner.shape[0], base, 0, *shared, contacts, b.report]),
+        "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, rows, b.report]),
+        "motion": (loop.move, [1, last, base - 1, 0, *shared, rows, b.report, lists.max_displacement]),
+    }
     out = {}
     for name, (kernel, inputs) in calls.items():
         command = wp.launch(kernel, dim=1, inputs=inputs, device=sim.device, record_cmd=True)

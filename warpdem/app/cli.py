@@ -1,4 +1,4 @@
-"""The command ``warpdem``: run, check, convert, schema, render, plot, demo. Arguments to calls; no physics."""
+"""The command ``warpdem``: run, check, convert, schema, render, plot, report, demo. Arguments to calls; no physics."""
 
 import json
 import shlex
@@ -51,6 +51,7 @@ def run(
     plugin: Plugins = [],  # noqa: B006
     allow_path: AllowPaths = [],  # noqa: B006
     picture: Picture = None,
+    report: bool = False,
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -65,6 +66,7 @@ def run(
         threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
+        report: Write report.html at the end, as warpdem report does.
         resume: Continue from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
@@ -84,6 +86,8 @@ def run(
             try:
                 run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
                         quiet=quiet, picture=picture)  # fmt: skip
+                if report:
+                    write_report(folder, None, picture is not False, quiet)
                 break
             except FolderLocked as taken:
                 if out or resume or taken.folder != folder:
@@ -95,6 +99,7 @@ def run(
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
                     for word in (f"--{name}", str(path))]  # fmt: skip
+        options += ["--report"] if report else []
         options += [] if picture is None else ["--picture" if picture else "--no-picture"]
         options += ["--set", *set_] if set_ else []
         command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
@@ -231,6 +236,34 @@ def render(
     console.print(f"wrote {target}", markup=False)
 
 
+@app.command(name="report")
+def report_(folder: Path, /, *, out: Path | None = None, pictures: bool = True, quiet: bool = False) -> None:
+    """Write the report of a run: an HTML page with pictures, curves, loads, time step, warnings and a section on methods.
+
+    The page needs no network and no file beside it. A film (.mp4) in the folder becomes part of it.
+
+    Args:
+        folder: Folder of the results.
+        out: File to write; FOLDER/report.html if not given.
+        pictures: Draw the first, the middle and the last frame, which takes seconds each.
+        quiet: Print errors only.
+    """
+    from warpdem.core.file_names import require_usable
+
+    for name, path in (("--out", out), ("FOLDER", folder)):
+        require_usable(name, path)
+    write_report(folder, out, pictures, quiet)
+
+
+def write_report(folder: Path, out: Path | None, pictures: bool, quiet: bool) -> None:
+    """Write a report, and say what takes time."""
+    from warpdem.reports.write_report import report as write
+
+    console = Console(highlight=False, quiet=quiet)
+    target = write(folder, out, draw=pictures, watch=lambda message: console.print(message, markup=False))
+    console.print(f"wrote {target}", markup=False)
+
+
 @app.command
 def plot(
     folder: Path,
@@ -275,6 +308,64 @@ def plot(
     target = out or folder / "history.png"
     draw([folder, *others], target, columns=columns, x=x, start=start, end=end, log=log, dpi=dpi)
     console.print(f"wrote {target}", markup=False)
+
+
+@app.command
+def compare(
+    first: Path,
+    second: Path,
+    /,
+    *,
+    twins: int = 0,
+    twin: Annotated[list[Path], Parameter(consume_multiple=True)] = [],  # noqa: B006
+    columns: Annotated[list[str], Parameter(consume_multiple=True)] = [],  # noqa: B006
+    start: float | None = None,
+    end: float | None = None,
+    out: Path | None = None,
+    json_: Annotated[bool, Parameter(name="--json")] = False,
+    device: str | None = None,
+    threads: int | None = None,
+    plugin: Plugins = [],  # noqa: B006
+) -> None:
+    """Compare two runs: how far their histories are apart, over the scatter of perturbed twins of the first.
+
+    Grains are chaotic: equal runs go different ways in detail. Twins, whose grains begin 1e-9 of a radius apart, tell by how
+    much; each takes as long as the first run, and stays in its folder.
+
+    Args:
+        first: Folder of the results to compare with.
+        second: Folder of the other results.
+        twins: Number of twins of the first run to make; those that are there already are taken.
+        twin: Folders of twins that you have run, as with other seeds.
+        columns: Names of columns, as in plot; all that the runs share if none are given.
+        start: Compare from this time [s].
+        end: Compare up to this time [s].
+        out: Write a page with the curves: .html.
+        json_: Print JSON.
+        device: As in run, for the twins.
+        threads: As in run, for the twins.
+    """
+    from warpdem.app.compare import as_data, compared, print_comparison
+    from warpdem.core.file_names import require_usable
+    from warpdem.reports.comparison import write_comparison
+    from warpdem.reports.document import page_file
+    from warpdem.runs.names import run_names
+
+    for name, path in (("--out", out), ("FIRST", first), ("SECOND", second), *(("--twin", path) for path in twin)):
+        require_usable(name, path)
+    if out is not None:
+        page_file(out)
+    console = Console(highlight=False)
+    quiet = Console(highlight=False, quiet=json_)
+    found, count = compared(first, second, twin=twin, twins=twins, columns=columns, start=start, end=end, device=device,
+                            threads=threads, plugins=plugin, console=quiet)  # fmt: skip
+    names = run_names([first, second])
+    if json_:
+        sys.stdout.write(json.dumps(as_data(found, count), indent=2, allow_nan=False) + "\n")
+    else:
+        print_comparison(found, count, (names[0], names[1]), console)
+    if out is not None:
+        quiet.print(f"wrote {write_comparison(found, (names[0], names[1]), count, out)}", markup=False)
 
 
 @app.command

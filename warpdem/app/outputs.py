@@ -9,6 +9,7 @@ from warpdem.core.run_lock import RunLock
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.dimensionless import TurningNumbers
+from warpdem.measure.residence import read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.measure.sums import load_readers
 from warpdem.measure.totals import Totals
@@ -17,7 +18,7 @@ from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.instant import Instant, Room
 from warpdem.output.write_grid import GridWriter
-from warpdem.output.write_tables import HistoryWriter
+from warpdem.output.write_tables import HistoryWriter, write_departures
 from warpdem.simulation import Simulation
 
 
@@ -100,6 +101,9 @@ class Outputs:
         """
         try:
             self.background.close()
+            if self.sim.scene.measures.residence:
+                scene, departed = self.sim.scene, read_departed(self.sim.live)
+                write_departures(self.folder / "departures.csv", departed, scene.groups, list(scene.materials))
         finally:
             for writer in self.writers:
                 writer.close()

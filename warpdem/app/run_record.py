@@ -1,5 +1,6 @@
 """What run.json holds: what was run, how, and with what result."""
 
+import inspect
 import json
 import platform
 from dataclasses import asdict
@@ -10,6 +11,7 @@ import numpy as np
 from warpdem.app import scene_warnings, summary
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
+from warpdem.scene.models import model
 from warpdem.simulation import Simulation
 
 
@@ -39,6 +41,9 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "steps": sim.step_number,
         "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,
                       "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
+        "limits": scene_warnings.limit_rows(sim),
+        "models": _models(sim),
+        "diameters": _diameters(sim),
         "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim),
                      "step_over_stability_limit": sim.guards.stability.seen.largest},
         "noticed": sim.noticed,
@@ -50,3 +55,25 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "seconds": {**sim.seconds, "total": wall_seconds},
         "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
     }  # fmt: skip
+
+
+def _models(sim: Simulation) -> dict[str, dict[str, str]]:
+    """Name of each model that was run and what its file says of itself, equations and sources, by its role."""
+    scene, contact = sim.scene, sim.plan.contact
+    names = {"normal": contact.normal, "tangential": contact.tangential, "rolling": contact.rolling}
+    names |= {"integrator": sim.plan.backend.integrator}
+    found = {}
+    for role, name in names.items():
+        if name:
+            doc = model(role, scene.located(name)).__doc__
+            found[role] = {"name": name, "doc": inspect.cleandoc(doc or "")}
+    return found
+
+
+def _diameters(sim: Simulation) -> dict[str, float] | None:
+    """Least, mean and greatest diameter [m] of the grains that are there, and their mass [kg]; None without grains."""
+    radius = sim.particles.radius
+    if not len(radius):
+        return None
+    least, mean, greatest = (2.0 * float(value) for value in (radius.min(), radius.mean(), radius.max()))
+    return {"least": least, "mean": mean, "greatest": greatest, "mass": float(sim.particles.mass.sum())}

@@ -154,10 +154,12 @@ def _impacts(sim: Simulation) -> Iterator[str]:
 def _restitutions(sim: Simulation) -> Iterator[str]:
     for i, pair in enumerate(sim.scene.pairs):
         if pair.restitution < RESTITUTION:
-            longer = damped_time(sim.plan.contact.normal, pair.restitution)
+            law = sim.plan.contact.normal
+            longer = damped_time(law, pair.restitution)
+            opens = "" if getattr(model("normal", law), "CLAMPED", False) else ", attracts before it opens"
             yield (
                 f"pairs[{i}].restitution = {pair.restitution:g}: a contact lasts {longer:.2g} times as long as an undamped one "
-                f"or more, attracts before it opens, and needs a smaller time step: take {RESTITUTION:g} or more"
+                f"or more{opens}, and needs a smaller time step: take {RESTITUTION:g} or more"
             )
 
 

@@ -8,6 +8,22 @@ from warpdem.core.pose import FramePose, Placement
 
 
 @dataclass(frozen=True)
+class TriangleWear:
+    """Wear of the triangles of a wall from the time on from which the scene asks for it, shapes (t,)."""
+
+    mean_pressure: np.ndarray
+    """Mean normal force over area [Pa]."""
+    shear_work: np.ndarray
+    """Work of friction over area [J/m2]."""
+    impact_work: np.ndarray
+    """Work of the normal force over area [J/m2]."""
+    archard_depth: np.ndarray | None = None
+    """Depth worn off by Archard's law [m]; None if it was not asked for."""
+    finnie_depth: np.ndarray | None = None
+    """Depth worn off by Finnie's law [m]; None if it was not asked for."""
+
+
+@dataclass(frozen=True)
 class WallLoad:
     """Load of the grains on a wall at one time; vectors in frame axes, or in laboratory axes."""
 
@@ -23,6 +39,8 @@ class WallLoad:
     """Force on each triangle of a mesh [N], shape (t, 3); empty for other walls."""
     pressure: np.ndarray
     """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
+    wear: TriangleWear | None = None
+    """Wear of the triangles of a mesh; None where the scene does not ask for it."""
 
     def __repr__(self) -> str:
         force, torque = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.force, self.torque))

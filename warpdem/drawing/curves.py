@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from warpdem.core.atomic_file import replaced
 from warpdem.errors import WarpdemError
 from warpdem.runs import History, read
+from warpdem.runs.names import run_names
 
 SUFFIXES = (".png", ".svg", ".pdf")
 NO_DATE = {"svg": "Date", "pdf": "CreationDate"}
@@ -75,17 +76,6 @@ def plot(
         out.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(part, format=kind, dpi=dpi, metadata={} if kind == "png" else {NO_DATE[kind]: None})
     return out
-
-
-def run_names(paths: Sequence[Path]) -> list[str]:
-    """A name for each folder: the shortest end of its path that tells it from the others, without a common ``results``."""
-    parts = [list(path.resolve().parts) for path in paths]
-    while len(parts) > 1 and all(len(p) > 1 for p in parts) and len({p[-1] for p in parts}) == 1:
-        parts = [p[:-1] for p in parts]
-    names = [p[-1] for p in parts]
-    if len(set(names)) == len(names):
-        return names
-    return [str(path) if paths.count(path) == 1 else f"{path} ({k + 1})" for k, path in enumerate(paths)]
 
 
 def drawn(runs: dict[str, History], headers: Sequence[str], x: str, between: tuple[float, float], log: bool) -> Figure:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -10,14 +11,19 @@ from warpdem.core.timers import Timers
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.lists.displacement import Watched
+from warpdem.kernels.measure import wear, window_sum
+from warpdem.kernels.measure.exact_sum import WIDTH
 from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step import barrier
 from warpdem.kernels.step import clock as clock_slots
-from warpdem.kernels.step.loop import SPAN
+from warpdem.kernels.step.dynamic_walls import STATE, SUMS, DynamicWalls
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
+from warpdem.kernels.step.structs import SPAN, Control, Report
+from warpdem.kernels.wall.surface import Surface
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
+from warpdem.scene.wear import Finnie
 from warpdem.state.clock import Clock
 
 
@@ -55,7 +61,8 @@ class Batch:
         steps_ahead: steps whose schedule is written to the device at once, asked for each time.
 
     Attributes:
-        control: struct of ``kernels.step.loop``.
+        control, report, model: structs of ``kernels.step.structs``: what steps read of the host, what they hand back, and what
+            is the same in all of them.
         clock: conditions and counters, ``kernels.step.clock``.
         placements: of the wall motions at present, shape (motions,).
         watched: mesh walls beside which the travel per step is bounded.
@@ -64,28 +71,39 @@ class Batch:
 
     def __init__(self, model: Model, clock: Clock, timers: Timers, threads: int, steps_ahead: Callable[[], int]) -> None:
         self._model, self._now, self._timers, self._steps_ahead = model, clock, timers, steps_ahead
-        device, scene, kernels = model.device, model.scene, model.kernels
+        device, scene = model.device, model.scene
         self.stages = len(model.features.backend.scheme.STAGES)
-        control = self.control = kernels.loop.Control()
+        control, report = self.control, self.report = Control(), Report()
+        self.model = model_struct(model)
         control.thread_ranges = wp.zeros((threads, 6), dtype=wp.int32, device=device)
-        control.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
-        control.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
+        report.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
+        report.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
         control.outlet = model.ways_out.on_device(device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
         removes_in_step = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
         control.removes_in_step = wp.array(np.array(removes_in_step, dtype=np.int32), dtype=wp.int32, device=device)
-        control.removed = wp.zeros(1, dtype=wp.int32, device=device)
+        report.removed = wp.zeros(1, dtype=wp.int32, device=device)
         planes = [(*p.point, *p.normal, p.radius or np.inf, p.fixed_to == "laboratory") for p in scene.measures.flow]
         control.plane = wp.array(np.array(planes, dtype=float).reshape(-1, 8), dtype=Plane, device=device)
+        if model.features.measures.wear:
+            assert model.walls is not None and scene.measures.wear is not None
+            sums = len(model.walls.wall_of) * wear.SUMS.width
+            report.wear = wp.zeros((threads, sums, window_sum.WIDTH), dtype=wp.int64, device=device)
+            first = round(scene.measures.wear.start / model.dt)
+            control.wear_from = wp.array([first], dtype=wp.int32, device=device)
+            law = scene.measures.wear.finnie or Finnie(pressure=1.0)
+            control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
-        control.done = wp.zeros(1, dtype=wp.int32, device=device)
-        control.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        report.done = wp.zeros(1, dtype=wp.int32, device=device)
+        report.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
         control.wait_modes = wp.array(barrier.wait_modes(), dtype=wp.uint64, device=device)
         self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)
         self.placements = wp.zeros(max(len(model.schedule.motions), 1), dtype=Placement, device=device)
         self.watched = watched_meshes(model)
+        if model.schedule.dynamic:
+            control.dynamic = dynamic_walls(model, threads)
         self._scratch: Scratch | None = None
         self._block: tuple[int, int] | None = None  # first step and number of steps of the schedule on the device
 
@@ -111,6 +129,8 @@ class Batch:
                 if self._model.features.frame_rows:
                     self._write("frame", schedule.frames(first, ahead), FrameRow)
                 self._placements = schedule.placements(first, ahead)
+                if schedule.dynamic:
+                    self._write_dynamic(first, ahead)
                 self._write("placement", self._placements, Placement)
                 self._block = (first, ahead)
                 self.control.origin.assign(np.array([first], dtype=np.int32))
@@ -125,6 +145,29 @@ class Batch:
         else:
             setattr(self.control, name, wp.array(table, dtype=dtype, device=self._model.device))
 
+    def _write_dynamic(self, first: int, ahead: int) -> None:
+        """Write state and drive of the dynamic walls."""
+        schedule, there = self._model.schedule, self.control.dynamic
+        there.state.assign(np.stack([wall.state for wall in schedule.dynamic]))
+        drives = schedule.drives(first, ahead)
+        if len(there.drive) == len(drives):
+            there.drive.assign(drives)
+        else:
+            there.drive = wp.array(drives, dtype=wp.float64, device=self._model.device)
+
+    def read_dynamic(self) -> None:
+        """Take over from the device where the dynamic walls are, which steps have moved; the clock has gone on."""
+        schedule = self._model.schedule
+        if not schedule.dynamic or self._block is None:
+            return
+        row = self._now.step_number - self._block[0] + 1
+        placements, state = self.control.placement.numpy(), self.control.dynamic.state.numpy()
+        for number, wall in enumerate(schedule.dynamic):
+            motion = schedule.wall_motion[wall.number]
+            wall.state = state[number].copy()
+            wall.before, wall.now = placements[row - 1, motion].copy(), placements[row, motion].copy()
+            self._placements[row, motion] = wall.now
+
     def placements_ahead(self) -> np.ndarray:
         """Placements of the wall motions at the present step and those after it, shape (steps, motions, 24)."""
         base, _ = self.row()
@@ -138,6 +181,29 @@ class Batch:
         self.clock.assign(now)
         if len(self._model.schedule.motions):
             self.placements.assign(self.placements_ahead()[0])
+
+
+def model_struct(model: Model) -> Any:
+    """``Model`` of ``kernels.step.structs``: what is the same in all steps."""
+    struct = model.kernels.structs.Model()
+    struct.coefficients, struct.materials, struct.dt = model.coefficients, model.features.contact.materials, model.dt
+    struct.surface = model.walls.surface if model.walls is not None else Surface()
+    return struct
+
+
+def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
+    """Arrays of the walls that move by the load on them; state and drive come with the schedule."""
+    schedule, device, walls = model.schedule, model.device, DynamicWalls()
+    count = len(schedule.dynamic)
+    number = np.full(len(model.scene.walls), -1, dtype=np.int32)
+    number[[wall.number for wall in schedule.dynamic]] = np.arange(count)
+    walls.number = wp.array(number, dtype=wp.int32, device=device)
+    walls.motion = wp.array(schedule.wall_motion[number >= 0], dtype=wp.int32, device=device)
+    walls.numbers = wp.array(np.stack([wall.numbers for wall in schedule.dynamic]), dtype=wp.float64, device=device)
+    walls.state = wp.zeros((count, STATE.width), dtype=wp.float64, device=device)
+    walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
+    walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)
+    return walls
 
 
 def watched_meshes(model: Model) -> Watched:

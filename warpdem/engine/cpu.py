@@ -18,8 +18,7 @@ from warpdem.engine.host_build import HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.pace import Pace
 from warpdem.engine.structs import Structs
-from warpdem.kernels.step.loop import SPAN
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.step.structs import SPAN, Steps
 from warpdem.model.compiled import step_kernels
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
@@ -66,7 +65,7 @@ class CpuExecutor:
         self.threads = threads.count
         self.storage = CpuStorage(model.device)
         self.launch = HostLaunch(model.device, threads)
-        self.pace = Pace()
+        self.pace, self._steps = Pace(), Steps()
 
     def steps_ahead(self) -> int:
         """Steps of the next schedule: a short one would cost few grains more than their steps."""
@@ -97,26 +96,24 @@ class CpuExecutor:
         self, count: int, forces_first: bool, hold: bool, lists: NeighborLists, structs: Structs, batch: Batch
     ) -> tuple[int, int]:
         """One launch per thread for the whole batch; as ``Engine.advance``."""
-        model, control = self._model, batch.control
-        base, _ = batch.row()
+        model, control, report, steps = self._model, batch.control, batch.report, self._steps
         grains, contacts, wall_contacts = structs.arguments()
         n, most = self._at_work()
         kernel = model.kernels.loop.run
         # views of the memory that the kernel reads and writes
-        thread_ranges, moved = control.thread_ranges.numpy(), control.moved.numpy()
+        thread_ranges, moved = control.thread_ranges.numpy(), report.moved.numpy()
         batches = lists.totals[0] // model.features.backend.lanes
         thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.slots, lists.row_count)])
-        control.meeting.numpy()[:] = 0
+        report.meeting.numpy()[:] = 0
         moved[:] = 0
-        surface = model.walls.surface if model.walls is not None else Surface()
-        before = base, count, int(forces_first), int(hold), self._clock.step_number & 1
-        after = control, model.coefficients, model.features.contact.materials, model.dt, lists.max_displacement
+        steps.row, steps.count, steps.parity = batch.row()[0], count, self._clock.step_number & 1
+        steps.forces_first, steps.hold, steps.max_displacement = int(forces_first), int(hold), lists.max_displacement
 
         wall, used = time.perf_counter(), time.process_time()
-        self.launch.on_each(kernel, n, *before, grains, contacts, wall_contacts, surface, *after)
+        self.launch.on_each(kernel, n, steps, batch.model, control, grains, contacts, wall_contacts, report)
         if count == 0:
             return 0, 0
-        done = int(control.done.numpy()[0])
+        done = int(report.done.numpy()[0])
         if most > 1:
             self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
         return done, int(np.bitwise_or.reduce(moved[::SPAN]))

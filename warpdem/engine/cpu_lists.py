@@ -10,7 +10,6 @@ from warpdem.engine.host_build import Found, HostBuild, HostLaunch, Storage
 from warpdem.engine.list_structs import put
 from warpdem.kernels.lists.inner import BUILD, CHECK, CHOSEN, FILLED, FOUND, SPAN, TOTALS, Scratch
 from warpdem.kernels.lists.numbering import BLOCK
-from warpdem.kernels.wall.surface import Surface
 from warpdem.model.model import Model
 from warpdem.state.particles import State
 
@@ -31,8 +30,7 @@ class ThreadedBuild(HostBuild):
         self._threads, self._scratch = threads, Scratch()
         self._report = storage.pool.zeros(SPAN * (1 + batch.control.thread_ranges.shape[0]), wp.int32)
         self._read = self._report.numpy()  # the same memory
-        self._meeting = batch.control.meeting.numpy()
-        self._surface = model.walls.surface if model.walls is not None else Surface()
+        self._meeting, self._work = batch.report.meeting.numpy(), model.kernels.inner.Work()
         self._no_wall_contacts, no_feature = model.kernels.WallContacts(), storage.pool.zeros(0, wp.int32)
         lists.near_feature = no_feature
         self._sized_for, self._sized_walls = (-1, -1), None
@@ -75,13 +73,15 @@ class ThreadedBuild(HostBuild):
         found = self.storage.pool.buffer("found", (n,), wp.int32)
         put(self._scratch, listed=a.listed, sums=b.scratch(n).sums, found=found, report=self._report)
         self._meeting[:] = 0
-        read = structs.grains(), structs.outer(), structs.references(a.max_displacement, outer_limit), b.control, b.watched
-        law = m.features.contact.materials, m.coefficients
+        put(
+            self._work, mode=mode, schedule_row=b.row()[0], inner_skin=inner_skin, unused_slot=a.row.shape[0] - 1,
+            near_feature=a.near_feature, old_history=a.history,
+        )  # fmt: skip
+        read = structs.grains(), structs.outer(), structs.references(a.max_displacement, outer_limit)
         walls = a.wall_contacts if a.wall_contacts is not None else self._no_wall_contacts
         self.launch.on_each(
-            m.kernels.inner.build_inner, self._threads(n), mode, b.row()[0], inner_skin, m.dt, *read, *law, self._surface,
-            a.near_feature, a.history, a.row.shape[0] - 1, self._scratch, structs.counts(), structs.starts(),
-            structs.contacts(), walls,
+            m.kernels.inner.build_inner, self._threads(n), self._work, b.model, b.control, b.watched, *read, b.report,
+            self._scratch, structs.counts(), structs.starts(), structs.contacts(), walls,
         )  # fmt: skip
 
     def _take_over(self, inner_skin: float) -> None:

@@ -11,8 +11,9 @@ from warpdem.engine.graph import GraphExecutor
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
+from warpdem.kernels.measure import wear, window_sum
 from warpdem.kernels.measure.budget import Momenta
-from warpdem.kernels.step.loop import SPAN
+from warpdem.kernels.step.structs import SPAN
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
@@ -73,9 +74,25 @@ class Engine:
             hold: leave the forces after the last step to the next call: grains are inserted there.
         """
         done = self.executor.advance(count, forces_first, hold, self.lists, self.structs, self.batch)
-        if self._model.features.domain.outlets and self.batch.control.removed.numpy()[0]:
+        if self._model.features.domain.outlets and self.batch.report.removed.numpy()[0]:
             self._count_removed()
         return done
+
+    @property
+    def moves_walls(self) -> bool:
+        """Whether some walls move by the load on them."""
+        return bool(self._model.schedule.dynamic)
+
+    def advance_walls(self, count: int) -> None:
+        """Run ``count`` steps of a run without grains, in which only such walls move."""
+        base, _ = self.batch.row()
+        control = self.batch.control
+        inputs = [base, count, control.row, control.placement, self._model.dt, control.dynamic]
+        wp.launch(self._model.kernels.dynamic.advance_alone, dim=1, inputs=inputs, device=self._model.device)
+
+    def read_walls(self) -> None:
+        """Take over where steps have moved the walls that move by the load on them; the clock has gone on."""
+        self.batch.read_dynamic()
 
     def _count_removed(self) -> None:
         """Count the grains that the steps have removed from the domain, in the order in which they left."""
@@ -87,14 +104,14 @@ class Engine:
         self._state.mark_left(gone)
         self.lists.flights.leave(gone)
         exit.zero_()
-        self.batch.control.removed.zero_()
+        self.batch.report.removed.zero_()
 
     # -- extremes -------------------------------------------------------------------------------
 
     @property
     def extreme(self) -> np.ndarray:
         """Largest overlap over radius [-] and approach speed [m/s] of pairs, then of walls, since the start; shape (4,)."""
-        return self.batch.control.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
+        return self.batch.report.extreme.numpy().reshape(-1, SPAN)[:, :4].max(axis=0)
 
     def ignore_overlaps(self) -> None:
         """Let batches go on whatever the overlaps."""
@@ -105,11 +122,15 @@ class Engine:
         self.batch.forget_schedule()
         self.lists.flights.end_paths()
 
-    def restore(self, extreme: np.ndarray) -> None:
-        """Take over the extremes of a checkpoint; schedule and structs are made again."""
-        values = self.batch.control.extreme.numpy()
+    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
+        """Take over the extremes of a checkpoint and the digits of its wear; schedule and structs are made again."""
+        if wear_digits is not None:
+            digits = np.zeros(self.batch.report.wear.shape, dtype=np.int64)
+            digits[0] = wear_digits
+            self.batch.report.wear.assign(digits)
+        values = self.batch.report.extreme.numpy()
         values[:4] = extreme
-        self.batch.control.extreme.assign(values)
+        self.batch.report.extreme.assign(values)
         self.batch.forget_schedule()
         self.structs.forget()
 
@@ -130,9 +151,20 @@ class Engine:
         if n:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
-            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, load, velocity, spin]
-            wp.launch(model.kernels.loop.read, dim=n, inputs=inputs, device=model.device)
+            inputs = [base, self.batch.model, self.batch.control, grains, wall_contacts, load, velocity, spin]
+            wp.launch(model.kernels.read.read, dim=n, inputs=inputs, device=model.device)
         return load, velocity, spin
+
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+        if not self._model.features.measures.wear:
+            return np.zeros((0, window_sum.WIDTH), dtype=np.int64)
+        return window_sum.joined(self.batch.report.wear.numpy())
+
+    def read_wear(self) -> np.ndarray:
+        """What wears walls, added up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+        return window_sum.rounded(self.wear_digits[None]).reshape(-1, wear.SUMS.width)
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain up to the present time, in memory order."""
@@ -144,8 +176,9 @@ class Engine:
             base, _ = self.batch.row()
             grains, _, wall_contacts = self.structs.arguments()
             none = wp.zeros((0, 1), dtype=wp.float64, device=model.device)
-            types = ("energies", model.kernels.loop.Energies), ("momenta", Momenta)
+            types = ("energies", model.kernels.structs.Energies), ("momenta", Momenta)
             energies, momenta = (packed(out.get(k, none), t) for k, t in types)
-            inputs = [base, grains, wall_contacts, self.batch.control, model.dt, energies, momenta, out.get("wall_work", none)]
-            wp.launch(model.kernels.loop.read_budget, dim=n, inputs=inputs, device=model.device)
+            read = base, self.batch.model, self.batch.control, grains, wall_contacts
+            inputs = [*read, energies, momenta, out.get("wall_work", none)]
+            wp.launch(model.kernels.read.read_budget, dim=n, inputs=inputs, device=model.device)
         return {name: array.numpy() for name, array in out.items()}

@@ -3,7 +3,8 @@
 ``kernels.lists.flight`` defines a flight and says why the lists stay valid. The host assigns paths when the lists would be
 rebuilt sooner than usual, to the grains with the largest displacement; where that does not help, it tries less and less
 often. Where every wall moves, the lists follow the walls and use no position in frame axes: then no grain flies. None flies
-either where walls act at their periodic images, which paths do not take into account.
+either where walls act at their periodic images, which paths do not take into account, nor where walls move by the load on
+them, which nobody knows beforehand.
 """
 
 from collections.abc import Callable
@@ -63,7 +64,8 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        return self.model.features.frame.tracked and not self.model.features.walls.images
+        walls = self.model.features.walls
+        return self.model.features.frame.tracked and not walls.images and not walls.dynamic
 
     def _instant(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""

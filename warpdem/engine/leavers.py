@@ -9,6 +9,7 @@ from warpdem.engine.stops import beyond_border, crossed_domain
 from warpdem.kernels.lists.displacement import CROSSED, IN_OUTLET, OUTLET_NUMBER
 from warpdem.model.domain import Domain
 from warpdem.state.clock import Clock
+from warpdem.state.departures import Departures
 from warpdem.state.particles import State
 
 
@@ -23,12 +24,14 @@ class Leavers:
     Attributes:
         left: number and mass [kg] of the grains that each border or outlet took, by its name.
         before_leaving: called with the slots of grains that are about to leave.
+        departures: takes down each grain that leaves; None where nobody asks for it.
     """
 
     def __init__(self, domain: Domain, state: State, clock: Clock) -> None:
         self._domain, self._state, self._clock = domain, state, clock
         self.left: dict[str, list] = {name: [0, 0.0] for name in domain.names}
         self.before_leaving: Callable[[np.ndarray], None] = lambda slots: None
+        self.departures = Departures() if state.came is not None else None
 
     def take(self, found: Found) -> np.ndarray:
         """Count the grains that are not in the domain any more.
@@ -48,7 +51,7 @@ class Leavers:
         if not found.all & IN_OUTLET:
             return np.zeros(0, dtype=np.int64)
         gone = np.flatnonzero(found.of_grain & IN_OUTLET)
-        self._count(gone, found.of_grain[gone] >> OUTLET_NUMBER)
+        self._count(gone, found.of_grain[gone] >> OUTLET_NUMBER, self._clock.step_number)
         self.before_leaving(gone)
         return gone
 
@@ -63,10 +66,11 @@ class Leavers:
             step: step at which each left, shape (m,).
         """
         for part in np.split(np.arange(len(gone)), np.flatnonzero(np.diff(step)) + 1):
-            self._count(gone[part], where[part])
+            if len(part):
+                self._count(gone[part], where[part], int(step[part[0]]))
 
-    def _count(self, gone: np.ndarray, where: np.ndarray) -> None:
-        """Count grains that leave in one step; ``where``: number of the outlet of each."""
+    def _count(self, gone: np.ndarray, where: np.ndarray, step: int) -> None:
+        """Count grains that leave at one step; ``where``: number of the outlet of each."""
         ids, mass = self._state.id.numpy()[gone], 1.0 / self._state.inverse.numpy()[gone, 0]
         for number in np.unique(where):
             through = np.flatnonzero(where == number)
@@ -74,5 +78,7 @@ class Leavers:
             name = self._domain.names[number]
             if self._domain.stops[number]:
                 raise beyond_border(self._state, self._clock, int(gone[through[0]]), name)
+            if self.departures is not None:
+                self.departures.add(self._state, gone[through], int(number), step)
             self.left[name][0] += len(through)
             self.left[name][1] += float(mass[through].sum())

@@ -31,7 +31,6 @@ from warpdem.engine.list_structs import ListStructs, of_each
 from warpdem.kernels import Built
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.step.clock import TOTALS
-from warpdem.kernels.wall.surface import Surface
 from warpdem.model.model import Model
 from warpdem.state.particles import State
 
@@ -72,7 +71,6 @@ class Step:
                  launch: Launch) -> None:  # fmt: skip
         self.model, self.n, self.batch, self.launch, self.max_displacement = model, n, batch, launch, max_displacement
         self.grains, self.contacts, self.wall_contacts = structs
-        self.surface = model.walls.surface if model.walls is not None else Surface()
 
     def __call__(self, ahead: int) -> None:
         """The step that begins ``ahead`` steps from now."""
@@ -90,21 +88,21 @@ class Step:
     def pair_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts between grains."""
         kernels, b = self.model.kernels.graph, self.batch
-        shared = self.grains, self.contacts, b.control, self.model.coefficients, b.clock, self.model.dt
+        shared = b.model, b.control, self.grains, self.contacts, b.report, b.clock
         self.launch(kernels.pair_forces, self.contacts.owner.size, ahead, stage, *shared)
 
     def wall_forces(self, ahead: int, stage: int = 0) -> None:
         """Forces of the contacts with walls."""
         if self.model.walls is not None:
-            b, m, materials = self.batch, self.model, self.model.features.contact.materials
-            shared = self.grains, self.wall_contacts, self.surface, b.control, m.coefficients, materials, b.clock, m.dt
-            self.launch(m.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
+            b = self.batch
+            shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock
+            self.launch(self.model.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
 
     def move(self, ahead: int, stage: int = 0) -> None:
         """Kick and drift, and whether grains have moved too far for the inner list."""
-        b, m = self.batch, self.model
-        shared = self.grains, self.wall_contacts, b.control, b.clock, m.dt, self.max_displacement
-        self.launch(m.kernels.graph.move, self.n, ahead, stage, *shared)
+        b = self.batch
+        shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock, self.max_displacement
+        self.launch(self.model.kernels.graph.move, self.n, ahead, stage, *shared)
 
 
 class ListBuild:

@@ -54,6 +54,9 @@ class RunLoop:
         steps_to_insertion = count + 1 if insertion is None else insertion - clock.step_number
         batch = min(count, steps_to_insertion)
         if len(self._state) == 0:
+            if self._engine.moves_walls:
+                batch = min(batch, self._engine.steps_ahead)
+                self._engine.advance_walls(batch)
             done, moved = batch, 0
         else:
             batch = min(batch, self._engine.steps_ahead)
@@ -61,6 +64,8 @@ class RunLoop:
                 self._interrupted = True
                 done, moved = self._engine.advance(batch, not clock.forces_evaluated, hold=batch == steps_to_insertion)
         clock.step_number += done
+        if self._engine.moves_walls:
+            self._engine.read_walls()
         self._interrupted = False
         self.steps_done += done
         lists.pending |= moved

@@ -28,12 +28,12 @@ class Structs:
 
     def forget(self) -> None:
         """Let go of the arrays, before others take their place."""
-        loop = self._model.kernels.loop
-        self._grains, self._contacts = loop.Grains(), loop.ContactBatches()
+        structs = self._model.kernels.structs
+        self._grains, self._contacts = structs.Grains(), structs.ContactBatches()
         self._packed: dict[str, tuple[wp.array, wp.array]] = {}  # array and its packed view
 
     def arguments(self) -> tuple[Any, Any, Any]:
-        """``Grains`` and ``ContactBatches`` of ``kernels.step.loop``, ``WallContacts`` of ``kernels.wall.contact``."""
+        """``Grains`` and ``ContactBatches`` of ``kernels.step.structs``, ``WallContacts`` of ``kernels.wall.evaluate``."""
         walls = self._lists.wall_contacts
         return self._grains_now(), self._contacts_now(), walls if walls is not None else self._no_wall_contacts
 
@@ -48,7 +48,7 @@ class Structs:
         model, features, state, lists = self._model, self._model.features, self._state, self._lists
         grains, n, device = self._grains, self._state.slots, self._model.device
         put(
-            grains, record=state.record, inverse=state.inverse, kind=state.kind, reference=lists.reference,
+            grains, record=state.record, inverse=state.inverse, material=state.kind, reference=lists.reference,
             row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
             entry=self._view("entry", lists.entry, model.kernels.pairs.Entry),
         )  # fmt: skip
@@ -58,7 +58,7 @@ class Structs:
             grains.store = wp.zeros((n, features.backend.scheme.STORE), dtype=wp.vec3d, device=device)
             if features.domain.outlets:
                 grains.exit = wp.zeros((n, 2), dtype=wp.int32, device=device)
-        for name, dtype in (("energies", model.kernels.loop.Energies), ("momenta", Momenta)):
+        for name, dtype in (("energies", model.kernels.structs.Energies), ("momenta", Momenta)):
             if name in features.measures.sums:
                 put(grains, **{name: self._view(name, getattr(state, name), dtype)})
         for name in features.measures.sums.keys() & {"wall_work", "flow"}:

@@ -23,14 +23,13 @@ from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.kernels import grain
 from warpdem.kernels.contact.normal_law import NORMAL_CAP, ROLLING_MASS, TANGENTIAL_CAP
 from warpdem.measure.contact_columns import ContactColumns
-from warpdem.measure.elastic import LEAST_OVERLAP, normal_energy, normal_secant
+from warpdem.measure.elastic import LEAST_OVERLAP, normal_secant, normal_slope
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
 from warpdem.measure.totals import Totals
 from warpdem.state.contact_history import positions
 from warpdem.state.view import RunView
 
 ROUNDING = 1.0e-9  # of sums over the contacts of a grain, in any order
-DIFFERENCE = 1.0e-3  # of the overlap: step of the second derivative
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
 CAPS = np.array([[NORMAL_CAP], [TANGENTIAL_CAP]])
@@ -88,10 +87,8 @@ def _springs(
     n, plan = len(mass), view.model.features
     radius, mass = np.append(radius, np.inf), np.append(mass, np.inf)
     overlap = np.maximum(contacts.overlap, LEAST_OVERLAP)
-    normal, h = plan.contact.normal, DIFFERENCE * overlap
-    above, here, below = (normal_energy(normal, d, contacts) for d in (overlap + h, overlap, overlap - h))
-    slope = (above - 2.0 * here + below) / (h * h)
-    k = normal_secant(normal, overlap, contacts)
+    normal = plan.contact.normal
+    slope, k = normal_slope(normal, overlap, contacts), normal_secant(normal, overlap, contacts)
     at = plan.contact.coefficients
     reduced = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
     dashpot = table[:, at.damping] * np.sqrt(k * reduced)

@@ -63,6 +63,8 @@ class Budget:
         view, totals, now = self._view, self._totals, self._now()
         all_sums = self._sums(now)
         sums, works = all_sums["energies"], all_sums["wall_work"]
+        for one in view.model.schedule.dynamic:  # the steps have counted the velocities that the contacts saw
+            works[one.number] += one.value("correction")
         losses = view.model.features.measures.losses
         by_name = dict(zip((*ENERGIES, *losses), sums, strict=True))
         dissipated = (*DISSIPATED, *losses)

@@ -13,9 +13,11 @@ from warpdem.measure.budget import Budget
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
+from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.selection import selected
 from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import total_loads
+from warpdem.measure.wall_wear import WallWear, read_wear
 from warpdem.scene.measures import Region
 from warpdem.state.view import RunView
 
@@ -97,6 +99,16 @@ class Readings:
     def momentum_budget(self) -> dict[str, float]:
         """Terms of the budgets of momentum [N s] and angular momentum [N m s] by name."""
         return Budget(self.view, self.totals).momentum()
+
+    @cached_property
+    def wear(self) -> dict[str, WallWear]:
+        """Wear of each wall by its name."""
+        return read_wear(self.view)
+
+    @cached_property
+    def departed(self) -> Departed:
+        """The grains that have left."""
+        return read_departed(self.view)
 
     @cached_property
     def flow(self) -> list[float]:

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from warpdem.model.features import ContactFeatures
-from warpdem.model.impact import DIFFERENCE, elastic_energy, secant
+from warpdem.model.impact import DIFFERENCE, elastic_energy, secant, tangent
 from warpdem.scene.models import model
 from warpdem.state.view import RunView
 
@@ -90,10 +90,13 @@ def _rolling_energy(law: ContactFeatures) -> Callable[[np.ndarray, np.ndarray], 
 
 
 def normal_energy(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:
-    """Energy of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [J], shape (c,)."""
+    """Energy that contacts of the normal law ``normal`` would hold if they had this ``overlap`` [m]; [J], shape (c,)."""
     if not contacts.own:  # linear in its one constant, which holds the weight already
         return elastic_energy(normal, overlap, contacts.stiffness)
-    return contacts.weight * elastic_energy(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+    of_law = getattr(model("normal", normal), "stored", None)
+    constant = contacts.stiffness / contacts.weight
+    held = of_law(overlap, constant, **contacts.own) if of_law else elastic_energy(normal, overlap, constant, contacts.own)
+    return contacts.weight * held
 
 
 def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:
@@ -101,6 +104,13 @@ def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np
     if not contacts.own:
         return secant(normal, overlap, contacts.stiffness)
     return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+
+
+def normal_slope(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:
+    """Slope of the force of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [N/m], shape (c,)."""
+    if not contacts.own:
+        return tangent(normal, overlap, contacts.stiffness)
+    return contacts.weight * tangent(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
 
 
 def elastic_normal_force(normal: str, contacts: NormalState) -> np.ndarray:

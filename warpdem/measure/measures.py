@@ -2,14 +2,17 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
 from warpdem.measure.bulk import Bulk
 from warpdem.measure.column import Column, Readings
 from warpdem.measure.mixing import kinds, lacey_index
+from warpdem.measure.residence import residence_times
 from warpdem.measure.selection import selected
-from warpdem.scene.measures import FlowPlane, Mixing, Region
+from warpdem.scene.measures import FlowPlane, Mixing, Region, Residence
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
@@ -69,6 +72,8 @@ def columns(scene: Scene) -> list[Column]:
     found += _momentum() if asked.momentum else []
     found += [column for number, plane in enumerate(asked.flow) for column in _flow(plane, number)]
     found += [column for region in asked.all_regions for column in region_columns(region)]
+    found += [column for one in asked.residence for column in _residence(one)]
+    found += _wear(scene)
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -121,6 +126,38 @@ def region_columns(region: Region) -> list[Column]:
 def _in_region(region: Region, read: Callable[[Bulk], float]) -> Callable[[Readings], float]:
     """Reads a bulk property of a region."""
     return lambda readings: float(read(readings.bulk(region)))
+
+
+def _residence(asked: Residence) -> list[Column]:
+    """Number, mean and standard deviation of the residence times so far; nan without any."""
+
+    def times(readings: Readings) -> np.ndarray:
+        return residence_times(asked, readings.view.model, readings.departed)
+
+    def reduced(reduce: Callable[[np.ndarray], np.floating]) -> Callable[[Readings], float]:
+        return lambda readings: float(reduce(found)) if len(found := times(readings)) else float("nan")
+
+    return [
+        Column(f"residence {asked.name} grains", "-", lambda readings: float(len(times(readings)))),
+        Column(f"residence {asked.name} mean", "s", reduced(np.mean)),
+        Column(f"residence {asked.name} deviation", "s", reduced(np.std)),
+    ]
+
+
+def _wear(scene: Scene) -> list[Column]:
+    """Totals of what wears each wall."""
+    asked = scene.measures.wear
+    if asked is None:
+        return []
+    names = [("normal_impulse", "N s"), ("shear_work", "J"), ("impact_work", "J")]
+    names += [("archard_volume", "m3")] if asked.archard else []
+    names += [("finnie_volume", "m3")] if asked.finnie else []
+    return [Column(f"{wall.name} {name}", unit, _worn(wall.name, name)) for wall in scene.walls for name, unit in names]
+
+
+def _worn(wall: str, name: str) -> Callable[[Readings], float]:
+    """Reads the total of a wall."""
+    return lambda readings: float(np.sum(getattr(readings.wear[wall], name)))
 
 
 def _mixing(asked: Mixing) -> Column:

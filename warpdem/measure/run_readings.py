@@ -3,8 +3,9 @@
 import numpy as np
 
 from warpdem.core.snapshot import Snapshot, WallLoad
-from warpdem.measure import measures, observation, observers, wall_loads
+from warpdem.measure import measures, observation, observers, wall_loads, wall_wear
 from warpdem.measure.budget import Budget
+from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.state.view import RunView
 
@@ -67,6 +68,18 @@ class RunReadings:
     def wall_loads(self, lab: bool = False) -> dict[str, WallLoad]:
         """What the grains do to each wall at the present time, by wall name; vectors in frame axes or in the laboratory."""
         return wall_loads.read_loads(self.view, lab)
+
+    def departed(self) -> Departed:
+        """The grains that have left, one by one, where the scene has ``measures.residence``.
+
+        Raises:
+            ValueError: it has none.
+        """
+        return read_departed(self.view)
+
+    def wall_wear(self) -> dict[str, wall_wear.WallWear]:
+        """What wore each wall from ``measures.wear.start`` to the last step, by wall name; empty if it is not asked for."""
+        return wall_wear.read_wear(self.view)
 
     def readings(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contact force [N], torque [N m], velocity [m/s] and spin [rad/s] of each grain, by id, shapes (n, 3).

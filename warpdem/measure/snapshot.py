@@ -1,11 +1,14 @@
 """Everything that a writer needs of a run at one time."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from warpdem.core.snapshot import Snapshot
+from warpdem.core.snapshot import Snapshot, WallLoad
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
 from warpdem.measure.wall_loads import read_loads
+from warpdem.measure.wall_wear import read_wear
 from warpdem.state.view import RunView
 
 
@@ -27,8 +30,17 @@ def take_snapshot(view: RunView) -> Snapshot:
         spin=p.spin,
         force=p.force,
         walls=model.schedule.wall_placements(scene, clock.time),
-        loads=read_loads(view) if scene.output.wall_loads else {},
+        loads=_loads(view) if scene.output.wall_loads else {},
         orientation=p.orientation if scene.output.orientation else None,
         contacts=read_network(view, scene.output.contacts) if scene.output.contacts or scene.measures.grid else None,
         gravity=np.array(scene.gravity, dtype=float),
     )
+
+
+def _loads(view: RunView) -> dict[str, WallLoad]:
+    """Loads on the walls, in frame axes, with the wear of meshes where the scene asks for it."""
+    loads = read_loads(view)
+    for name, wear in read_wear(view).items():
+        if len(loads[name].pressure):
+            loads[name] = replace(loads[name], wear=wear.of_triangles())
+    return loads

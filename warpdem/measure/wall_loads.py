@@ -29,6 +29,8 @@ def torque_point(scene: Scene, number: int) -> np.ndarray:
     wall = scene.walls[number]
     if wall.torque_about is not None:
         return np.array(wall.torque_about)
+    if wall.servo is not None and wall.servo.turns:
+        return np.array(wall.servo.origin)
     around = scene.frame or () if wall.fixed_to == "frame" else ()
     point = np.zeros(3)
     for motion in (*around, *(wall.motion or ())):
@@ -93,7 +95,7 @@ def _add_triangles(view: RunView, loads: dict[str, WallLoad]) -> None:
     for number, wall in enumerate(model.scene.walls):
         if (mesh := model.meshes.get(wall.name)) is not None:
             own = np.flatnonzero(wall_of == number)
-            found = {"triangle_force": force[own], "pressure": push[own] / _areas(mesh)}
+            found = {"triangle_force": force[own], "pressure": push[own] / areas(mesh)}
             loads[wall.name] = replace(loads[wall.name], **found)
 
 
@@ -102,7 +104,7 @@ def _sums(values: np.ndarray, group: np.ndarray, groups: int) -> np.ndarray:
     return np.stack([np.bincount(group, column, groups) for column in values.T], axis=1)
 
 
-def _areas(mesh: TriangleMesh) -> np.ndarray:
+def areas(mesh: TriangleMesh) -> np.ndarray:
     """Area of each triangle [m2], shape (t,)."""
     a, b, c = mesh.corners.transpose(1, 0, 2)
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)

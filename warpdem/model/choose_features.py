@@ -84,6 +84,8 @@ def choose_features(
         left_out["wall motion relative to the frame"] = "all walls rest in it"
     if scene.walls and all(wall.surface_velocity is None for wall in scene.walls):
         left_out["surface velocity of walls"] = "no wall has one"
+    if scene.walls and all(wall.servo is None for wall in scene.walls):
+        left_out["walls that move by the load on them"] = "no wall has a servo"
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
@@ -100,6 +102,9 @@ def choose_features(
             left_out[f"{name} budget"] = f"measures.{name} is not asked for"
     if not scene.measures.flow:
         left_out["flow through planes"] = "measures.flow names none"
+    wears = scene.measures.wear is not None and bool(scene.walls)
+    if not wears:
+        left_out["wear of walls"] = "measures.wear is not asked for" if scene.walls else "there are no walls"
     one_kind = len(used) == 0 or bool(np.all(used == used[0]))
     if one_kind:
         left_out["table of coefficients"] = "all contacts share one set"
@@ -125,6 +130,7 @@ def choose_features(
             spheres=sum(w.sphere is not None for w in scene.walls),
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
+            dynamic=sum(w.servo is not None for w in scene.walls),
         ),
         domain=DomainFeatures(
             period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed
@@ -139,6 +145,8 @@ def choose_features(
             momentum=scene.measures.momentum,
             scene_walls=len(scene.walls) if scene.measures.energy else 0,
             flows=len(scene.measures.flow),
+            wear=wears,
+            residence=bool(scene.measures.residence),
             observers=tuple((scene.located(one.model), one.axes) for one in scene.observers),
         ),
         fields=fields,

@@ -8,10 +8,11 @@ import warp as wp
 from warpdem.kernels import Built
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
-from warpdem.kernels.measure import budget, flow
+from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
-from warpdem.kernels.step import border, loop, motion, orientation, region
+from warpdem.kernels.step import border, dynamic_walls, loop, motion, move, orientation, read, region, structs
+from warpdem.kernels.step import forces as step_forces
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
@@ -29,9 +30,10 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     before the run.
 
     Returns:
-        Namespace with ``loop`` (the step), ``graph`` and ``rebuild`` (the GPU's, or None), ``lists`` (neighbors),
-        ``displacement``, ``inner`` (the inner list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains
-        in flight), ``WallContacts``.
+        Namespace with ``structs`` (of the step), ``loop`` (the step), ``read`` (its readers), ``graph`` and ``rebuild`` (the
+        GPU's, or None), ``lists`` (neighbors), ``displacement``, ``inner`` (the inner list on CPU threads), ``walls``
+        (candidate kernels or None), ``paths`` (grains in flight), ``dynamic`` (walls that move by their load, or None),
+        ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -42,7 +44,7 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
         built = _built(features)
         if device is not None and any(is_file(name) for name in names):
             stepping = vars(built.graph).values() if features.backend.resident else (built.loop.run,)
-            for thing in (*stepping, built.loop.read_budget):
+            for thing in (*stepping, built.read.read_budget):
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=device)
     return built
@@ -55,7 +57,7 @@ def step_kernels(kernels: Built) -> list[wp.Kernel]:
         kernels: of ``compile_kernels``.
     """
     lists, walls = kernels.lists, kernels.walls
-    step = kernels.loop.run, kernels.inner.build_inner, kernels.loop.read, kernels.loop.read_budget
+    step = kernels.loop.run, kernels.inner.build_inner, kernels.read.read, kernels.read.read_budget
     outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
@@ -130,6 +132,7 @@ def _built(features: Features) -> Built:
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
     pair_kernels = of_pairs(features)
+    arrays = structs.build(pair_kernels)
     seen = {"turning_frame": turns, "table": laws.table}
     by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
@@ -141,21 +144,24 @@ def _built(features: Features) -> Built:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying,
+        conveying=walls.conveying, wear=measures.wear,
     )
-    wall_kernels = evaluate.build(one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap)
+    wall_kernels = evaluate.build(
+        arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap
+    )
     WallContacts = wall_kernels.WallContacts
     walls_swept = None
     if swept is not None and walls.present:
         with suppress(NotStraight):  # then one by one
-            walls_swept = wall_sweep.build(one, wall_kernels, backend.lanes, laws.table)
+            walls_swept = wall_sweep.build(arrays, one, wall_kernels, backend.lanes, laws.table)
     fields = tuple((model("field", name).build(), axes == "laboratory") for name, axes in features.fields)
     stages = len(scheme.STAGES)
     sums = None
     if measures.energy or measures.momentum:
         sums = budget.build(
-            backend.real, fields, tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins,
-            walls=walls.present, energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
+            arrays, WallContacts, structs.Control, fields,
+            tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins, walls=walls.present,
+            energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
             moving_frame=frame.moves, periodic=any(domain.period), losses=measures.losses,
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
@@ -163,27 +169,24 @@ def _built(features: Features) -> Built:
         images, region.build(count=domain.outlets, kinds=domain.kinds, placed=domain.placed), **spins, moving=walls.moving,
         in_frame=frame.tracked, outlets=domain.outlets, ahead=1.5 if stages > 1 else 0.0, stages=stages,
     )  # fmt: skip
-    step = loop.build(
-        pair_kernels,
-        by_lane,
-        swept,
-        backend.lanes,
-        wall_kernels.evaluate,
-        walls_swept,
-        WallContacts,
-        motion.build_load(backend.real, **spins, walls=walls.present),
-        motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE),
-        travel,
-        scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves),
-        images,
-        orientation.build(turning_axes=turns) if measures.orientation else None,
-        sums,
-        flow.build(moving_frame=frame.moves) if measures.flows else None,
-        **spins,
-        stages=stages,
+    shared_by_steps = {"stages": stages, "walls": walls.present}
+    forces = step_forces.build(
+        arrays, pair_kernels, by_lane, swept, backend.lanes, wall_kernels.evaluate, walls_swept, WallContacts,
         walls=walls.present,
+    )  # fmt: skip
+    load = motion.build_load(backend.real, **spins, walls=walls.present)
+    acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE)
+    integrator = scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
+    moved_by = move.build(
+        arrays, WallContacts, load, acceleration, travel, integrator, images,
+        orientation.build(turning_axes=turns) if measures.orientation else None, sums,
+        flow.build(moving_frame=frame.moves) if measures.flows else None,
+        wear.build(one, WallContacts, laws.spins) if measures.wear else None, **shared_by_steps, **spins,
         leave=domain.outlets > 0,
-    )
+    )  # fmt: skip
+    dynamic = dynamic_walls.build(one, WallContacts) if walls.dynamic else None
+    step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
+    readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, **shared_by_steps)
     lists = neighbors.build(
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
         inertia_factor=laws.inertia_factor, keep_constants=not backend.resident,
@@ -205,20 +208,17 @@ def _built(features: Features) -> Built:
         shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
-    moved = displacement.build(
-        travel, images, step.Control, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0
-    )
-    on_threads = inner.build(
-        lists, moved, wall_lists, step.Control, WallContacts, **spins, lanes=backend.lanes, stages=stages
-    )
+    moved = displacement.build(travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0)
+    on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
     graph = again = None
     if backend.resident:
         graph = captured.build(
-            step, pair_kernels, by_lane, WallContacts, backend.real, history=laws.memory, stages=stages, lanes=backend.lanes
-        )
+            arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
+            stages=stages, lanes=backend.lanes,
+        )  # fmt: skip
         again = rebuild.build(WallContacts)
     return Built(
-        loop=step, graph=graph, rebuild=again, lists=lists, walls=wall_lists, WallContacts=WallContacts,
-        pairs=pair_kernels, paths=paths,
-        displacement=moved, inner=on_threads,
+        structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
+        WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
+        dynamic=dynamic,
     )  # fmt: skip

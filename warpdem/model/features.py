@@ -98,6 +98,8 @@ class WallFeatures:
     """Walls act at their periodic images too."""
     conveying: bool = False
     """Surfaces of walls move along themselves."""
+    dynamic: int = 0
+    """Walls that move by the load on them."""
 
     @property
     def present(self) -> bool:
@@ -164,6 +166,10 @@ class MeasureFeatures:
     """Walls of the scene when the energy budget is added up, else 0."""
     flows: int = 0
     """Planes that the flow through is measured at."""
+    wear: bool = False
+    """What wears walls is added up."""
+    residence: bool = field(default=False, compare=False)
+    """Grains that leave are taken down, on the host."""
     observers: tuple[tuple[str, str], ...] = field(default=(), compare=False)
     """Observers: model, and the axes it reads in; kernels of their own, beside the step."""
 
@@ -233,6 +239,7 @@ class Features:
         runs += [f"integrator: {backend.integrator}" + (" in a moving frame" if self.frame.moves else "")]
         added = [name for name, on in (("energy", measures.energy), ("momentum", measures.momentum)) if on]
         runs += [f"planes with flow counted at every step: {measures.flows}"] if measures.flows else []
+        runs += ["wear of walls, added up at every step"] if measures.wear else []
         runs += [f"budget at every step: {' and '.join(added)}"] if added else []
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
         runs += ["orientation of the grains"] if measures.orientation else []
@@ -242,6 +249,7 @@ class Features:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
+        runs += [f"walls that a servo moves by the load on them: {walls.dynamic}"] if walls.dynamic else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]

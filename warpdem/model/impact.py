@@ -1,6 +1,7 @@
 """An undamped head-on impact, and a contact under a steady load, under any normal law, from its energy E(d) alone.
 
-E(d_max) = m v^2 / 2,     t_c = 2 int_0^d_max dd / sqrt(v^2 - 2 E(d)/m),     k_secant = E'(d)/d,     k_tangent = E''(d)
+E(d_max) - E(0) = m v^2 / 2,     t_c = 2 int_0^d_max dd / sqrt(v^2 - 2 (E(d) - E(0))/m)
+k_secant = E'(d)/d,     k_tangent = E''(d)
 Under a load F:  E'(d) = F
 """
 
@@ -112,11 +113,14 @@ def _force_over_overlap(normal: str, overlap: Value, constant: Value, own: Own) 
     return (energy(overlap + step, constant, **own) - energy(overlap - step, constant, **own)) / (2.0 * step * overlap)
 
 
-def tangent(normal: str, overlap: float, constant: float, own: Own = NONE) -> float:
-    """Slope of the elastic force [N/m]; arguments as of ``elastic_energy``."""
+def tangent(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Value:
+    """Slope of the elastic force [N/m]: the law's ``slope``, else from its energy; arguments as of ``elastic_energy``."""
+    of_law = getattr(model("normal", normal), "slope", None)
+    if of_law:
+        return of_law(overlap, constant, **own)
     energy, step = model("normal", normal).energy, DIFFERENCE * overlap
     bend = energy(overlap + step, constant, **own) - 2.0 * energy(overlap, constant, **own)
-    return float((bend + energy(overlap - step, constant, **own)) / step**2)
+    return (bend + energy(overlap - step, constant, **own)) / step**2
 
 
 def impact(normal: str, base: float, mass: float, radius: float, speed: float, own: Own = NONE) -> Impact:
@@ -136,7 +140,8 @@ def impact(normal: str, base: float, mass: float, radius: float, speed: float, o
     with using([normal], "it fails in the estimate of an impact"):
         constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
         energy = functools.partial(model("normal", normal).energy, **own)
-        whole = 0.5 * mass * speed**2
+        at_touch = energy(0.0, constant)
+        whole = 0.5 * mass * speed**2 + at_touch
         low, high = 0.0, 1.0e-12 * radius
         while energy(high, constant) < whole:
             low, high = high, 2.0 * high
@@ -144,9 +149,9 @@ def impact(normal: str, base: float, mass: float, radius: float, speed: float, o
             middle = 0.5 * (low + high)
             low, high = (middle, high) if energy(middle, constant) < whole else (low, middle)
         u = 0.5 * (NODES + 1.0)  # d = d_max (1 - u^2) takes the singular end of the integral away
-        left = 1.0 - energy(high * (1.0 - u**2), constant) / whole
+        left = 1.0 - (energy(high * (1.0 - u**2), constant) - at_touch) / (whole - at_touch)
         time = 2.0 * float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
-        return Impact(high, time, float(secant(normal, high, constant, own)), tangent(normal, high, constant, own))
+        return Impact(high, time, float(secant(normal, high, constant, own)), float(tangent(normal, high, constant, own)))
 
 
 def pressed(normal: str, base: float, radius: float, force: float, own: Own = NONE) -> tuple[float, float]:
@@ -164,7 +169,7 @@ def pressed(normal: str, base: float, radius: float, force: float, own: Own = NO
         for _ in range(60):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if _force_over_overlap(normal, middle, constant, own) * middle < force else (low, middle)
-        return float(secant(normal, high, constant, own)), tangent(normal, high, constant, own)
+        return float(secant(normal, high, constant, own)), float(tangent(normal, high, constant, own))
 
 
 def rebound(
@@ -190,7 +195,8 @@ def rebound(
     """
     with using([normal], "it fails in the estimate of a restitution"):
         constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
-        half_tangent = 0.5 * getattr(model("normal", normal), "TANGENT", 1.0)
+        module = model("normal", normal)
+        half_tangent, clamped = 0.5 * getattr(module, "TANGENT", 1.0), getattr(module, "CLAMPED", False)
         overlap = -speed * dt * (np.arange(PHASES) + 0.5) / PHASES
         rate, before = np.full(PHASES, speed), np.zeros(PHASES)
         longest = 100.0 * impact(normal, base, mass, radius, speed, own).time
@@ -201,7 +207,8 @@ def rebound(
             k_n = touching * secant(normal, depth, np.full(PHASES, constant), own)
             gamma = damping * np.sqrt(mass * k_n)
             acting = gamma / np.maximum(1.0 + half_tangent * k_n * dt**2 / mass, gamma * dt / (NORMAL_CAP * mass))
-            now = -(k_n * overlap + acting * (rate + 0.5 * dt * before)) / mass
+            force = k_n * overlap + acting * (rate + 0.5 * dt * before)
+            now = -(np.maximum(force, 0.0) if clamped else force) / mass
             rate, before = rate + dt * now, now
             if not touching.any() and (rate < 0.0).all():
                 break

@@ -1,6 +1,6 @@
 """What is to be run, fixed before the first step."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -56,3 +56,8 @@ class Model:
     """Walls on the device; None without any."""
     notes: tuple[str, ...]
     """What of the scene's file was not taken, and what is odd or was mended in its meshes."""
+
+    def at_present(self) -> "Model":
+        """The same for a copy of the run that is read while it goes on: walls that move by the load on them stay there."""
+        schedule = self.schedule.at_present()
+        return self if schedule is self.schedule else replace(self, schedule=schedule)

@@ -17,6 +17,7 @@ from warpdem.model.choose_features import WARP_LANES, choose_features
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
+from warpdem.model.dynamic_walls import complete_dynamic_walls
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.model import Model
@@ -97,6 +98,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
+    complete_dynamic_walls(schedule, scene, meshes, expected, resident)
     kernels = compile_kernels(features, device)
     compile_observers(scene, device)
     table = np.nan_to_num(_coefficients(scene, features, expected))

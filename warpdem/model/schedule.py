@@ -1,5 +1,6 @@
 """The tables of ``kernels.step.schedule`` for a batch of steps: all that is known beforehand about time."""
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from warpdem.core.pose import FramePose, Placement
 from warpdem.core.rigid_motion import Pose, apply, compose, cross, rounded, still, transposed
 from warpdem.model.driven import DrivenMotion
+from warpdem.model.dynamic_walls import DynamicWall
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, timed, wall_chain
 from warpdem.scene.regions import Placed
@@ -14,15 +16,20 @@ from warpdem.scene.surface_velocity import Belt, SurfaceVelocity
 
 
 class WallMotion:
-    """How a group of walls moves: fixed to the frame or the laboratory, and moving by itself in it or not."""
+    """How a group of walls moves: fixed to the frame or the laboratory, and moving by itself in it or not.
+
+    Attributes:
+        dynamic: number among the schedule's dynamic walls, if it is one.
+    """
 
     def __init__(self, fixed_to: str, own: Chain | DrivenMotion, surface: "SurfaceCourse | None" = None) -> None:
         self.fixed_to, self.own, self.surface = fixed_to, own, surface
+        self.dynamic: int | None = None
 
     @property
     def rests_in_frame(self) -> bool:
         """Whether it never moves relative to the frame (given that the frame moves)."""
-        return self.fixed_to == "frame" and not self.own.displaces
+        return self.fixed_to == "frame" and not self.own.displaces and self.dynamic is None
 
 
 class SurfaceCourse:
@@ -61,6 +68,7 @@ class Schedule:
         wall_motion: motion number of each wall of the scene, shape (w,).
         moving: how many of the motions move relative to the frame.
         driven: motions that may be changed in the run, by the names of their walls.
+        dynamic: walls that move by the load on them, each with a motion of its own.
         max_rate: bound of the frame's angular velocity [rad/s].
         period: length of the domain along each axis [m], 0 where it is not periodic: the kernels see a wall that has gone by
             a period where it was.
@@ -79,18 +87,23 @@ class Schedule:
         found: dict[str, WallMotion] = {}
         keys = []
         self.driven: dict[str, DrivenMotion] = {}
+        self.dynamic: list[DynamicWall] = []
         for number, wall in enumerate(scene.walls):
             own: Chain | DrivenMotion = wall_chain(scene, number)
             if wall.driven:
                 own = self.driven[wall.name] = DrivenMotion(scene, number, wall_chain(scene, number))
             # in a frame that coincides with it the laboratory is the frame
             fixed_to = wall.fixed_to if self.frame.displaces else "frame"
-            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}" + (f" {number}" if wall.driven else ""))
+            alone = wall.driven or wall.servo is not None
+            keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}" + f" {number}" * alone)
             surface = None
             if wall.surface_velocity is not None:
                 keys[-1] += f" {wall.surface_velocity!r}"
                 surface = SurfaceCourse(wall.surface_velocity)
-            found.setdefault(keys[-1], WallMotion(fixed_to, own, surface))
+            motion = found.setdefault(keys[-1], WallMotion(fixed_to, own, surface))
+            if wall.servo is not None:
+                motion.dynamic = len(self.dynamic)
+                self.dynamic.append(DynamicWall(number, wall))
         order = sorted(found, key=lambda key: found[key].rests_in_frame)
         self.motions = [found[key] for key in order]
         self.moving = sum(not motion.rests_in_frame for motion in self.motions)
@@ -104,7 +117,7 @@ class Schedule:
             return None if motion.rests_in_frame else motion
         if place.fixed_to == "frame" or not self.frame.displaces:
             return None
-        at_rest = (motion for motion in self.motions if motion.fixed_to == "laboratory" and not motion.own.displaces)
+        at_rest = (m for m in self.motions if m.fixed_to == "laboratory" and not m.own.displaces and m.dynamic is None)
         return next(at_rest, WallMotion("laboratory", Chain(None, Path, "")))
 
     def motion_of(self, place: Placed) -> int:
@@ -209,14 +222,37 @@ class Schedule:
         return np.repeat(middle, len(self.stages))
 
     def placements(self, step: int, count: int) -> np.ndarray:
-        """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 24)."""
-        return self._brought_back(self._placements(self._times(step - 1, step + count + 1), self.relative))
+        """Placements at the force calls of steps ``step - 1`` to ``step + count + 1``, shape (calls, motions, 24).
+
+        Those of dynamic walls are known up to step ``step``; after it they are those of their carriers.
+        """
+        times = self._times(step - 1, step + count + 1)
+        table = self._brought_back(self._placements(times, self.relative, carriers=True))
+        for wall in self.dynamic:
+            motion = self.wall_motion[wall.number]
+            if wall.now is None:
+                wall.before = wall.now = self._placement(self.motions[motion], times[:1], self.frame.pose(times[:1]), False)[0]
+            table[0, motion], table[1, motion] = wall.before, wall.now
+        return table
+
+    def drives(self, step: int, count: int) -> np.ndarray:
+        """Load asked of each dynamic wall at steps ``step`` to ``step + count``, shape (count + 1, walls)."""
+        times = self._times(step, step + count)
+        return np.stack([wall.drive(times) for wall in self.dynamic], axis=1)
+
+    def at_present(self) -> "Schedule":
+        """The same, in which dynamic walls stay where they are now; itself where there are none."""
+        if not self.dynamic:
+            return self
+        kept = copy.copy(self)
+        kept.dynamic = [copy.copy(wall) for wall in self.dynamic]
+        return kept
 
     def _brought_back(self, placements: np.ndarray) -> np.ndarray:
         """Placements less the whole periods that each has gone since the start."""
         if not self.period.any():
             return placements
-        gone = placements[:, :, 9:12] - self._placements(np.zeros(1), self.relative)[:, :, 9:12]
+        gone = placements[:, :, 9:12] - self._placements(np.zeros(1), self.relative, carriers=True)[:, :, 9:12]
         placements[:, :, 9:12] -= self.period * np.rint(gone / np.where(self.period > 0.0, self.period, np.inf))
         return placements
 
@@ -228,18 +264,23 @@ class Schedule:
         """The same at several ``times`` [s], shape (k, w, 24)."""
         return self._placements(times, relative=False)[:, self.wall_motion]
 
-    def _placements(self, time: np.ndarray, relative: bool) -> np.ndarray:
+    def _placements(self, time: np.ndarray, relative: bool, carriers: bool = False) -> np.ndarray:
+        """Placement of each motion at ``time`` [s]; of dynamic walls as they are at present, or of their ``carriers``."""
         frame = self.frame.pose(time)
         out = np.zeros((len(time), max(len(self.motions), 1), 24))
         for number, motion in enumerate(self.motions):
-            out[:, number] = self._placement(motion, time, frame, relative)
+            out[:, number] = self._placement(motion, time, frame, relative, carriers)
         return out
 
-    def _placement(self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool) -> np.ndarray:
+    def _placement(
+        self, motion: WallMotion, time: np.ndarray, frame: Pose, relative: bool, carrier: bool = False
+    ) -> np.ndarray:
         """The 24 numbers of one motion at ``time`` [s], shape (k, 24)."""
         own = motion.own.pose(time) if motion.own.displaces else still(len(time))
+        if motion.dynamic is not None and not carrier:
+            own = compose(own, self.dynamic[motion.dynamic].pose(len(time)))
         if motion.fixed_to == "frame":
-            body, turn, shift = compose(frame, own) if motion.own.displaces else frame, own.axes, own.origin
+            body, turn, shift = frame if motion.rests_in_frame else compose(frame, own), own.axes, own.origin
         else:
             back = transposed(frame.axes)
             body, turn, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)

@@ -1,14 +1,14 @@
 """history.csv: its columns, each declared once with name, unit and how it is read, and the numbers of a row.
 
 A new column is an entry of ``GENERAL``, or of ``WALL`` for one per wall. What a scene's ``measures`` and ``observers`` ask for
-follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns. What outlets have
-removed comes last.
+follows: ``warpdem.measure.measures`` and ``warpdem.measure.observation`` declare those columns, and
+``warpdem.measure.dynamic_walls`` those of walls that move by the load on them. What outlets have removed comes last.
 """
 
 from collections.abc import Callable, Sequence
 
 from warpdem.core.snapshot import WallLoad
-from warpdem.measure import measures, observation
+from warpdem.measure import dynamic_walls, measures, observation
 from warpdem.measure.column import Column, Readings
 from warpdem.scene.model import Scene
 
@@ -47,6 +47,7 @@ WALL: tuple[tuple[str, str, Callable[[WallLoad], float]], ...] = (
 def history_columns(scene: Scene) -> list[Column]:
     """All columns of a scene: those of every scene, of its walls, measures, observers and outlets."""
     walls = [column for wall in scene.walls for column in _wall_columns(wall.name)]
+    walls += [column for wall in scene.walls for column in dynamic_walls.columns(wall)]
     outlets = [column for outlet in scene.outlets for column in _outlet_columns(outlet.name)]
     return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene), *outlets]
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpdem.kernels.measure import window_sum
+from warpdem.kernels.measure.wear import SUMS
 from warpdem.measure.budget import Budget
 from warpdem.state.view import RunView
 
@@ -69,10 +71,21 @@ class CopiedReadings:
     """What ``StepReader.read`` gave."""
     sums: dict[str, np.ndarray]
     """What ``StepReader.read_sums`` gave."""
+    wear: np.ndarray
+    """What ``StepReader.wear_digits`` gave."""
 
     def read(self) -> tuple[wp.array, wp.array, wp.array]:
         """As ``StepReader.read``."""
         return self.by_slot
+
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """As ``StepReader.wear_digits``."""
+        return self.wear
+
+    def read_wear(self) -> np.ndarray:
+        """As ``StepReader.read_wear``."""
+        return window_sum.rounded(self.wear[None]).reshape(-1, SUMS.width)
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """As ``StepReader.read_sums``."""
@@ -100,9 +113,11 @@ class Instant:
         if live.totals is not None:
             Budget(live).begin()
             sums = {name: values.copy() for name, values in live.reader.read_sums().items()}
-        reader = CopiedReadings(extreme, (loads, velocity, spin), sums)
+        reader = CopiedReadings(extreme, (loads, velocity, spin), sums, live.reader.wear_digits)
         totals = copy.deepcopy(live.totals)
-        self._view = RunView(live.model, state, copy.copy(live.clock), reader, totals, lambda: listed, copy.deepcopy(live.left))
+        departures = live.departures.copied() if live.departures is not None else None
+        model, left = live.model.at_present(), copy.deepcopy(live.left)
+        self._view = RunView(model, state, copy.copy(live.clock), reader, totals, lambda: listed, left, departures)
 
     def view(self) -> RunView:
         """The run at that time; waits until all of it has arrived."""

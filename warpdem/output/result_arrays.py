@@ -60,6 +60,14 @@ TRIANGLE_ARRAYS = (
     ResultArray("pressure", "pressure", "Pa", "pressure"),
 )
 """Arrays of the triangles of a wall with its load."""
+WEAR_ARRAYS = (
+    ResultArray("mean_pressure", "mean pressure", "Pa", "mean_pressure"),
+    ResultArray("shear_work", "shear work", "J/m2", "shear_work"),
+    ResultArray("impact_work", "impact work", "J/m2", "impact_work"),
+    ResultArray("archard_depth", "depth by Archard", "m", "archard_depth"),
+    ResultArray("finnie_depth", "depth by Finnie", "m", "finnie_depth"),
+)
+"""Arrays of the triangles of a wall with its wear; those that the scene does not ask for are None."""
 WALL_ARRAYS = (
     ResultArray("force", "force", "N", "force"),
     ResultArray("torque", "torque", "N m", "torque"),
@@ -84,7 +92,10 @@ def contact_arrays(network: ContactNetwork) -> tuple[np.ndarray, dict[str, np.nd
 
 def triangle_arrays(load: WallLoad) -> dict[str, np.ndarray]:
     """Arrays of the triangles of a wall by name, shapes (t,) or (t, 3); without rows for a wall that is no mesh."""
-    return _read(TRIANGLE_ARRAYS, load)
+    arrays = _read(TRIANGLE_ARRAYS, load)
+    if load.wear is not None:
+        arrays |= {name: values for name, values in _read(WEAR_ARRAYS, load.wear).items() if values is not None}
+    return arrays
 
 
 def wall_arrays(load: WallLoad) -> dict[str, np.ndarray]:

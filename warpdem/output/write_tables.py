@@ -11,6 +11,28 @@ import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
 from warpdem.errors import WarpdemError
+from warpdem.measure.residence import Departed
+
+
+def write_departures(path: Path, departed: Departed, groups: Sequence[str], materials: Sequence[str]) -> None:
+    """Write a table of the grains that have left, a row each, in the order in which they did.
+
+    Args:
+        path: file to write, usually ``departures.csv``; replaced whole.
+        departed: the grains.
+        groups: names of the scene's groups.
+        materials: names of its materials.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with replaced(path) as part, open(part, "w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["id [-]", "group", "material", "diameter [m]", "outlet", "came [s]", "left [s]", "residence [s]"])
+        for k in range(len(departed.id)):
+            times = departed.came[k], departed.left[k], departed.residence[k]
+            which = departed.id[k], groups[departed.group[k]], materials[departed.type[k]], _digits(2.0 * departed.radius[k])
+            rows.writerow([*which, departed.way_out[k], *map(_digits, times)])
 
 
 class HistoryWriter:
@@ -89,20 +111,21 @@ def write_run_record(path: Path, data: dict[str, Any]) -> None:
     (infinite, not a number) become null.
     """
     with replaced(Path(path)) as part:
-        part.write_text(json.dumps(_plain(data), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _digits(value: float) -> str:
     return str(int(value)) if isinstance(value, (int, np.integer)) else repr(float(value))
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """What JSON can hold of a value: NumPy numbers, arrays and paths as plain ones, numbers that are none as null."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value

@@ -19,11 +19,11 @@ import numpy as np
 from warpdem.core.pose import Placement
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.output.result_arrays import (
-    TRIANGLE_ARRAYS,
     WALL_ARRAYS,
     contact_arrays,
     frame_arrays,
     grain_arrays,
+    triangle_arrays,
 )
 from warpdem.output.vtkhdf_series import Series
 
@@ -86,11 +86,10 @@ class VtkhdfWriter:
             loads = [snapshot.loads[wall.name] for wall in self._walls]
             rows = [len(wall.triangles) for wall in self._walls]
             # walls that are not meshes have a load of their own but none of their triangles
-            for entry in TRIANGLE_ARRAYS:
-                own = [getattr(load, entry.field) for load in loads]
-                cell_data[entry.name] = np.concatenate(
-                    [_padded(values, n) for values, n in zip(own, rows, strict=True)]
-                )
+            of_walls = [triangle_arrays(load) for load in loads]
+            for name in dict.fromkeys(name for arrays in of_walls for name in arrays):
+                own = [arrays.get(name, np.zeros(0)) for arrays in of_walls]
+                cell_data[name] = np.concatenate([_padded(values, n) for values, n in zip(own, rows, strict=True)])
             for entry in WALL_ARRAYS:
                 field_data[entry.name] = np.array([getattr(load, entry.field) for load in loads])
         shapes.write(

@@ -86,11 +86,15 @@ def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[
 
 
 def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[Wall]) -> Iterator[Problem]:
-    """Regions that follow a wall which the scene does not have."""
+    """Regions that follow a wall which the scene does not have, or whose motion is not known beforehand."""
     names = [wall.name for wall in walls]
+    by_load = [wall.name for wall in walls if wall.servo is not None]
     for key_path, region in regions:
         if region.follows is not None and region.follows not in names:
             yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
+        if region.follows in by_load:
+            reason = "has a servo, by which its load moves it: a region follows only a motion that is given"
+            yield (*key_path, "follows"), region.follows, reason
 
 
 def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], borders: Borders | None) -> Iterator[Problem]:
@@ -130,23 +134,30 @@ def _meet(stream: Stream, outlet: Outlet) -> bool:
 
 
 def measure_problems(
-    measures: Measures, integrator: str, groups: list[str] | None, materials: list[str]
+    measures: Measures, integrator: str, groups: list[str] | None, materials: list[str], ways_out: Sequence[str]
 ) -> Iterator[Problem]:
-    """Measures that the integrator cannot make, names given twice, and groups and materials that are not there.
+    """Measures that the integrator cannot make, names given twice, and groups, materials and outlets that are not there.
 
     Args:
         measures: of the scene.
         integrator: its name.
         groups: names of the scene's groups; None where they are not known yet.
         materials: names of its materials.
+        ways_out: names of its outlets and of the borders through which grains leave.
     """
     for key in ("energy", "momentum"):
         if getattr(measures, key) and integrator != "exact_drift":
             yield ("measures", key), True, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
+    if measures.wear is not None and integrator != "exact_drift":
+        yield ("measures", "wear"), None, f'only with engine.integrator = "exact_drift"; it is "{integrator}"'
     stages = len(models.model("integrator", integrator).STAGES)
     if measures.flow and stages > 1:
         yield ("measures", "flow"), None, f'not with engine.integrator = "{integrator}", whose steps have stages'
-    for key in ("flow", "regions", "profiles", "mixing"):
+    for i, one in enumerate(measures.residence):
+        if one.outlet is not None and one.outlet not in ways_out:
+            reason = f"grains do not leave there; they do through {', '.join(ways_out) or 'nothing: the scene has no outlet'}"
+            yield ("measures", "residence", i, "outlet"), one.outlet, reason
+    for key in ("flow", "regions", "profiles", "mixing", "residence"):
         names = [part.name for part in getattr(measures, key)]
         for i, name in enumerate(names):
             if name in names[:i]:
@@ -164,6 +175,18 @@ def measure_problems(
 
 def class_problems(measures: Measures, groups: list[str] | None, materials: list[str]) -> Iterator[Problem]:
     """Groups and materials that measures select and that are not there; arguments as of ``measure_problems``."""
-    for key, word in (("flow", "of"), ("regions", "of"), ("profiles", "of"), ("mixing", "first")):
+    for key, word in (("flow", "of"), ("regions", "of"), ("profiles", "of"), ("residence", "of"), ("mixing", "first")):
         for i, part in enumerate(getattr(measures, key)):
             yield from selection_problems(("measures", key, i, word), getattr(part, word), groups, materials)
+
+
+def ways_out(borders: Borders | None, outlets: Sequence[Outlet]) -> list[str]:
+    """Names of the borders through which grains leave, such as "x max", and of the outlets."""
+    out = []
+    for axis in "xyz":
+        border = getattr(borders, axis) if borders else None
+        if border is not None and border.kind != "periodic":
+            kinds = border.kind if isinstance(border.kind, list) else [border.kind] * 2
+            sides = zip(("min", "max"), (border.min, border.max), kinds, strict=True)
+            out += [f"{axis} {side}" for side, place, kind in sides if place is not None and kind == "open"]
+    return [*out, *(outlet.name for outlet in outlets)]

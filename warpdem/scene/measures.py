@@ -7,6 +7,7 @@ from pydantic import Field, StrictBool, model_validator
 from warpdem.scene.base import Direction, Length, Name, Point, SceneModel, exactly_one
 from warpdem.scene.regions import Box
 from warpdem.scene.selection import Selection
+from warpdem.scene.wear import Wear
 
 OF = "Which grains count: group, material, diameter = [smallest, largest]. Default all."
 
@@ -73,6 +74,16 @@ class Profile(SceneModel):
         ]
 
 
+class Residence(SceneModel):
+    """Residence times of the grains that leave."""
+
+    name: Name = Field(description="Unique name: letters, digits, _ and -.")
+    outlet: str | None = Field(
+        None, description='Name of the outlet, or border such as "x max", that they leave through; default any.'
+    )
+    of: Selection | None = Field(None, description=OF)
+
+
 class Mixing(SceneModel):
     """Mixing of two classes of grains by Lacey's index."""
 
@@ -128,7 +139,16 @@ class Measures(SceneModel):
     profiles: list[Profile] = Field(
         [], description="Boxes cut into slices along an axis, in each of which the same is measured, default none."
     )
+    residence: list[Residence] = Field(
+        [],
+        description="Residence times, from insertion or the start to the way out, of grains that have left; default none.",
+    )
     mixing: list[Mixing] = Field([], description="Mixing indices, default none.")
+    wear: Wear | None = Field(
+        None,
+        description="Wear and mean pressure of the walls, added up at every step: columns of history.csv, and arrays of the "
+        "triangles of meshes in frames of VTK; default none.",
+    )
     grid: Grid | None = Field(
         None,
         description="Grid of coarse-grained density, solid fraction, velocity, stress and granular temperature, written with "

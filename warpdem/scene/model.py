@@ -35,6 +35,7 @@ from warpdem.scene.checks import (
     region_problems,
     source_problems,
     stream_problems,
+    ways_out,
 )
 from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_own_keys
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
@@ -138,8 +139,8 @@ class Scene(SceneModel):
             )
 
         walls = [
-            wall.model_copy(update={"motion": ahead(wall.motion), "surface_velocity": wall.surface_velocity and
-                                    wall.surface_velocity.later(time)})
+            wall.model_copy(update={"motion": ahead(wall.motion), "servo": wall.servo and wall.servo.later(time),
+                                    "surface_velocity": wall.surface_velocity and wall.surface_velocity.later(time)})
             for wall in self.walls
         ]  # fmt: skip
         streams = [
@@ -260,7 +261,8 @@ class Scene(SceneModel):
             *law_problems(self.contact, self.pairs),
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
             *measure_problems(
-                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials)
+                self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
+                ways_out(self.borders, self.outlets),
             ),
         ]
         if problems:
@@ -322,7 +324,8 @@ class Scene(SceneModel):
     def continues(self, number: int) -> tuple[str, ...]:
         """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
-        moved = [wall["name"] for wall in changes.get("walls", []) if {"motion", "fixed_to", "surface_velocity"} & wall.keys()]
+        moves = {"motion", "fixed_to", "surface_velocity", "servo"}
+        moved = [wall["name"] for wall in changes.get("walls", []) if moves & wall.keys()]
         before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
         names = [key for key in ("frame", "streams") if key not in changes]

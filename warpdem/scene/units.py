@@ -40,8 +40,13 @@ DIMENSIONS = {
     "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa", 1e-9, 1e21),
     "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm", 1e-18, 1e21),
     "J/m2": Dimension("a surface energy", {"kilogram": 1, "second": -2}, "50 mJ/m^2", 1e-18, 1e21),
+    "J/m3": Dimension(
+        "an energy density", {"kilogram": 1, "meter": -1, "second": -2}, "100 kJ/m^3", 1e-9, 1e21
+    ),
     "Pa s": Dimension("a viscosity", {"kilogram": 1, "meter": -1, "second": -1}, "1 mPa s", 1e-18, 1e21),
     "N": Dimension("a force", {"kilogram": 1, "meter": 1, "second": -2}, "2 mN", 1e-30, 1e21),
+    "N m": Dimension("a torque", {"kilogram": 1, "meter": 2, "second": -2}, "2 mN m", 1e-30, 1e21),
+    "m2": Dimension("an area", {"meter": 2}, "4 cm^2", 1e-24, 1e24),
     "kg/s": Dimension("a mass rate or drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s", 1e-30, 1e21),
     "C": Dimension("a charge", {"ampere": 1, "second": 1}, "1 nC", 1e-30, 1e21),
     "T": Dimension("a magnetic flux density", {"kilogram": 1, "ampere": -1, "second": -2}, "5 mT", 1e-30, 1e21),

@@ -7,6 +7,7 @@ from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, mod
 
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.motion import Motions
+from warpdem.scene.servo import Servo
 from warpdem.scene.surface_velocity import SurfaceVelocity
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
@@ -80,10 +81,16 @@ class Wall(SceneModel):
         description="Whether a program gives the wall other motions in a live run, by sim.set_motion of Python, default false. "
         "Until then it moves as motion says.",
     )
+    servo: Servo | None = Field(
+        None,
+        description="A controller that moves the wall so that it loads the grains as asked: a force, a pressure or a torque. "
+        "Its displacement comes on top of motion. Default none.",
+    )
     torque_about: Point | None = Field(
         None,
         description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "
-        "0 and moving with it. Default: origin of the wall's own rotation, else of the frame's if fixed to it, else (0, 0, 0).",
+        "0 and moving with it. Default: origin of the wall's servo or own rotation, else of the frame's if fixed to it, else "
+        "(0, 0, 0).",
     )
     open: StrictBool = Field(
         False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."
@@ -120,6 +127,16 @@ class Wall(SceneModel):
             if stray:
                 reason = "only for a mesh; a shape is positioned by its own keys"
                 raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+        return self
+
+    @model_validator(mode="after")
+    def _servo_can_move_it(self) -> "Wall":
+        if self.servo is None:
+            return self
+        if self.driven:
+            raise validation_error([(("driven",), True, "not with servo: either a program moves the wall or the servo does")])
+        if self.servo.pressure is not None and self.servo.area is None and self.mesh is None:
+            raise validation_error([(("servo", "area"), None, "missing: the pressure on a shape needs its area [m2]")])
         return self
 
     @property

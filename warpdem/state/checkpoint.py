@@ -47,8 +47,11 @@ class GuardsPart(Protocol):
 class EnginePart(Protocol):
     """What runs the steps."""
 
-    def restore(self, extreme: np.ndarray) -> None:
-        """Take over the largest overlaps and approach speeds so far, shape (4,); schedule and structs are made again."""
+    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
+        """Take over the largest overlaps and approach speeds so far, shape (4,), and the digits of wear.
+
+        Schedule and structs are made again.
+        """
 
 
 class Run(Protocol):
@@ -112,9 +115,11 @@ def _about(view: RunView) -> dict[str, Any]:
         "files": given.files,
         "groups": scene.groups,
         "driven": {name: one.state() for name, one in view.model.schedule.driven.items() if one.is_changed},
+        "dynamic": {one.wall.name: one.saved() for one in view.model.schedule.dynamic},
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
+            "servos": {wall.name: wall.servo.elapsed for wall in scene.walls if wall.servo is not None},
             "surfaces": {w.name: w.surface_velocity.elapsed for w in scene.walls if w.surface_velocity is not None},
         },
         "places": _places(view),
@@ -153,6 +158,10 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if view.departures is not None:
+        readings |= view.departures.arrays()
+    if features.measures.wear:
+        readings["wear"] = view.reader.wear_digits
     return out | readings | contact_history.read(view)
 
 
@@ -189,9 +198,13 @@ def restore(run: Run, data: dict[str, Any]) -> None:
     view.clock.step_number = data["step"]
     for name, state in data.get("driven", {}).items():
         view.model.schedule.driven[name].restore(state)
-    run.engine.restore(data["extreme"])
+    for one in view.model.schedule.dynamic:
+        one.restore(data["dynamic"][one.wall.name])
+    run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
     run.streams.restore(data["feeders"])
+    if view.departures is not None:
+        view.departures.restore(data)
     if view.totals is not None:
         view.totals.restore(data["budget"])
     contact_history.restore(run.lists, data)

@@ -44,6 +44,7 @@ class State:
         id: grain ids, shape (n,), int64.
         kind: material index, shape (n,), int32.
         group: number of the group, shape (n,), int32, on the host: only results show it.
+        came: step at which each grain was inserted, shape (n,), int64, on the host; None where nobody asks for it.
         next_id: least id that no grain has had so far.
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
@@ -75,6 +76,7 @@ class State:
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
         self.kind: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
         self.group = np.asarray(start.group, dtype=np.int32)
+        self.came: np.ndarray | None = None
         self.orientation: wp.array | None = None
         if orientation:
             self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device)
@@ -88,7 +90,10 @@ class State:
     def of(cls, model: Model, start: InitialGrains) -> "State":
         """The grains of a model at the start, moving as its integrator holds them."""
         contact, measures = model.features.contact, model.features.measures
-        return cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums)
+        out = cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums)
+        if measures.residence:
+            out.came = np.zeros(out.slots, dtype=np.int64)
+        return out
 
     def __len__(self) -> int:
         return self._count
@@ -134,10 +139,11 @@ class State:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, in memory order: in ascending order of id, as ``rank`` gives it, ``restore`` takes them back."""
-        return {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group}
+        came = {} if self.came is None else {"came": self.came}
+        return {name: getattr(self, name).numpy() for name in self.names} | {"group": self.group, **came}
 
-    def add(self, start: InitialGrains, density: np.ndarray) -> None:
-        """Append the grains ``start`` (absolute velocities and spins) after the others."""
+    def add(self, start: InitialGrains, density: np.ndarray, step: int = 0) -> None:
+        """Append the grains ``start`` (absolute velocities and spins), inserted at ``step``, after the others."""
         more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
         there, n = self.slots, self.slots + more.slots
         for name in self.names:
@@ -152,6 +158,8 @@ class State:
             setattr(self, name, both)
         self.next_id = max(self.next_id, more.next_id)
         self.group = np.concatenate([self.group, more.group])
+        if self.came is not None:
+            self.came = np.concatenate([self.came, np.full(more.slots, step, dtype=np.int64)])
         here = np.concatenate([self.here, more.here])
         self._all_here(len(here))
         self.here, self._count = here, int(here.sum())
@@ -169,6 +177,8 @@ class State:
             else:
                 setattr(self, name, picked)
         self.group = self.group[order]
+        if self.came is not None:
+            self.came = self.came[order]
         self._all_here(len(order))
 
     def digest(self, step_number: int) -> str:
@@ -191,6 +201,8 @@ class State:
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
             setattr(self, name, in_huge_pages(wp.array(values, dtype=array.dtype, device=self.device)))
         self.group = np.asarray(data["group"], dtype=np.int32)
+        if self.came is not None:
+            self.came = np.asarray(data["came"], dtype=np.int64)
         self.next_id = data["next_id"]
         self._all_here(len(self.group))
 

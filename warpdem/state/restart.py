@@ -124,6 +124,11 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
         if wall.name in start.continues:
             given = next(entry["motion"] for entry in there["walls"] if entry["name"] == wall.name)
             motion = _continued(wall.motion, data["motions"]["walls"][wall.name], given, _end(data))
+            if wall.name in data.get("dynamic", {}):  # its own displacement counts from there
+                motion = _from(motion, _matrix(data["dynamic"][wall.name]["own"]))
+            if wall.servo is not None:
+                before = data["motions"].get("servos", {}).get(wall.name, 0.0)
+                wall = wall.model_copy(update={"servo": wall.servo.model_copy(update={"elapsed": before + _end(data)})})
             if wall.surface_velocity is not None:
                 before = data["motions"].get("surfaces", {}).get(wall.name, 0.0)
                 surface = wall.surface_velocity.model_copy(update={"elapsed": before + _end(data)})
@@ -210,7 +215,8 @@ def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
             pair: tuple[Any, ...] = here[name], there[name]
         elif name in now and name in then:
             pair = tuple(
-                (entry["motion"], entry["fixed_to"], entry.get("surface_velocity")) for entry in (now[name], then[name])
+                (entry["motion"], entry["fixed_to"], entry.get("surface_velocity"), entry.get("servo"))
+                for entry in (now[name], then[name])
             )
         else:
             known = ", ".join(["frame", "streams", *(wall for wall in now if wall in then)])

@@ -63,7 +63,7 @@ class Streams:
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
             new = inlet.insert(step, *there, self._model.domain.nearest)
             if len(new.radius):
-                state.add(self._grains(inlet, new), self._model.density)
+                state.add(self._grains(inlet, new), self._model.density, step)
                 inserted.append(np.arange(state.slots - len(new.radius), state.slots))
         return inserted
 

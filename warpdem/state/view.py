@@ -11,6 +11,7 @@ from warpdem.core.threads import Threads
 from warpdem.model.model import Model
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
+from warpdem.state.departures import Departures
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.particles import State
 
@@ -27,6 +28,13 @@ class StepReader(Protocol):
 
         Velocity and spin in frame axes, absolute or relative to the frame as the integrator holds them.
         """
+
+    @property
+    def wear_digits(self) -> np.ndarray:
+        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+
+    def read_wear(self) -> np.ndarray:
+        """What wears walls, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""
@@ -46,6 +54,8 @@ class RunView:
     """Gives the contacts of the present lists."""
     left: Mapping[str, Sequence[float]] = field(default_factory=dict)
     """Number and mass [kg] of the grains that each border or outlet took so far, by its name."""
+    departures: Departures | None = None
+    """The grains that have left, one by one; None where the scene does not ask for them."""
     threads: Threads | None = None
     """CPU threads that may read side by side; None: the reader's own alone."""
     kept: dict[str, Any] = field(default_factory=dict, compare=False)

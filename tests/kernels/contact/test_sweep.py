@@ -165,6 +165,8 @@ FEATURES = {
     "energy": ENERGY,
     "energy, frictionless": {"pair": {"friction": 0.0, "rolling_friction": 0.0}, "spins": False} | ENERGY,
     "stages": {"engine": {"integrator": "rk4", "max_overlap": 0.3}},
+    "jkr, table, energy": {"contact": {"normal": "jkr"}, "pair": {"surface_energy": 0.05}, "different": True} | ENERGY,
+    "jkr, turning, mixed": {"contact": {"normal": "jkr"}, "pair": {"surface_energy": 0.05}} | TURNING | MIXED,
     "user's law": {"contact": {"normal": "bridge.py"}, "pair": {"stiffness": 500.0, "tension": 0.01}},
 }
 

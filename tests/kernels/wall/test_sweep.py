@@ -95,7 +95,7 @@ def test_lanes_have_the_bits_of_one_contact_at_a_time(case, tmp_path, monkeypatc
     monkeypatch.setattr(sweep, "build", lambda *args: asked.append(args) or build(*args))
     compiled._built.cache_clear()
     side_by_side = outcome(given)
-    assert [args[2] for args in asked] in ([4], [8])
+    assert [args[3] for args in asked] in ([4], [8])
 
     def refuse(*_):
         raise NotStraight

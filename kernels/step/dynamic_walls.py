@@ -1,0 +1,270 @@
+r"""Walls whose motion follows from the load on them: a coordinate s along or about an axis, one number per wall.
+
+    M u' = D - L,      s' = u,      |u| <= u_max,      L = F . a  or  ((x - o) x F + M_r) . a
+
+    s    displacement along the axis a [m], or angle about it through the point o [rad]
+    D    drive: the load that a servo asks for, along a                    [N or N m]
+    L    what the wall does to the grains along a, summed over its contact points: F, M_r force and rolling torque on a grain
+    M    sum m, or sum m r^2: the mass of the grains that the wall touches, r their distance from the axis, at least that of
+         the largest grain
+
+So a servo is a wall of that mass, which the drive pushes against the grains. Each grain meets a wall of its own mass: what
+bounds the step of two grains bounds that of a servo, and no constant is to be tuned. At rest, and in the mean where u goes
+neither up nor down, L = D whatever M is. What rings in the bed is damped by the bed. (Tried on 64 grains: a damper
+sum sqrt(F_n m / overlap) in the servo takes a tenth off the first peak of the load, and off the load in the mean as long as the
+wall moves.)
+
+Kicks and drifts are those of the grains: the load at t_k over the kick time, then the drift to t_k+1. At t_k+1 contacts see
+the velocity predicted, u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
+same bits on any number of threads. A drive that is no number holds the wall.
+
+The placement that the host has written is where the wall would be at s = 0; the step moves it from there.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.measure.exact_sum import WIDTH, add, rounded
+from warpdem.kernels.measure.readings import WALL_SUMS, add_wall_contact
+from warpdem.kernels.step.schedule import (
+    Placement,
+    Row,
+    axes,
+    kick_time,
+    placed,
+    surface_circulation,
+    surface_vector,
+    turned,
+    wall_spin,
+)
+from warpdem.kernels.wall.record import RESULT
+
+NUMBERS = Columns(
+    (
+        ("turns", 1),  # 1 about the axis, 0 along it
+        ("axis", 3),  # unit vector, in the axes of the wall at s = 0
+        ("origin", 3),  # a point on it [m]
+        ("least", 1),  # least mass [kg], or moment of inertia [kg m2]
+        ("max_rate", 1),  # largest speed [m/s or rad/s]
+    )
+)
+"""What does not change of a wall."""
+STATE = Columns(
+    (
+        ("position", 1),  # s [m or rad]
+        ("rate", 1),  # u in the middle of the last step [m/s or rad/s]
+        ("predicted", 1),  # u that the contacts of this time see
+        ("correction", 1),  # work on the grains beyond that of the predicted velocity [J]
+    )
+)
+"""What changes."""
+SUMS = Columns((*WALL_SUMS.sizes, ("mass", 1)))
+"""Sums over the contact points of a wall: ``readings.WALL_SUMS`` and M."""
+
+
+@wp.struct
+class DynamicWalls:
+    """The walls of a scene whose motion follows from the load on them."""
+
+    number: wp.array(dtype=wp.int32)
+    """Of each wall of the scene: its number among these, -1 for others."""
+    motion: wp.array(dtype=wp.int32)
+    """Of each of these: its placement."""
+    numbers: wp.array2d(dtype=wp.float64)
+    """NUMBERS of each."""
+    state: wp.array2d(dtype=wp.float64)
+    """STATE of each."""
+    drive: wp.array2d(dtype=wp.float64)
+    """Drive at each force call of the schedule [N or N m], of each wall; NaN holds it."""
+    sums: wp.array3d(dtype=wp.int64)
+    """Exact sums of each thread, SUMS of one wall after the other."""
+
+
+@wp.func
+def axis_of(walls: DynamicWalls, d: int) -> wp.vec3d:
+    """Axis in the axes of the wall."""
+    at = wp.static(NUMBERS.axis)
+    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
+
+
+@wp.func
+def origin_of(walls: DynamicWalls, d: int) -> wp.vec3d:
+    """Point on the axis in the axes of the wall [m]."""
+    at = wp.static(NUMBERS.origin)
+    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
+
+
+@wp.func
+def rotation_about(axis: wp.vec3d, angle: wp.float64) -> wp.mat33d:
+    """R - I = sin(angle) [a]x + 2 sin^2(angle/2) ([a]x)^2."""
+    half = wp.sin(wp.float64(0.5) * angle)
+    s = wp.sin(angle)
+    c = wp.float64(2.0) * half * half
+    across = wp.skew(axis)
+    return across * s + across * across * c
+
+
+@wp.func
+def displaced(p: Placement, turns: wp.float64, axis: wp.vec3d, origin: wp.vec3d, s: wp.float64, u: wp.float64) -> Placement:
+    """Placement of a wall at ``s`` moving at ``u``, from that at s = 0.
+
+    Args:
+        p: placement at s = 0, with the velocities of the axes that the wall moves in.
+        turns: 1 about the axis, 0 along it.
+        axis: unit vector a in axes of the wall.
+        origin: point o on the axis, in axes of the wall [m].
+        s: displacement [m] or angle [rad].
+        u: its rate.
+    """
+    out = p
+    along = turned(p, axis)
+    if turns > wp.float64(0.0):
+        outer = axes(p)
+        change = rotation_about(axis, s)
+        turn = outer + outer * change
+        shift = wp.vec3d(p[9], p[10], p[11]) - outer * (change * origin)
+        spin = wall_spin(p) + along * u
+        velocity = wp.vec3d(p[15], p[16], p[17]) - wp.cross(along, placed(p, origin)) * u
+        vector = turn * (wp.transpose(outer) * surface_vector(p))
+        circulation = turn * (wp.transpose(outer) * surface_circulation(p))
+        for i in range(3):
+            for j in range(3):
+                out[3 * i + j] = turn[i, j]
+            out[9 + i] = shift[i]
+            out[12 + i] = spin[i]
+            out[15 + i] = velocity[i]
+            out[18 + i] = vector[i]
+            out[21 + i] = circulation[i]
+    else:
+        for i in range(3):
+            out[9 + i] = p[9 + i] + along[i] * s
+            out[15 + i] = p[15 + i] + along[i] * u
+    return out
+
+
+@functools.cache
+def build(one, WallContacts):
+    """Return ``add_loads`` of one thread, and ``advance``, which one thread calls when all have added.
+
+    Args:
+        one: namespace of ``wall.contact.build``.
+        WallContacts: struct of ``wall.evaluate.build``.
+    """
+    g, at = grain.build(one.spins), one.at
+    Inverse = wp.types.vector(2, wp.float64)
+
+    @wp.func
+    def add_loads(
+        thread: int, first: int, last: int, record: wp.array(dtype=g.Record), inverse: wp.array(dtype=Inverse),
+        wall_contacts: WallContacts, placements: wp.array2d(dtype=Placement), now_row: int, parity: int, walls: DynamicWalls,
+    ):  # fmt: skip
+        """Add the contact points of grains ``first`` to ``last`` of those at walls to the sums of a thread."""
+        for r in range(first, last):
+            i = wall_contacts.grain[r]
+            state = record[i]
+            if g.gone(state):
+                continue
+            start = wall_contacts.first[i]
+            for slot in range(start, start + wall_contacts.place_count[parity, i]):
+                memory = wall_contacts.place[parity, slot]
+                d = walls.number[int(memory[wp.static(at.wall)])]
+                if d < 0:
+                    continue
+                result = wall_contacts.result[slot]
+                force = wp.vec3d(
+                    result[wp.static(RESULT.force)], result[wp.static(RESULT.force + 1)], result[wp.static(RESULT.force + 2)]
+                )
+                torque = wp.vec3d()
+                if wp.static(one.rolling):
+                    torque = wp.vec3d(
+                        result[wp.static(RESULT.moment)], result[wp.static(RESULT.moment + 1)],
+                        result[wp.static(RESULT.moment + 2)],
+                    )  # fmt: skip
+                n = wp.vec3d(
+                    memory[wp.static(at.normal)], memory[wp.static(at.normal + 1)], memory[wp.static(at.normal + 2)]
+                )
+                overlap = memory[wp.static(at.overlap)]
+                point = g.position(state) - n * (state[3] - overlap)
+                column = d * wp.static(SUMS.width)
+                add_wall_contact(point, force, torque, thread, column, walls.sums)
+                if overlap > wp.float64(0.0):
+                    arm = wp.float64(1.0)
+                    if walls.numbers[d, wp.static(NUMBERS.turns)] > wp.float64(0.0):
+                        p = placements[now_row, walls.motion[d]]
+                        along = turned(p, axis_of(walls, d))
+                        out = point - placed(p, origin_of(walls, d))
+                        out = out - along * wp.dot(along, out)
+                        arm = wp.dot(out, out)
+                    mass = memory[wp.static(at.weight)] / inverse[i][0]
+                    add(mass * arm, thread, column + wp.static(SUMS.mass), walls.sums)
+
+    @wp.func
+    def total(threads: int, column: int, walls: DynamicWalls) -> wp.float64:
+        """A column of the sums of all threads, which is then zero."""
+        value = rounded(threads, column, walls.sums)
+        for r in range(threads):
+            for k in range(wp.static(WIDTH)):
+                walls.sums[r, column, k] = wp.int64(0)
+        return value
+
+    @wp.func
+    def total_vector(threads: int, column: int, walls: DynamicWalls) -> wp.vec3d:
+        """Three columns."""
+        return wp.vec3d(
+            total(threads, column, walls), total(threads, column + 1, walls), total(threads, column + 2, walls)
+        )
+
+    @wp.func
+    def advance(
+        threads: int, k: int, rows: wp.array(dtype=Row), placements: wp.array2d(dtype=Placement), dt: wp.float64,
+        walls: DynamicWalls,
+    ):  # fmt: skip
+        """Kick and drift of each wall from step ``k`` of the schedule to the next, and its placement there."""
+        for d in range(walls.motion.shape[0]):
+            motion = walls.motion[d]
+            now = placements[k + 1, motion]
+            axis = axis_of(walls, d)
+            origin = origin_of(walls, d)
+            turns = walls.numbers[d, wp.static(NUMBERS.turns)]
+            column = d * wp.static(SUMS.width)
+            force = total_vector(threads, column + wp.static(SUMS.force), walls)
+            moment = total_vector(threads, column + wp.static(SUMS.moment), walls)
+            torque = total_vector(threads, column + wp.static(SUMS.torque), walls)
+            mass = wp.max(
+                total(threads, column + wp.static(SUMS.mass), walls), walls.numbers[d, wp.static(NUMBERS.least)]
+            )
+            along = turned(now, axis)
+            load = wp.dot(force, along)
+            if turns > wp.float64(0.0):
+                load = wp.dot(moment - wp.cross(placed(now, origin), force) + torque, along)
+            drive = walls.drive[k, d]
+            kick = kick_time(rows[k])
+            before = walls.state[d, wp.static(STATE.rate)]
+            most = walls.numbers[d, wp.static(NUMBERS.max_rate)]
+            rate = wp.float64(0.0)
+            predicted = wp.float64(0.0)
+            if not wp.isnan(drive):
+                rate = wp.clamp(before + kick * (drive - load) / mass, -most, most)
+                predicted = wp.clamp(rate + wp.float64(0.5) * dt * ((rate - before) / kick), -most, most)
+            position = walls.state[d, wp.static(STATE.position)] + dt * rate
+            seen = walls.state[d, wp.static(STATE.predicted)]
+            walls.state[d, wp.static(STATE.correction)] = (
+                walls.state[d, wp.static(STATE.correction)] + kick * load * (wp.float64(0.5) * (before + rate) - seen)
+            )
+            walls.state[d, wp.static(STATE.position)] = position
+            walls.state[d, wp.static(STATE.rate)] = rate
+            walls.state[d, wp.static(STATE.predicted)] = predicted
+            placements[k + 2, motion] = displaced(placements[k + 2, motion], turns, axis, origin, position, predicted)
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+    def advance_alone(
+        base: int, count: int, rows: wp.array(dtype=Row), placements: wp.array2d(dtype=Placement), dt: wp.float64,
+        walls: DynamicWalls,
+    ):  # fmt: skip
+        """``count`` steps from step ``base`` of the schedule on without grains: one thread."""
+        for k in range(base, base + count):
+            advance(1, k, rows, placements, dt, walls)
+
+    return Built(add_loads=add_loads, advance=advance, advance_alone=advance_alone)

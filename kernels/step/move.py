@@ -1,0 +1,155 @@
+"""The motion of a step: what acts on a grain, kick and drift, and what follows from its new position.
+
+In this order, for each grain that a thread takes: sum of its contact forces, acceleration, budgets, wear, the integrator's
+stage, flow through planes, periodic image, orientation, displacement since the lists were built, outlets.
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import Built, grain
+from warpdem.kernels.step.motion import LEFT
+from warpdem.kernels.step.schedule import Row, gravity, kick_time
+from warpdem.kernels.step.structs import SPAN, Control, Range, Report
+
+vec6 = wp.types.vector(6, wp.float64)
+
+
+@functools.cache
+def build(
+    structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, *, stages: int,
+    spins: bool, walls: bool, leave: bool,
+):  # fmt: skip
+    """Return ``move_phase``.
+
+    Args:
+        structs: namespace of ``structs.build``.
+        WallContacts: of ``wall.evaluate.build``.
+        load: sum over contacts, ``acceleration`` and ``travel`` of ``motion``.
+        integrator: (advance, reading) of the scheme.
+        border: periodic images, of ``border.build``.
+        orientation: of ``orientation.build``; None when orientations are not requested.
+        budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
+        flow: of ``flow.build``; None when the flow through no plane is asked for.
+        wear: of ``wear.build``; None when what wears walls is not asked for.
+        stages: force calls per step.
+        spins: grains spin.
+        walls: there are walls.
+        leave: grains may leave the domain.
+    """
+    advance, reading = integrator
+    g = grain.build(spins)
+    Model, Grains = structs.Model, structs.Grains
+
+    @wp.func
+    def add_to_budget(
+        i: int, state: g.Record, total: vec6, v: wp.vec3d, w: wp.vec3d, at: int, model: Model, grains: Grains,
+        wall_contacts: WallContacts, control: Control,
+    ):  # fmt: skip
+        """Add work and impulse of grain ``i`` at the call in row ``at``; momenta turn to the axes of the next call."""
+        row = control.row[at]
+        weight = kick_time(row)
+        if wp.static(budget.energy):
+            grains.energies[i] = grains.energies[i] + budget.energies(
+                i, state, v, w, weight, at, model, grains, wall_contacts, control
+            )
+            if wp.static(walls):
+                budget.wall_works(i, weight, wall_contacts, grains.wall_work)
+        if wp.static(budget.momentum):
+            given = budget.momenta(i, state, total, weight, at, model, grains, wall_contacts, control)
+            grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
+
+    @wp.func
+    def add_image_shift(i: int, state: g.Record, shift: wp.vec3d, row: Row, grains: Grains):
+        """Add what a shift by ``shift`` [m] to another periodic image changes in the budgets."""
+        mass = wp.float64(1.0) / grains.inverse[i][0]
+        if wp.static(budget.energy):
+            grains.energies[i] = grains.energies[i] + budget.lifted(shift, gravity(row) * mass)
+        if wp.static(budget.momentum):
+            grains.momenta[i] = grains.momenta[i] + budget.shifted(shift, g.velocity(state) * mass)
+
+    @wp.func
+    def leave_domain(
+        i: int, s: int, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report
+    ) -> bool:  # fmt: skip
+        """Whether grain ``i``, which is in an outlet after step ``s``, is removed from the domain in this step.
+
+        It keeps its slot in the lists and touches nothing there. The host counts it at the end of the batch of steps.
+        """
+        state = grains.record[i]
+        number = travel.outlet_of(
+            g.position(state), control.outlet, control.placement, (s + 2) * wp.static(stages)
+        )
+        if control.removes_in_step[number] == 0:
+            return False
+        grains.record[i] = g.removed(state, i)
+        grains.exit[i, 0] = number + 1
+        grains.exit[i, 1] = control.origin[0] + s + 1
+        report.removed[0] = 1
+        if grains.flight.shape[0] > 0:
+            path = grains.flight[i]
+            path[11] = wp.float64(-1.0)
+            grains.flight[i] = path
+        if wp.static(walls):
+            wall_contacts.candidates[i] = 0
+            for generation in range(wall_contacts.place_count.shape[0]):
+                wall_contacts.place_count[generation, i] = 0
+        return True
+
+    @wp.func
+    def move_phase(
+        part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
+        report: Report, max_displacement: wp.float64,
+    ) -> int:  # fmt: skip
+        """Stage ``stage`` of the step in row ``s``; BEYOND and LEFT of ``motion``, of all its grains together."""
+        at = s * wp.static(stages) + stage
+        row = control.row[at]
+        dt = model.dt
+        moved = int(0)
+        for i in range(part.first, part.last, part.stride):
+            if wp.static(leave):
+                if g.gone(grains.record[i]):
+                    continue
+            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+            state = grains.record[i]
+            a, b = acceleration(state, total, grains.inverse[i], row, control.frame, at, dt, control.field)
+            if wp.static(budget is not None):
+                v, w = reading(state, a, b, row, control.frame, at, dt)
+                add_to_budget(i, state, total, v, w, at, model, grains, wall_contacts, control)
+            if wp.static(wear is not None):
+                if wall_contacts.candidates[i] > 0 and control.origin[0] + s >= control.wear_from[0]:
+                    here, spinning = reading(state, a, b, row, control.frame, at, dt)
+                    wear(
+                        i, (control.origin[0] + s) & 1, state, here, spinning, wp.float64(1.0) / grains.inverse[i][0],
+                        kick_time(row), wall_contacts, control.cutting, part.slot // wp.static(SPAN), report.wear,
+                    )  # fmt: skip
+            before = g.position(state)
+            state = advance(stage, i, state, a, b, row, control.frame, at, dt, grains.store)
+            if wp.static(flow is not None):
+                flow(
+                    i, before, g.position(state), wp.float64(1.0) / grains.inverse[i][0], control.plane, control.frame, at,
+                    at + 1, grains.flow,
+                )  # fmt: skip
+            if wp.static(border.images > 1):
+                if stage == wp.static(stages - 1):
+                    inside = border.wrapped(g.position(state))
+                    if wp.static(budget is not None):
+                        add_image_shift(i, state, inside - g.position(state), row, grains)
+                    state = g.placed(state, inside)
+            grains.record[i] = state
+            if wp.static(orientation is not None):
+                if stage == wp.static(stages - 1):
+                    grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
+            if stage == wp.static(stages - 1):
+                far = travel.travelled(
+                    i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
+                    (s + 2) * wp.static(stages), dt, max_displacement,
+                )  # fmt: skip
+                if wp.static(leave):
+                    if (far & wp.static(LEFT)) > 0:
+                        if leave_domain(i, s, grains, wall_contacts, control, report):
+                            far = 0
+                moved = moved | far
+        return moved
+
+    return Built(move_phase=move_phase)

@@ -1,0 +1,141 @@
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import warp as wp
+from warpdem.kernels.normal import hertz, jkr
+
+from adhesion import ENERGY, MASS, POISSON, PULL, PULL_OFF, REDUCED, YOUNG, constants, contacts
+
+SOFT = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
+UNIT = {"stiffness": 1.0 / math.sqrt(3.0), "pull_off": 1.0}  # F_c = d_c = 1
+TOLERANCE = {wp.float64: 1e-14, wp.float32: 3e-6}
+
+
+def pair(energy=ENERGY, restitution=1.0):
+    return SimpleNamespace(surface_energy=energy, restitution=restitution)
+
+
+def holding(real, overlap, **values):
+    """Contacts in units of F_c and d_c that hold, at rest."""
+    return contacts(jkr, real, overlap, overlap, 0.5, **UNIT, **values)
+
+
+def test_force_is_that_of_the_theory(real):
+    # D, F/F_c: the end, the largest pull, the touch, and on; (40-digit roots of the quartic)
+    ratio = [-1.0, -0.480749856769, 0.0, 1.0, 10.0, 100.0]
+    force = [-5 / 9, -1.0, -8 / 9, -0.2011948610308353, 17.55982515113425, 576.6775634271045]
+    np.testing.assert_allclose(holding(real, ratio)["force"], force, rtol=TOLERANCE[real], atol=TOLERANCE[real])
+
+
+@pytest.mark.parametrize("real", [wp.float64])
+def test_force_is_that_of_the_closed_form_over_ten_decades(real):
+    ratio = np.concatenate([np.linspace(-0.9, 3.0, 400), 10.0 ** np.linspace(0.0, 9.0, 400)])
+    s = jkr.root(ratio)
+    np.testing.assert_allclose(s**4 - 4.0 * s, 3.0 * ratio, rtol=3e-15, atol=1e-14)
+    found, force = holding(real, ratio), (s**6 - 6.0 * s**3) / 9.0
+    np.testing.assert_allclose(found["force"], force, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(found["depth"], s**4 / 3.0, rtol=1e-14)
+    np.testing.assert_allclose(found["k_n"], s**2 / 3.0, rtol=1e-14)  # in units of F_c/d_c
+    np.testing.assert_allclose(found["load"], force + 2.0, rtol=1e-14)
+    # towards Hertz: F + F_c (8/3 s^3 ... ) vanishes beside K d^(3/2)
+    assert found["force"][-1] == pytest.approx(UNIT["stiffness"] * ratio[-1] ** 1.5, rel=1e-3)
+
+
+def test_force_is_the_slope_of_the_energy_and_stiffness_that_of_the_force():
+    ratio, h = np.array([-0.9, -0.3, 0.0, 0.7, 1.21141372855476, 20.0]), 1e-5
+    def e(d): return jkr.energy(d, UNIT["stiffness"], 1.0, np.ones(len(ratio)))  # fmt: skip
+    force = holding(wp.float64, ratio)["force"]
+    np.testing.assert_allclose((e(ratio + h) - e(ratio - h)) / (2 * h), force, rtol=1e-6, atol=1e-8)
+    above, below = (holding(wp.float64, ratio + side * h)["force"] for side in (1, -1))
+    slope = jkr.slope(ratio, UNIT["stiffness"], 1.0, np.ones(len(ratio)))
+    np.testing.assert_allclose(slope, np.maximum((above - below) / (2 * h), 0.0), rtol=1e-6, atol=1e-9)
+    # a grain at rest: no force, the energy that holds it, its stiffness
+    assert abs(force[4]) < 1e-13
+    assert e(ratio)[4] == pytest.approx(-1.5426, rel=1e-4)
+    assert slope[4] == pytest.approx(0.990578, rel=1e-6)
+
+
+def test_a_contact_begins_at_touch_holds_on_and_ends_at_the_pull_off_distance(real):
+    near = 1e-3
+    # before the touch, at it, pulled, beyond the end, further, and beyond all reach
+    overlap = [-0.5, near, -0.5, -1.0 + near, -1.0 - near, -2.9, -3.1]
+    before = [-0.4, -near, -0.4, -0.9, -1.0 + 2 * near, -0.5, -0.9]
+    history = [0.0, 0.0, 0.7, 0.4, 0.34, 0.4, 0.4]
+    found = contacts(jkr, real, overlap, before, history, **UNIT)
+    assert (found["now"] > 0.0).tolist() == [False, True, True, True, False, False, False]
+    assert (found["force"] != 0.0).tolist() == [False, True, True, True, True, True, False]
+    assert (found["load"] > 0.0).tolist() == [False, True, True, True, False, False, False]
+    assert (found["loss"] > 0.0).tolist() == [False, True, False, False, False, False, False]
+    assert (found["k_n"] > 0.0).tolist() == [False, True, True, True, True, True, False]
+    assert all(value[0] == value[-1] == 0.0 for name, value in found.items() if not name.startswith("depth"))
+    assert found["depth_before"][2] == pytest.approx(0.7, rel=1e-6)
+    assert found["loss"][1] == pytest.approx(0.935502783271928609, rel=TOLERANCE[real])
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.2, 0.9, 1.0])
+def test_the_first_and_the_last_force_count_for_the_part_of_the_step_that_they_act_in(tau, real):
+    step, damping = 0.01, 0.3
+    arguments = {**UNIT, "speed": -0.2, "damping": damping}
+    inside, outside = tau * step + 1e-6, (1.0 - tau) * step
+    begun = contacts(jkr, real, inside, -outside, 0.0, **arguments)
+    full = contacts(jkr, real, inside, -outside, 1.0, **arguments)
+    share = inside / (inside + outside) + 0.5
+    for name in ("force", "load", "gamma_n"):
+        assert begun[name][0] == pytest.approx(full[name][0] * share, rel=20 * TOLERANCE[real])
+    for name in ("k_n", "depth", "now"):
+        assert begun[name][0] == full[name][0]
+    ended = contacts(jkr, real, -1.0 - inside, -1.0 + outside, 1.0, **arguments)
+    tears = contacts(jkr, real, -1.0, -1.0, 1.0, **arguments)
+    share = 0.5 - inside / (inside + outside)
+    tolerance = {"rel": 1e-9, "abs": 1e-12} if real is wp.float64 else {"rel": 1e-3, "abs": 1e-4}
+    assert ended["force"][0] == pytest.approx(tears["force"][0] * share, **tolerance)
+    assert ended["gamma_n"][0] == pytest.approx(tears["gamma_n"][0] * share, **tolerance)
+    assert ended["now"][0] == ended["load"][0] == 0.0
+
+
+def test_a_contact_that_is_found_at_the_start_counts_in_full_and_loses_nothing(real):
+    found = contacts(jkr, real, [0.5, 0.5], [0.5, 0.4], 0.0, **UNIT)
+    full = contacts(jkr, real, [0.5, 0.5], [0.5, 0.4], 1.0, **UNIT)
+    assert (found["force"] == full["force"]).all()
+    assert (found["loss"] == 0.0).all()
+    assert (found["depth_before"] == found["depth"]).all()  # springs that it was given are kept
+    at_rest = contacts(jkr, real, [0.0, -0.3], [0.0, -0.3], 0.0, **UNIT)
+    assert all(np.isfinite(value).all() for value in at_rest.values())
+    assert (at_rest["force"] == 0.0).all()
+
+
+def test_dashpot_goes_by_the_effective_overlap(real):
+    ratio, damping = np.array([-0.7, 0.0, 2.0, 50.0]), 0.3
+    found = holding(real, ratio, speed=0.2, damping=damping)
+    expected = damping * (jkr.root(ratio) ** 4 / 3.0) ** 0.25
+    np.testing.assert_allclose(found["gamma_n"], expected, rtol=10 * TOLERANCE[real])
+    difference = found["force"] - holding(real, ratio)["force"]
+    np.testing.assert_allclose(difference, -0.2 * expected, rtol=100 * TOLERANCE[real], atol=10 * TOLERANCE[real])
+
+
+def test_constants_are_pull_off_force_and_distance():
+    base, damping, *rest, pull_off = jkr.coefficients(SOFT, SOFT, pair(restitution=0.9))
+    assert (base, damping, *rest) == hertz.coefficients(SOFT, SOFT, pair(restitution=0.9))
+    k, c, d_c = constants(jkr, wp.float64, base, damping, pull_off, [REDUCED], MASS)[0]
+    assert d_c == pytest.approx(PULL_OFF, rel=1e-11)
+    assert math.sqrt(3.0) * k * d_c**1.5 == pytest.approx(PULL, rel=1e-11) == 1.5 * math.pi * ENERGY * REDUCED
+    assert c == pytest.approx(damping * math.sqrt(MASS * k), rel=1e-14)
+    assert float(jkr.own_constants(REDUCED, pull_off)["pull_off"]) == pytest.approx(d_c, rel=1e-14)
+    assert jkr.gap(SOFT, SOFT, pair(), REDUCED) == pytest.approx(3.0 * d_c, rel=1e-13)
+
+
+def test_cube_root_holds_from_powder_to_boulders(real):
+    radius = 10.0 ** np.linspace(-9.0, 1.0, 101)
+    found = constants(jkr, real, 1e7, 0.0, 1.0, radius, MASS)[:, 2]
+    np.testing.assert_allclose(found, np.cbrt(radius), rtol=2e-15 if real is wp.float64 else 1e-6)
+
+
+def test_without_surface_energy_it_is_hertz(real):
+    base, *_, pull_off = jkr.coefficients(SOFT, SOFT, pair(energy=0.0))
+    k, _, d_c = constants(jkr, real, base, 0.0, pull_off, [REDUCED], MASS)[0]
+    overlap = np.array([1e-8, 1e-6, 1e-5])
+    found = contacts(jkr, real, overlap, overlap, overlap, stiffness=k, pull_off=d_c)
+    np.testing.assert_allclose(found["force"], k * overlap**1.5, rtol=1e-5)
+    assert np.isfinite(found["force"]).all()

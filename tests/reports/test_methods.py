@@ -1,0 +1,60 @@
+"""The text on methods: numbers are those of the record, what is missing is left out, the citation is that of the file."""
+
+import re
+from pathlib import Path
+
+from warpdem.reports import methods
+
+ROOT = Path(__file__).resolve().parents[2]
+RECORD = {
+    "versions": {"warpdem": "9.8.7", "warp": "1.19"},
+    "grains": 12,
+    "diameters": {"least": 1e-3, "mean": 1.5e-3, "greatest": 2e-3, "mass": 0.25},
+    "models": {"normal": {"name": "hertz", "doc": "x"}, "integrator": {"name": "exact_drift", "doc": "y"}},
+    "turning": {"axes": "frame", "angular_velocity": 3.25, "rossby": 0.5, "froude": None},
+    "time": 1.5,
+    "steps": 600,
+    "time_step": {"used": 2.5e-6},
+    "limits": [{"key": "rayleigh", "share": 0.21}],
+    "extremes": {"steps_per_contact": 31.0, "pair_overlap_share": 0.011, "wall_overlap_share": 0.002},
+    "state_hash": "abc",
+    "scene_data": {
+        "gravity": [0, 0, -9.81],
+        "materials": {"glass": {"density": 2653.0, "young_modulus": 5e7, "poisson_ratio": 0.3}},
+        "pairs": [{"materials": ["glass", "steel"], "restitution": 0.3, "rolling_friction": 0.01, "stiffness": None}],
+        "engine": {"precision": "mixed"},
+    },
+}
+
+
+def test_all_numbers_are_in_the_text():
+    text = "\n".join(methods.sentences(RECORD))
+    for what in (
+        "warpdem 9.8.7", "Warp 1.19", "motion in double precision", "12 spherical grains", "1 to 2 mm (mean 1.5 mm)", "0.25 kg",
+        "glass: density 2653 kg", "50 MPa", "ratio 0.3", "normal \u201chertz\u201d",
+        "glass and steel: restitution 0.3, rolling friction 0.01.",
+        "(0, 0, \u22129.81)", "3.25 rad/s", "Rossby number 0.5.",
+        "600 time steps of 2.5\u00b710\u207b\u2076 s, 0.21 of the Rayleigh time",
+        "to 1.5 s by the integrator \u201cexact_drift\u201d", "31 time steps", "1.1 % of a radius", "final state is abc",
+    ):  # fmt: skip
+        assert what in text, what
+    assert "Froude" not in text and "None" not in text and "stiffness" not in text
+
+
+def test_a_record_of_which_little_is_known_gives_what_there_is():
+    assert methods.sentences({}) == [
+        "The simulation was made by the discrete element method with warpdem of unknown version "
+        "(Delacroix et al. 2020; NVIDIA Warp ?)."
+    ]
+    assert len(methods.sentences({"scene_data": "left out: explicit arrays; see scene_hash"})) == 1
+
+
+def test_the_citation_is_that_of_the_file():
+    """Against CITATION.cff."""
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    bibtex = methods.citation({"versions": {"warpdem": "0.1.0"}}).replace("{\\c{c}}", "\u00e7")
+    keys = "family-names|given-names|doi|journal|volume|start|end|license"
+    for value in re.findall(rf"\b(?:{keys}): \"?([^\"\n]+)\"?", text):
+        assert value in bibtex, value
+    assert "{Simulation of granular flow in a rotating frame of reference using the discrete element method}" in bibtex
+    assert bibtex.count("{") == bibtex.count("}")

@@ -1,0 +1,139 @@
+"""Every normal law of the package: bits in lanes, threads, graph and resume; frames, mixed precision, phases and budgets."""
+
+import numpy as np
+import pytest
+
+from switches import switched
+from warpdem import Scene, Simulation
+from warpdem.model.choose_features import choose_features
+from warpdem.scene.models import model_names
+from warpdem.state import restart
+
+LAWS = {
+    "hertz_clamped": {"restitution": 0.3},
+    "dmt": {"surface_energy": 0.02, "tail_length": "2 um"},
+    "sjkr": {"cohesion_energy_density": 2e4},
+}
+TESTED_ELSEWHERE = {"hertz", "hooke"}
+"""Laws that other tests run in all these ways."""
+STEPS = 500
+
+
+def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **changes) -> Scene:
+    """27 grains of two sizes that fall on each other and a floor in a frame that turns, spinning."""
+    rng = np.random.default_rng(5)
+    cell = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    n = len(cell)
+    data = {
+        "gravity": [0, 0, gravity],
+        "materials": {"g": {"density": 2500, "young_modulus": 4e6, "poisson_ratio": 0.3}},
+        "contact": {"normal": law, "tangential": "mindlin", "rolling": "spring"},
+        "pairs": [
+            {"materials": ["g", "g"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1} | LAWS[law],
+        ],
+        "grains": [
+            {
+                "material": "g", "positions": cell * 1.97e-3 + [0, 0, 1.0e-3], "radii": rng.uniform(0.9, 0.98, n) * 1e-3,
+                "velocities": rng.normal(0, 0.1, (n, 3)), "spins": rng.normal(0, 50, (n, 3)),
+            }
+        ],
+        "walls": [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
+        "frame": {"axis": [0, 1, 0.2], "schedule": [{"until": 1e-3, "rate": [0, 5]}, {"rate": 5}]},
+        "time": {"end": 1, "step": 1e-5, "max_speed": 1},
+        "engine": {"skin": skin, "max_overlap": 0.3},
+    }  # fmt: skip
+    return Scene.model_validate(data | changes)
+
+
+def after(scene: Scene, steps: int = STEPS, **keywords) -> Simulation:
+    sim = Simulation(scene, device="cpu", **{"threads": 1} | keywords)
+    sim.step(steps)
+    return sim
+
+
+def test_all_laws_are_here():
+    assert {*LAWS, *TESTED_ELSEWHERE} == set(model_names("normal"))
+
+
+@pytest.fixture(scope="module", params=LAWS)
+def law(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def plain(law):
+    sim = after(bed(law))
+    contacts = sim.contacts()
+    touching = contacts.overlap > 0.0
+    assert (touching & (contacts.j >= 0)).sum() > 12 and (touching & (contacts.j < 0)).sum() > 5, "it must have fallen together"
+    assert np.count_nonzero(np.linalg.norm(contacts.spring, axis=1)) > 12
+    return sim
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_lanes_change_no_bit(law, plain, lanes, monkeypatch):
+    chosen = choose_features
+    monkeypatch.setattr(
+        "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
+    )
+    sim = after(bed(law))
+    assert sim.plan.backend.lanes == lanes, "the law must be straight-line code"
+    assert sim.state_hash() == plain.state_hash()
+
+
+def test_threads_lists_and_the_graph_change_no_bit(law, plain):
+    assert after(bed(law), threads=2).state_hash() == plain.state_hash()
+    rebuilt = after(bed(law, skin=1e-5))
+    assert rebuilt.lists.rebuilds > 2 * plain.lists.rebuilds
+    assert rebuilt.state_hash() == plain.state_hash()
+    assert after(bed(law), resident=True).state_hash() == plain.state_hash()
+
+
+def test_a_resume_changes_no_bit_and_the_next_phase_takes_everything_over(law, plain, tmp_path):
+    half = after(bed(law), STEPS // 2)
+    half.save_checkpoint(tmp_path / "half.h5")
+    again = Simulation.from_checkpoint(tmp_path / "half.h5", device="cpu", threads=2)
+    again.step(STEPS - STEPS // 2)
+    assert again.state_hash() == plain.state_hash()
+    onward = bed(law, frame={"axis": [0, 1, 0.2], "rate": 5.0})
+    started = Simulation(restart.started_from(onward, tmp_path / "half.h5"), device="cpu", threads=1)
+    place = half.particles.position
+    for sim in (half, started):
+        sim.step(20)
+    np.testing.assert_array_equal(started.contacts().i, half.contacts().i)
+    moved = np.abs(half.particles.position - place).max()
+    np.testing.assert_allclose(started.particles.position, half.particles.position, rtol=0, atol=1e-3 * moved)
+    np.testing.assert_allclose(started.contacts().spring, half.contacts().spring, rtol=0, atol=1e-3 * moved)
+    for name, values in half.contacts().own.items():
+        np.testing.assert_allclose(started.contacts().own[name], values, rtol=1e-3, atol=1e-3 * np.abs(values).max())
+
+
+def test_mixed_precision_stays_near_double(law):
+    """Over the first contacts: later a bed amplifies any rounding."""
+    double = after(bed(law), 60)
+    mixed = after(bed(law, engine={"skin": 4e-4, "max_overlap": 0.3, "precision": "mixed"}), 60)
+    assert len(double.contacts().i) == len(mixed.contacts().i) > 5
+    moved = np.linalg.norm(double.particles.position - after(bed(law), 1).particles.position, axis=1).max()
+    assert np.abs(mixed.particles.position - double.particles.position).max() < 1e-5 * moved
+
+
+def test_the_frame_does_not_matter(law):
+    """The same grains beside nothing but each other, in axes that turn and in those that do not."""
+    # no gravity; towards the middle, 0.2 mm in all
+    sims = []
+    for change in ({"frame": None}, {}):
+        scene = bed(law, gravity=0.0, walls=[], **change)
+        x = np.array(scene.grains[0].positions)
+        group = scene.grains[0].model_copy(update={"velocities": 100.0 * (x.mean(axis=0) - x)})
+        sims.append(after(scene.model_copy(update={"grains": [group]}), 100))
+    a, b = sims
+    assert len(a.contacts().i) > 5
+    np.testing.assert_allclose(b.particles.position_lab, a.particles.position_lab, rtol=0, atol=1e-12)
+
+
+def test_energy_closes_in_the_budget(law):
+    sim = after(bed(law, measures={"energy": True}, frame=None))
+    budget = sim.budget.energy()
+    lost = sum(value for name, value in budget.items() if name.startswith("dissipated"))
+    assert lost > 1e-6
+    assert abs(budget["integration_error"]) < 2e-3 * lost
