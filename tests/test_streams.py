@@ -265,7 +265,7 @@ BOX = SHAPES["box"]
 WRONG = {
     "no place": ({"count": 1}, "exactly one of box, cylinder, sphere, mesh, disk, face; found none"),
     "two places": ({**BOX, **SHAPES["disk"], "count": 1}, "found box and disk"),
-    "no amount": (BOX, "only a total mass or count; found none"),
+    "no amount": (BOX, "one of mass_rate, count_rate; found none; or only a total, mass or count"),
     "two totals": ({**BOX, "count": 1, "mass": 1.0}, "at most one of mass and count"),
     "row": ({**BOX, "mass_rate": [[0, 1, 2], [1, 1, 1]]}, r"streams\[0\].mass_rate\[0\].*\n *must be a list of two numbers"),
     "one row": ({**BOX, "mass_rate": [[0, 1]]}, r"mass_rate.*\n *needs 2 or more entries"),

@@ -159,7 +159,7 @@ class Stream(Region):
         totals = [key for key in ("mass", "count") if getattr(self, key) is not None]
         if len(rates) > 1 or not (rates or totals):
             found = " and ".join(rates) or "none"
-            raise ValueError(f"give exactly one of mass_rate, count_rate, or only a total mass or count; found {found}")
+            raise ValueError(f"give exactly one of mass_rate, count_rate; found {found}; or only a total, mass or count")
         if len(totals) > 1:
             raise ValueError("give at most one of mass and count")
         for key in rates:
