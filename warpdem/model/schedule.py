@@ -94,14 +94,14 @@ class Schedule:
                 own = self.driven[wall.name] = DrivenMotion(scene, number, wall_chain(scene, number))
             # in a frame that coincides with it the laboratory is the frame
             fixed_to = wall.fixed_to if self.frame.displaces else "frame"
-            alone = wall.driven or wall.servo is not None
+            alone = wall.driven or wall.dynamic is not None
             keys.append(f"{fixed_to} {wall.motion if own.displaces else None!r}" + f" {number}" * alone)
             surface = None
             if wall.surface_velocity is not None:
                 keys[-1] += f" {wall.surface_velocity!r}"
                 surface = SurfaceCourse(wall.surface_velocity)
             motion = found.setdefault(keys[-1], WallMotion(fixed_to, own, surface))
-            if wall.servo is not None:
+            if wall.dynamic is not None:
                 motion.dynamic = len(self.dynamic)
                 self.dynamic.append(DynamicWall(number, wall))
         order = sorted(found, key=lambda key: found[key].rests_in_frame)

@@ -140,6 +140,7 @@ class Scene(SceneModel):
 
         walls = [
             wall.model_copy(update={"motion": ahead(wall.motion), "servo": wall.servo and wall.servo.later(time),
+                                    "free": wall.free and wall.free.later(time),
                                     "surface_velocity": wall.surface_velocity and wall.surface_velocity.later(time)})
             for wall in self.walls
         ]  # fmt: skip
@@ -324,7 +325,7 @@ class Scene(SceneModel):
     def continues(self, number: int) -> tuple[str, ...]:
         """Parts that continue in a phase unchanged, since the phase does not give them: frame, streams, names of walls."""
         changes = self.phases[number].changes
-        moves = {"motion", "fixed_to", "surface_velocity", "servo"}
+        moves = {"motion", "fixed_to", "surface_velocity", "servo", "free"}
         moved = [wall["name"] for wall in changes.get("walls", []) if moves & wall.keys()]
         before = {wall.name for wall in self.phase(number - 1).walls}
         scene = self.phase(number)
