@@ -13,9 +13,12 @@ LAWS = {
     "hertz_clamped": {"restitution": 0.3},
     "dmt": {"surface_energy": 0.02, "tail_length": "2 um"},
     "sjkr": {"cohesion_energy_density": 2e4},
+    "jkr": {"surface_energy": 0.02},
+    "luding": {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100},
+    "edinburgh": {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2},
 }
-TESTED_ELSEWHERE = {"hertz", "hooke"}
-"""Laws that other tests run in all these ways."""
+TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
+"""Laws that other tests run in all these ways, and one that differs from its like by a number."""
 STEPS = 500
 
 
@@ -70,7 +73,7 @@ def plain(law):
     return sim
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize("lanes", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 8))])
 def test_lanes_change_no_bit(law, plain, lanes, monkeypatch):
     chosen = choose_features
     monkeypatch.setattr(
@@ -117,6 +120,7 @@ def test_mixed_precision_stays_near_double(law):
     assert np.abs(mixed.particles.position - double.particles.position).max() < 1e-5 * moved
 
 
+@pytest.mark.slow
 def test_the_frame_does_not_matter(law):
     """The same grains beside nothing but each other, in axes that turn and in those that do not."""
     # no gravity; towards the middle, 0.2 mm in all

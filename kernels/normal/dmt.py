@@ -115,6 +115,12 @@ def secant(overlap, stiffness, pull, tail, reach):
     return stiffness * np.maximum(overlap, 0.0) ** 0.5
 
 
+def adhesion(stiffness, radius, pull, tail, reach):
+    """Pull-off force F_c [N], energy that a touch costs, none [J], and (R* w^2/E*^2)^(1/3) [m] of contacts."""
+    work, young = pull / (2.0 * math.pi * radius), 0.75 * stiffness / radius**0.5
+    return pull, 0.0, (radius * (work / young) ** 2) ** (1.0 / 3.0)
+
+
 def slope(overlap, stiffness, pull, tail, reach):
     """(3/2) K sqrt(d) [N/m]."""
     return TANGENT * secant(overlap, stiffness, pull, tail, reach)

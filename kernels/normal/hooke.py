@@ -24,10 +24,11 @@ PASSIVE = True
 STIFFNESS_KEY = "pairs[].stiffness"
 PAIR = {
     "stiffness": PairKey(
-        "N/m", None, 'Normal stiffness [N/m], > 0; only with normal = "hooke", and required there.', positive=True
+        "N/m", None, 'Normal stiffness [N/m], > 0; required by normal = "hooke" and "luding" (of first loading).', positive=True
     ),
     "tangential_stiffness_ratio": PairKey(
-        "-", 2.0 / 7.0, 'Tangential over normal stiffness [-], > 0, default 2/7; only with normal = "hooke".', positive=True
+        "-", 2.0 / 7.0, 'Tangential over normal stiffness [-], > 0, default 2/7; of normal = "hooke", "luding", "edinburgh".',
+        positive=True,
     ),
 }
 

@@ -131,8 +131,7 @@ def built(real, end: float):
     @wp.func
     def contact_radius(ratio: real) -> real:
         """The s [-] of an overlap over d_c."""
-        slope = real(1.5) if ratio > real(0.0) else real(0.6)
-        y = real(4.0) / (real(1.5874010519681994) + slope * ratio)
+        y = real(4.0) / (real(1.5874010519681994) + real(0.6) * ratio)
         for _ in range(3):
             g = y * (y * y + real(12.0) * ratio) - real(16.0)
             rise = real(3.0) * y * y + real(12.0) * ratio
@@ -188,29 +187,45 @@ def built(real, end: float):
     return constants, force, lost
 
 
-def _held(overlap, depth):
+def is_held(overlap, depth):
     """Whether contacts hold; ``depth`` of 0: of one that is pressed for the first time."""
     return (depth > 0.0) | (overlap > 0.0)
 
 
 def secant(overlap, stiffness, pull_off, depth):
     """K sqrt(d_e) [N/m]."""
-    return _held(overlap, depth) * stiffness * root(overlap / pull_off) ** 2 * (pull_off / 3.0) ** 0.5
+    return is_held(overlap, depth) * stiffness * root(overlap / pull_off) ** 2 * (pull_off / 3.0) ** 0.5
 
 
 def slope(overlap, stiffness, pull_off, depth):
     """dF/dd [N/m]; 0 where it falls, as the contact tears."""
     s = np.maximum(root(overlap / pull_off), 3.0 ** (1.0 / 3.0))
     unit = 3.0**0.5 * stiffness * pull_off**0.5
-    return _held(overlap, depth) * unit * (s**5 - 3.0 * s**2) / (2.0 * (s**3 - 1.0))
+    return is_held(overlap, depth) * unit * (s**5 - 3.0 * s**2) / (2.0 * (s**3 - 1.0))
 
 
 def energy(overlap, stiffness, pull_off, depth):
-    """U [J], 0 at the end of the contact."""
-    return energy_to(TEARS, overlap, stiffness, pull_off, depth)
+    """The U [J] of contacts that hold, 0 where they tear; at a touch it is not 0."""
+    return energy_to(TEARS, overlap, stiffness, pull_off)
 
 
-def energy_to(end: float, overlap, stiffness, pull_off, depth):
+def stored(overlap, stiffness, pull_off, depth):
+    """The U [J] of contacts as they are."""
+    return is_held(overlap, depth) * energy_to(TEARS, overlap, stiffness, pull_off)
+
+
+def adhesion(stiffness, radius, pull_off):
+    """Pull-off force [N], energy that a touch costs [J] and (R* w^2/E*^2)^(1/3) [m] of contacts."""
+    return adhesion_to(TEARS, stiffness, pull_off)
+
+
+def energy_to(end: float, overlap, stiffness, pull_off):
     """``energy`` of a law whose contacts end at D = ``end``."""
     whole = 3.0**0.5 * stiffness * pull_off**2.5
-    return _held(overlap, depth) * whole * (binding(root(overlap / pull_off)) - float(binding(root(end))))
+    return whole * (binding(root(overlap / pull_off)) - float(binding(root(end))))
+
+
+def adhesion_to(end: float, stiffness, pull_off):
+    """``adhesion`` of a law whose contacts end at D = ``end``."""
+    pull = 3.0**0.5 * stiffness * pull_off**1.5
+    return pull, touched(end) * pull * pull_off, pull_off / (0.75 * math.pi ** (2.0 / 3.0))

@@ -6,8 +6,6 @@ results to be compared with those of LAMMPS (``pair_style granular``, normal mod
 are not pulled by a fixed load: take ``jkr`` otherwise.
 """
 
-import functools
-
 from warpdem.kernels.normal import jkr
 
 SUMMARY = "jkr that ends at the largest pull, as in LAMMPS"
@@ -18,7 +16,21 @@ TEARS = (3.0 ** (4.0 / 3.0) - 4.0 * 3.0 ** (1.0 / 3.0)) / 3.0
 """D of the largest pull [-], where s^3 = 3."""
 coefficients, gap, own_constants = jkr.coefficients, jkr.gap, jkr.own_constants
 damped_time, stiffness, secant, slope = jkr.damped_time, jkr.stiffness, jkr.secant, jkr.slope
-energy = functools.partial(jkr.energy_to, TEARS)
+
+
+def energy(overlap, stiffness, pull_off, depth):
+    """As of ``jkr``, 0 where these contacts end."""
+    return jkr.energy_to(TEARS, overlap, stiffness, pull_off)
+
+
+def stored(overlap, stiffness, pull_off, depth):
+    """As of ``jkr``, 0 where these contacts end."""
+    return jkr.is_held(overlap, depth) * jkr.energy_to(TEARS, overlap, stiffness, pull_off)
+
+
+def adhesion(stiffness, radius, pull_off):
+    """As of ``jkr``; a touch costs less."""
+    return jkr.adhesion_to(TEARS, stiffness, pull_off)
 
 
 def build(real):

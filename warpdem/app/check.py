@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, report_if_long
 from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
+from warpdem.model.adhesion import RANGE, adhesions
 from warpdem.model.features import LEFT_OUT
 from warpdem.model.restitution_error import restitution_error
 from warpdem.output.formats import FORMATS
@@ -62,6 +63,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,
         "restitution_error": {**asdict(error), "materials": list(error.materials)} if error is not None else None,
+        "adhesion": [{**asdict(one), "materials": list(one.materials)} for one in adhesions(scene, sim.expected)],
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
@@ -90,8 +92,7 @@ def _probed(sim: Simulation, steps: int, console: Console | None) -> dict[str, A
     frames, rows = due.frames(steps), due.rows(steps)
     size, frame_seconds, row_seconds = _written(sim)
     contacts, here = len(sim.contacts().i), len(sim.state)
-    end, density = sim.scene.time.end, {name: material.density for name, material in sim.scene.materials.items()}
-    mean = sum(mean_count(stream, density[stream.material], end) for stream in sim.scene.streams)
+    mean = sum(mean_count(sim.scene, stream, sim.scene.time.end) for stream in sim.scene.streams)
     mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
     settles = any(sim.scene.gravity) and sim.device.is_cpu
     contacts_to_form = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0
@@ -136,6 +137,24 @@ def _written(sim: Simulation) -> tuple[int, float, float]:
     return sizes[2] - sizes[1], seconds[2], seconds[3]
 
 
+def _adhesion_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """The adhesion of what may touch, and how it changes with the modulus."""
+    for row in rows:
+        other = f"a wall of {row['materials'][1]}" if row["wall"] else row["materials"][1]
+        weight = "" if row["bond_number"] is None else f", {row['bond_number']:.3g} of its weight (granular Bond number)"
+        speed = row["sticking_speed"]
+        sticks = f"undamped impacts stick below {speed:.3g} m/s" if speed else "a touch costs nothing"
+        yield (
+            f"adhesion of {row['materials'][0]} (radius {row['radius']:.3g} m) and {other}: pull-off force "
+            f"{row['pull_off_force']:.3g} N{weight}; {sticks}; Tabor number {row['tabor_number']:.3g} (at {RANGE * 1e9:g} nm)"
+        )
+    if any(row["sticking_speed"] for row in rows):
+        yield (
+            "  grains that are made softer keep the pull-off force and stick at higher speeds, as 1/cbrt(young_modulus): at a "
+            "tenth of it 2.15 times; surface_energy x 0.398 with it (power 2/5) keeps the speed instead"
+        )
+
+
 def print_description(data: dict[str, Any], console: Console) -> None:
     """``describe`` for people."""
     console.print(f"{data['scene']}: {data['grains']} grains on {data['device']}, {data['threads']} threads", style="bold",
@@ -172,6 +191,8 @@ def print_description(data: dict[str, Any], console: Console) -> None:
         error = data["restitution_error"]
         console.print(f"error of the restitution there, {error['asked']:g} of {' and '.join(error['materials'])}: "
                       f"{error['mean']:+.2g} in the mean, {error['worst']:+.2g} at worst in a single impact")  # fmt: skip
+    for line in _adhesion_lines(data["adhesion"]):
+        console.print(line, markup=False)
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:
         console.print(

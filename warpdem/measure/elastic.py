@@ -90,10 +90,13 @@ def _rolling_energy(law: ContactFeatures) -> Callable[[np.ndarray, np.ndarray], 
 
 
 def normal_energy(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:
-    """Energy of the normal law named ``normal`` in contacts if they had this ``overlap`` [m]; [J], shape (c,)."""
+    """Energy that contacts of the normal law ``normal`` would hold if they had this ``overlap`` [m]; [J], shape (c,)."""
     if not contacts.own:  # linear in its one constant, which holds the weight already
         return elastic_energy(normal, overlap, contacts.stiffness)
-    return contacts.weight * elastic_energy(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+    of_law = getattr(model("normal", normal), "stored", None)
+    constant = contacts.stiffness / contacts.weight
+    held = of_law(overlap, constant, **contacts.own) if of_law else elastic_energy(normal, overlap, constant, contacts.own)
+    return contacts.weight * held
 
 
 def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:

@@ -7,7 +7,7 @@ Under a load F:  E'(d) = F
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -118,9 +118,14 @@ def tangent(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Va
     of_law = getattr(model("normal", normal), "slope", None)
     if of_law:
         return of_law(overlap, constant, **own)
-    energy, step = model("normal", normal).energy, DIFFERENCE * overlap
-    bend = energy(overlap + step, constant, **own) - 2.0 * energy(overlap, constant, **own)
-    return (bend + energy(overlap - step, constant, **own)) / step**2
+    return _bend(functools.partial(model("normal", normal).energy, **own), overlap, constant)
+
+
+def _bend(energy: Callable[[Value, Value], Value], overlap: Value, constant: Value) -> Value:
+    """E''(d) [N/m]."""
+    step = DIFFERENCE * overlap
+    bend = energy(overlap + step, constant) - 2.0 * energy(overlap, constant)
+    return (bend + energy(overlap - step, constant)) / step**2
 
 
 def impact(normal: str, base: float, mass: float, radius: float, speed: float, own: Own = NONE) -> Impact:
@@ -150,8 +155,13 @@ def impact(normal: str, base: float, mass: float, radius: float, speed: float, o
             low, high = (middle, high) if energy(middle, constant) < whole else (low, middle)
         u = 0.5 * (NODES + 1.0)  # d = d_max (1 - u^2) takes the singular end of the integral away
         left = 1.0 - (energy(high * (1.0 - u**2), constant) - at_touch) / (whole - at_touch)
-        time = 2.0 * float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
-        return Impact(high, time, float(secant(normal, high, constant, own)), float(tangent(normal, high, constant, own)))
+        inwards = float(np.sum(0.5 * WEIGHTS * 2.0 * high * u / (speed * np.sqrt(left))))
+        slope = float(tangent(normal, high, constant, own))
+        # a law that unloads along a steeper line states its slope: the way out is as much quicker
+        bend = float(_bend(energy, high, constant)) if hasattr(model("normal", normal), "slope") else slope
+        quicker = slope / bend if bend > 0.0 else 1.0
+        time = inwards * (1.0 + 1.0 / math.sqrt(max(quicker, 1.0)))
+        return Impact(high, time, float(secant(normal, high, constant, own)), slope)
 
 
 def pressed(normal: str, base: float, radius: float, force: float, own: Own = NONE) -> tuple[float, float]:

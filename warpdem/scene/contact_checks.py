@@ -67,6 +67,9 @@ def law_problems(contact: Contact, pairs: Sequence[Pair]) -> Iterator[Problem]:
             elif not reads and getattr(pair, key) != entry.default:
                 names = " or ".join(f'"{n}"' for _, n in laws)
                 yield problem(key, f'only for contact.{role} = {names}; it is "{getattr(contact, role)}"')
+        normal = None if is_file(contact.normal) else models.model("normal", contact.normal)
+        for key, text in getattr(normal, "problems", lambda _: {})(pair).items():
+            yield problem(key, text)
         if contact.tangential == "none" and pair.friction > 0:
             yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
