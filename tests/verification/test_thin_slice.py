@@ -19,9 +19,9 @@ def heap():
 
 
 def simulated(copies, **keys):
-    places = np.concatenate([heap() + [0, k * PERIOD, 0] for k in range(copies)])
-    walls = [{"name": name, "material": "g", "plane": {"point": point, "normal": normal}} for name, point, normal in
-             (("floor", [0, 0, 0], [0, 0, 1]), ("left", [-1.1e-3, 0, 0], [1, 0, 0]), ("right", [7.4e-3, 0, 0], [-1, 0, 0]))]  # fmt: skip
+    places = np.concatenate([heap() + np.array([0, k * PERIOD, 0]) for k in range(copies)])
+    sides = (("floor", [0, 0, 0], [0, 0, 1]), ("left", [-1.1e-3, 0, 0], [1, 0, 0]), ("right", [7.4e-3, 0, 0], [-1, 0, 0]))
+    walls = [{"name": name, "material": "g", "plane": {"point": at, "normal": normal}} for name, at, normal in sides]
     data = {
         "gravity": [0, 0, -100],
         "materials": {"g": {"density": 2500.0, "young_modulus": 5e6, "poisson_ratio": 0.25}},
