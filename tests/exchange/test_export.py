@@ -46,7 +46,7 @@ def test_a_dump_in_frame_axes_is_read_back(folder, last, tmp_path, name):
     np.testing.assert_allclose(read.velocity, last.velocity, rtol=1e-8)
     np.testing.assert_allclose(read.spin, last.spin, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(read.radius, last.radius, rtol=1e-8)
-    assert read.id.tolist() == last.id.tolist() and set(read.type) == {1}
+    assert read.id.tolist() == (last.id + 1).tolist() and set(read.type) == {1}
     first = runs.read(folder).frames.frame(0)
     np.testing.assert_allclose(read_dump(tmp_path / name, step=0).position, first.position, rtol=1e-8)
 

@@ -187,7 +187,8 @@ def test_a_state_file_is_what_a_scene_reads(tmp_path, suffix):
     ("keys", "said"),
     [({"only_type": 5}, "--type 5: .* has the types 1, 2"),
      ({"unit": "lj"}, "--units lj: is unknown; allowed are si"),
-     ({"kind": "edem"}, "--format edem: is unknown"), ({"step": 3}, "--step 3: a file of the format lammps-data has one instant")],
+     ({"kind": "edem"}, "--format edem: is unknown"),
+     ({"step": 3}, "--step 3: a file of the format lammps-data has one instant")],
 )  # fmt: skip
 def test_wrong_choices_are_told(tmp_path, keys, said):
     with pytest.raises(SceneError, match=said):

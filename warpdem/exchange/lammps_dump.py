@@ -1,6 +1,6 @@
 """LAMMPS dump files in text, plain or gzipped, as LAMMPS, LIGGGHTS and Ovito read and write them (``dump custom``).
 
-ITEM: TIMESTEP / ITEM: TIME / ITEM: NUMBER OF ATOMS / ITEM: BOX BOUNDS pp ff ff / ITEM: ATOMS id type x y z radius ...
+ITEM: TIME / ITEM: TIMESTEP / ITEM: NUMBER OF ATOMS / ITEM: BOX BOUNDS pp ff ff / ITEM: ATOMS id type x y z radius ...
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def opened(path: Path) -> TextIO:
 
 
 def write_frame(file: TextIO, grains: Snapshot, view: View, bounds: np.ndarray, borders: Sequence[str], first: bool) -> None:
-    """Append a frame.
+    """Append a frame; ids and types are counted from 1, since LAMMPS refuses 0.
 
     Args:
         file: the dump.
@@ -54,7 +54,7 @@ def write_frame(file: TextIO, grains: Snapshot, view: View, bounds: np.ndarray, 
         first: whether it is the first frame of the file, which also names the units.
     """
     seen = in_view(grains, view)
-    columns = [grains.id[:, None], grains.type[:, None] + 1, seen["position"], grains.radius[:, None], grains.mass[:, None],
+    columns = [grains.id[:, None] + 1, grains.type[:, None] + 1, seen["position"], grains.radius[:, None], grains.mass[:, None],
                seen["velocity"], seen["spin"], seen["force"]]  # fmt: skip
     names, formats = COLUMNS, "%d %d" + " %.9g" * 14
     if grains.orientation is not None and view == "frame":
@@ -62,7 +62,8 @@ def write_frame(file: TextIO, grains: Snapshot, view: View, bounds: np.ndarray, 
         names, formats = f"{names} quati quatj quatk quatw", formats + " %.9g" * 4
     box = "\n".join(f"{low:.9g} {high:.9g}" for low, high in bounds.T)
     file.write("ITEM: UNITS\nsi\n" if first else "")
-    file.write(f"ITEM: TIMESTEP\n{grains.step}\nITEM: TIME\n{grains.time!r}\nITEM: NUMBER OF ATOMS\n{len(grains.id)}\n")
+    # in the order in which LAMMPS's own reader wants them
+    file.write(f"ITEM: TIME\n{grains.time!r}\nITEM: TIMESTEP\n{grains.step}\nITEM: NUMBER OF ATOMS\n{len(grains.id)}\n")
     file.write(f"ITEM: BOX BOUNDS {' '.join(borders)}\n{box}\nITEM: ATOMS {names}\n")
     np.savetxt(file, np.hstack([np.asarray(column, float) for column in columns]), fmt=formats)
 
