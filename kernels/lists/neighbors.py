@@ -102,6 +102,16 @@ def build(
                 high = middle
         return low
 
+    @wp.func
+    def without_repeats(at: int, count: int, slot_out: wp.array(dtype=wp.int32)) -> int:
+        """Number of different partners at ``at``, in order and side by side: two images of one may be near in a thin domain."""
+        n = int(0)
+        for e in range(at, at + count):
+            if n == 0 or slot_out[at + n - 1] != slot_out[e]:
+                slot_out[at + n] = slot_out[e]
+                n += 1
+        return n
+
     @kernel
     def insert_grains(first: int, grids: SizeGrids, grains: wp.array(dtype=g.Record)):
         """Put the grains on the grids; on a CPU one thread does it."""
@@ -156,8 +166,11 @@ def build(
                                             slot_out[at + n] = j
                                         n += 1
                                     j = next_in(grids, j)
-        count_out[i] = n
         sort_by_id(at, wp.min(n, room), id, slot_out)
+        if wp.static(border.images > 1):
+            if n <= room:
+                n = without_repeats(at, n, slot_out)
+        count_out[i] = n
 
     @kernel
     def carry_contacts(

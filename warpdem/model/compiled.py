@@ -10,7 +10,7 @@ from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_conta
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
-from warpdem.kernels.simd.translate import NotStraight
+from warpdem.kernels.simd.values import NotStraight
 from warpdem.kernels.step import (
     border,
     clump_phase,
