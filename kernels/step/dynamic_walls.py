@@ -1,12 +1,18 @@
 r"""Walls whose motion follows from the load on them: a coordinate s along or about an axis, one number per wall.
 
-    M u' = D - L,      s' = u,      |u| <= u_max,      L = F . a  or  ((x - o) x F + M_r) . a
+    M u' = D + T(u) + G - L - k (s - s0) - c u,      s' = u,      L = F . a  or  ((x - o) x F + M_r) . a
 
     s    displacement along the axis a [m], or angle about it through the point o [rad]
-    D    drive: the load that a servo asks for, along a                    [N or N m]
+    D    drive: what acts on the wall by the scene, against time           [N or N m]
+    T    motor, straight between the points of its curve                   [N or N m]
+    G    weight, m g . a  or  ((x_c - o) x m g) . a                        [N or N m]
     L    what the wall does to the grains along a, summed over its contact points: F, M_r force and rolling torque on a grain
-    M    sum m, or sum m r^2: the mass of the grains that the wall touches, r their distance from the axis, at least that of
-         the largest grain
+    k, c spring and damper                                                 [N/m, N s/m or N m/rad, N m s/rad]
+    M    mass, or moment of inertia about the axis                         [kg or kg m2]
+
+A free wall has an M of its own, and stops dead at the ends of its range, if it has one. A servo has none, no motor, weight,
+spring or damper, and a largest speed, |u| <= u_max: its drive is the load that it asks for, and its M is sum m, or sum m r^2,
+the mass of the grains that it touches, r their distance from the axis, at least that of the largest grain.
 
 So a servo is a wall of that mass, which the drive pushes against the grains. Each grain meets a wall of its own mass: what
 bounds the step of two grains bounds that of a servo, and no constant is to be tuned. At rest, and in the mean where u goes
@@ -14,8 +20,13 @@ neither up nor down, L = D whatever M is. What rings in the bed is damped by the
 sum sqrt(F_n m / overlap) in the servo takes a tenth off the first peak of the load, and off the load in the mean as long as the
 wall moves.)
 
-Kicks and drifts are those of the grains: the load at t_k over the kick time, then the drift to t_k+1. At t_k+1 contacts see
-the velocity predicted, u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
+Kicks and drifts are those of the grains: the load at t_k over the kick time h, then the drift to t_k+1. Damper and motor take
+the mean rate of the kick, the motor along its slope at the rate before it:
+
+    M (u_k+1/2 - u_k-1/2)/h = Q(t_k) + T(u_k-1/2) + T' (u_k - u_k-1/2) - c u_k,      u_k = (u_k-1/2 + u_k+1/2)/2
+
+So a kick changes (1/2) M u^2 by exactly the work h (...) u_k. At t_k+1 contacts see the velocity predicted,
+u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
 same bits on any number of threads. A drive that is no number holds the wall.
 
 The placement that the host has written is where the wall would be at s = 0; the step moves it from there.
@@ -32,6 +43,7 @@ from warpdem.kernels.step.schedule import (
     Placement,
     Row,
     axes,
+    gravity,
     kick_time,
     placed,
     surface_circulation,
@@ -46,8 +58,16 @@ NUMBERS = Columns(
         ("turns", 1),  # 1 about the axis, 0 along it
         ("axis", 3),  # unit vector, in the axes of the wall at s = 0
         ("origin", 3),  # a point on it [m]
-        ("least", 1),  # least mass [kg], or moment of inertia [kg m2]
+        ("least", 1),  # least M of a servo; of a free wall 0
         ("max_rate", 1),  # largest speed [m/s or rad/s]
+        ("inertia", 1),  # M of a free wall; of a servo 0
+        ("mass", 1),  # m that gravity pulls [kg]
+        ("center", 3),  # x_c in the axes of the wall [m]
+        ("stiffness", 1),
+        ("rest", 1),  # s0 [m or rad]
+        ("damping", 1),
+        ("low", 1),  # ends of the range of s [m or rad]
+        ("high", 1),
     )
 )
 """What does not change of a wall."""
@@ -57,6 +77,8 @@ STATE = Columns(
         ("rate", 1),  # u in the middle of the last step [m/s or rad/s]
         ("predicted", 1),  # u that the contacts of this time see
         ("correction", 1),  # work on the grains beyond that of the predicted velocity [J]
+        ("driven", 1),  # work of drive and motor on the wall [J]
+        ("lost", 1),  # to the damper and the ends of the range [J]
     )
 )
 """What changes."""
@@ -76,6 +98,8 @@ class DynamicWalls:
     """NUMBERS of each."""
     state: wp.array2d(dtype=wp.float64)
     """STATE of each."""
+    curve: wp.array2d(dtype=wp.vec2d)
+    """Rate and load of the motor of each at the points of its curve, ascending; the last point may stand several times."""
     drive: wp.array2d(dtype=wp.float64)
     """Drive at each force call of the schedule [N or N m], of each wall; NaN holds it."""
     sums: wp.array3d(dtype=wp.int64)
@@ -94,6 +118,30 @@ def origin_of(walls: DynamicWalls, d: int) -> wp.vec3d:
     """Point on the axis in the axes of the wall [m]."""
     at = wp.static(NUMBERS.origin)
     return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
+
+
+@wp.func
+def center_of(walls: DynamicWalls, d: int) -> wp.vec3d:
+    """Center of mass in the axes of the wall [m]."""
+    at = wp.static(NUMBERS.center)
+    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
+
+
+@wp.func
+def motor(walls: DynamicWalls, d: int, rate: wp.float64):
+    """Load of the motor of a wall at a rate [N or N m], and its slope there."""
+    value = walls.curve[d, 0][1]
+    slope = wp.float64(0.0)
+    for k in range(walls.curve.shape[1] - 1):
+        left = walls.curve[d, k]
+        right = walls.curve[d, k + 1]
+        if rate >= left[0] and right[0] > left[0]:
+            slope = (right[1] - left[1]) / (right[0] - left[0])
+            value = left[1] + slope * (rate - left[0])
+            if rate >= right[0]:
+                value = right[1]
+                slope = wp.float64(0.0)
+    return value, slope
 
 
 @wp.func
@@ -232,23 +280,50 @@ def build(one, WallContacts):
             force = total_vector(threads, column + wp.static(SUMS.force), walls)
             moment = total_vector(threads, column + wp.static(SUMS.moment), walls)
             torque = total_vector(threads, column + wp.static(SUMS.torque), walls)
-            mass = wp.max(
-                total(threads, column + wp.static(SUMS.mass), walls), walls.numbers[d, wp.static(NUMBERS.least)]
-            )
+            touched = total(threads, column + wp.static(SUMS.mass), walls)
+            inertia = walls.numbers[d, wp.static(NUMBERS.inertia)]
+            if inertia == wp.float64(0.0):
+                inertia = wp.max(touched, walls.numbers[d, wp.static(NUMBERS.least)])
             along = turned(now, axis)
+            pull = gravity(rows[k]) * walls.numbers[d, wp.static(NUMBERS.mass)]
             load = wp.dot(force, along)
+            weight = wp.dot(pull, along)
             if turns > wp.float64(0.0):
                 load = wp.dot(moment - wp.cross(placed(now, origin), force) + torque, along)
+                weight = wp.dot(wp.cross(turned(now, center_of(walls, d) - origin), pull), along)
             drive = walls.drive[k, d]
             kick = kick_time(rows[k])
             before = walls.state[d, wp.static(STATE.rate)]
             most = walls.numbers[d, wp.static(NUMBERS.max_rate)]
+            low = walls.numbers[d, wp.static(NUMBERS.low)]
+            high = walls.numbers[d, wp.static(NUMBERS.high)]
+            damping = walls.numbers[d, wp.static(NUMBERS.damping)]
+            position = walls.state[d, wp.static(STATE.position)]
             rate = wp.float64(0.0)
             predicted = wp.float64(0.0)
             if not wp.isnan(drive):
-                rate = wp.clamp(before + kick * (drive - load) / mass, -most, most)
+                spring = walls.numbers[d, wp.static(NUMBERS.stiffness)] * (
+                    walls.numbers[d, wp.static(NUMBERS.rest)] - position
+                )
+                push, slope = motor(walls, d, before)
+                push = push - slope * before  # at rate 0, along the slope
+                half = wp.float64(0.5) * kick * (damping - slope)
+                acting = drive + push + weight + spring - load
+                rate = (before * (inertia - half) + kick * acting) / (inertia + half)
+                rate = wp.clamp(rate, -most, most)
+                mean = wp.float64(0.5) * (before + rate)
+                work = kick * (drive + push + slope * mean) * mean
+                loss = kick * damping * mean * mean
                 predicted = wp.clamp(rate + wp.float64(0.5) * dt * ((rate - before) / kick), -most, most)
-            position = walls.state[d, wp.static(STATE.position)] + dt * rate
+                end = position + dt * rate
+                if end < low or end > high:
+                    stopped = (wp.clamp(end, low, high) - position) / dt
+                    loss = loss + wp.float64(0.5) * inertia * (rate * rate - stopped * stopped)
+                    rate = stopped
+                    predicted = stopped
+                walls.state[d, wp.static(STATE.driven)] = walls.state[d, wp.static(STATE.driven)] + work
+                walls.state[d, wp.static(STATE.lost)] = walls.state[d, wp.static(STATE.lost)] + loss
+            position = position + dt * rate
             seen = walls.state[d, wp.static(STATE.predicted)]
             walls.state[d, wp.static(STATE.correction)] = (
                 walls.state[d, wp.static(STATE.correction)] + kick * load * (wp.float64(0.5) * (before + rate) - seen)

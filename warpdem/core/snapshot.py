@@ -40,7 +40,7 @@ class WallLoad:
     pressure: np.ndarray
     """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
     wear: TriangleWear | None = None
-    """Wear of the triangles of a mesh; None where the scene does not ask for it."""
+    """Wear of the triangles of a mesh, in [Pa], [J] and [m] as its columns say; None where the scene does not ask for it."""
 
     def __repr__(self) -> str:
         force, torque = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.force, self.torque))

@@ -200,6 +200,7 @@ def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     walls.number = wp.array(number, dtype=wp.int32, device=device)
     walls.motion = wp.array(schedule.wall_motion[number >= 0], dtype=wp.int32, device=device)
     walls.numbers = wp.array(np.stack([wall.numbers for wall in schedule.dynamic]), dtype=wp.float64, device=device)
+    walls.curve = wp.array(np.stack([wall.curve for wall in schedule.dynamic]), dtype=wp.vec2d, device=device)
     walls.state = wp.zeros((count, STATE.width), dtype=wp.float64, device=device)
     walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
     walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)

@@ -100,7 +100,7 @@ def driven(run: Model) -> bool:
     """Whether anything but gravity and the potentials of fields at rest may bring energy in, or the law itself does."""
     scene, plan = run.scene, run.features
     walls = any(
-        wall.motion is not None or wall.driven or wall.servo is not None or wall.surface_velocity is not None
+        wall.motion is not None or wall.driven or wall.dynamic is not None or wall.surface_velocity is not None
         or (wall.fixed_to == "frame" and plan.frame.moves)
         for wall in scene.walls
     )  # fmt: skip

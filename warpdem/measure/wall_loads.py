@@ -29,8 +29,8 @@ def torque_point(scene: Scene, number: int) -> np.ndarray:
     wall = scene.walls[number]
     if wall.torque_about is not None:
         return np.array(wall.torque_about)
-    if wall.servo is not None and wall.servo.turns:
-        return np.array(wall.servo.origin)
+    if wall.dynamic is not None and wall.dynamic.turns:
+        return np.array(wall.dynamic.origin)
     around = scene.frame or () if wall.fixed_to == "frame" else ()
     point = np.zeros(3)
     for motion in (*around, *(wall.motion or ())):

@@ -88,8 +88,8 @@ def choose_features(
         left_out["wall motion relative to the frame"] = "all walls rest in it"
     if scene.walls and all(wall.surface_velocity is None for wall in scene.walls):
         left_out["surface velocity of walls"] = "no wall has one"
-    if scene.walls and all(wall.servo is None for wall in scene.walls):
-        left_out["walls that move by the load on them"] = "no wall has a servo"
+    if scene.walls and all(wall.dynamic is None for wall in scene.walls):
+        left_out["walls that move by the load on them"] = "no wall has a servo or is free"
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
@@ -135,7 +135,7 @@ def choose_features(
             spheres=sum(w.sphere is not None for w in scene.walls),
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
-            dynamic=sum(w.servo is not None for w in scene.walls),
+            dynamic=sum(w.dynamic is not None for w in scene.walls),
         ),
         domain=DomainFeatures(
             period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed

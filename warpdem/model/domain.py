@@ -141,10 +141,12 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out
                     f"{key}: periodic, but walls[{number}] ({wall.name!r}) is driven: where it will go is not known, "
                     "nor at which periodic images it acts; take the periodic border away, or driven"
                 )
-            if wall.servo is not None and (wall.servo.turns or wall.servo.axis[k]):
-                how = "turns it" if wall.servo.turns else "moves it along that axis"
+            by_load = wall.dynamic
+            if by_load is not None and (abs(by_load.axis[k]) != 1.0 if by_load.turns else by_load.axis[k] != 0.0):
+                kind = "servo" if wall.servo is not None else "free"
+                how = "turns it about another axis" if by_load.turns else "moves it along that axis"
                 raise SceneError(
-                    f"{key}: periodic, but walls[{number}].servo {how}, to where the wall would not repeat itself; only an "
+                    f"{key}: periodic, but walls[{number}].{kind} {how}, to where the wall would not repeat itself; only an "
                     "axis across the periodic ones will do"
                 )
             for motion in wall.motion or ():

@@ -14,10 +14,16 @@ from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels.step.dynamic_walls import NUMBERS, STATE
+from warpdem.mesh.solid_body import solid_body
 from warpdem.mesh.triangle_mesh import TriangleMesh
+from warpdem.scene.free import POINTS, Hinge, Slider
+from warpdem.scene.messages import rounded_down
 from warpdem.scene.model import Scene
 from warpdem.scene.servo import Servo
 from warpdem.scene.walls import Wall
+
+LARGEST_TURN = 0.2
+"""Angle by which the spring of a free wall may let it swing in a step [rad]: its period is then right within 0.2 %."""
 
 if TYPE_CHECKING:
     from warpdem.model.schedule import Schedule
@@ -45,7 +51,13 @@ class DynamicWall:
     area: float = 1.0
     """Area that its pressure acts on [m2]."""
     least: float = 0.0
-    """Least mass [kg] or moment of inertia [kg m2] of its motion."""
+    """Least mass [kg] or moment of inertia [kg m2] of a servo."""
+    inertia: float = 0.0
+    """Mass [kg] or moment of inertia about the axis [kg m2] of a free wall; 0 of a servo."""
+    mass: float = 0.0
+    """Mass that gravity pulls [kg]."""
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """Where it does, in the axes of the wall [m], shape (3,)."""
     state: np.ndarray = field(default_factory=lambda: np.zeros(STATE.width))
     """``STATE`` at present."""
     before: np.ndarray | None = None
@@ -54,20 +66,28 @@ class DynamicWall:
     """Placement at present, shape (24,)."""
 
     @property
-    def servo(self) -> Servo:
+    def given(self) -> Servo | Slider | Hinge:
         """What the scene says of it."""
-        assert self.wall.servo is not None
-        return self.wall.servo
+        assert self.wall.dynamic is not None
+        return self.wall.dynamic
 
     @property
     def numbers(self) -> np.ndarray:
         """``NUMBERS``, shape (numbers,)."""
-        servo = self.servo
-        return np.array([float(servo.turns), *servo.axis, *servo.origin, self.least, servo.most])
+        given = self.given
+        common = [float(given.turns), *given.axis, *given.origin, self.least, given.most, self.inertia, self.mass, *self.center]
+        if isinstance(given, Servo):
+            return np.array([*common, 0.0, 0.0, 0.0, -np.inf, np.inf])
+        return np.array([*common, given.stiffness, given.rest, given.damping, *(given.range or (-np.inf, np.inf))])
+
+    @property
+    def curve(self) -> np.ndarray:
+        """Points of its motor curve, shape (points, 2)."""
+        return np.zeros((POINTS, 2)) if isinstance(self.given, Servo) else self.given.curve
 
     def drive(self, times: np.ndarray) -> np.ndarray:
-        """Load asked for at ``times`` [s], shape (k,) [N or N m]; NaN where the wall is held."""
-        return self.servo.target(times) * self.area
+        """Load that acts at ``times`` [s], shape (k,) [N or N m]; NaN where the wall is held."""
+        return self.given.target(times) * self.area
 
     def value(self, name: str) -> float:
         """A number of ``STATE``."""
@@ -75,20 +95,20 @@ class DynamicWall:
 
     def pose(self, count: int) -> Pose:
         """Present pose in the axes of its carrier, ``count`` times."""
-        axis, s, rate = rigid_motion.unit(self.servo.axis), self.value("position"), self.value("predicted")
+        axis, s, rate = rigid_motion.unit(self.given.axis), self.value("position"), self.value("predicted")
         along = np.tile(axis, (count, 1))
         none = np.zeros_like(along)
-        if not self.servo.turns:
+        if not self.given.turns:
             return rigid_motion.translation_by(s * along, rate * along, none)
         change = rigid_motion.rotation_increment(axis, np.full(count, s))
-        return rigid_motion.rotation_about(np.array(self.servo.origin), change, rate * along, none)
+        return rigid_motion.rotation_about(np.array(self.given.origin), change, rate * along, none)
 
     def saved(self) -> dict[str, Any]:
         """What a checkpoint holds of it, as JSON; ``own`` is its place in the axes of its carrier, shape (3, 4)."""
         pose = self.pose(1)
         own = np.hstack([pose.axes[0], pose.origin[0][:, None]]).astype(float).tolist()
         listed = {name: None if v is None else v.tolist() for name, v in self._moving().items()}
-        return {**listed, "own": own}
+        return {**listed, "own": own, "position": self.value("position"), "rate": self.value("predicted")}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Take over what ``saved`` gave."""
@@ -110,31 +130,89 @@ def complete_dynamic_walls(
     density = np.array([material.density for material in scene.materials.values()])
     masses = density[expected.type] * (4.0 / 3.0 * np.pi) * expected.radius**3
     for one in schedule.dynamic:
-        key, scheme = f"{scene.source}: walls[{one.number}].servo", scene.engine.integrator
+        kind = "servo" if isinstance(one.given, Servo) else "free"
+        key, scheme = f"{scene.source}: walls[{one.number}].{kind}", scene.engine.integrator
         if resident:
             raise SceneError(f"{key}: a wall that moves by the load on it runs on a CPU only: take --device cpu")
         if scheme != "exact_drift":
             raise SceneError(f'{key}: only with engine.integrator = "exact_drift"; it is "{scheme}"')
-        mesh, shape = meshes.get(one.wall.name), one.wall.shape
+        heaviest, mesh, shape = float(masses.max(initial=0.0)), meshes.get(one.wall.name), one.wall.shape
+        if isinstance(one.given, (Slider, Hinge)):
+            if one.wall.fixed_to == "frame" and schedule.frame.moves:
+                raise SceneError(
+                    f'{key}: its axis would move with the frame, whose inertial forces on the wall are not computed: give the '
+                    'wall fixed_to = "laboratory"'
+                )
+            _complete_free(one, one.given, mesh, scene.materials[one.wall.material].density)
+            _check_free(key, one, one.given, heaviest, scene, schedule.dt)
+            continue
         points = mesh.vertices if mesh is not None else shape.nearest(expected.position)[0] if shape is not None else None
         assert points is not None
-        one.area = pushed_area(one.servo, mesh)
-        one.least = least_mass(one, float(masses.max(initial=0.0)), points)
+        assert isinstance(one.given, Servo)
+        one.area = pushed_area(one.given, mesh)
+        one.least = least_mass(one.given, heaviest, points)
 
 
-def least_mass(wall: DynamicWall, heaviest: float, points: np.ndarray) -> float:
+def _complete_free(one: DynamicWall, given: Slider | Hinge, mesh: TriangleMesh | None, density: float) -> None:
+    """Mass, center and inertia: as given, else those of the closed mesh, scaled to a mass that is given."""
+    axis, origin = np.array(given.axis), np.array(given.origin)
+    solid = None if mesh is None or mesh.open_edges else solid_body(mesh, density)
+    own = given.mass if given.mass is not None else solid.mass if solid is not None else 0.0
+    one.mass = own
+    one.center = np.array(given.center) if given.center is not None else solid.center if solid is not None else origin
+    if not given.turns:
+        one.inertia = own
+    elif given.inertia is not None:
+        one.inertia = given.inertia
+    else:
+        assert solid is not None
+        one.inertia = solid.about(axis, origin) * own / solid.mass
+    if not one.state.any():
+        one.state[[STATE.rate, STATE.predicted]] = given.begins
+
+
+def _check_free(key: str, one: DynamicWall, given: Slider | Hinge, heaviest: float, scene: Scene, dt: float) -> None:
+    """Refuse a wall that the time step cannot follow.
+
+    Raises:
+        SceneError: it is lighter than a grain, or its spring, damper or motor curve is too stiff.
+    """
+    if one.mass and one.mass < heaviest:
+        raise SceneError(
+            f"{key}: its mass of {one.mass:.3g} kg is below that of the heaviest grain, {heaviest:.3g} kg: the time step is "
+            "made for grains; give it more mass"
+        )
+    turn = dt * np.sqrt(given.stiffness / one.inertia)
+    if turn > LARGEST_TURN:
+        raise SceneError(
+            f"{key}.stiffness: {given.stiffness:g} lets the wall swing by {turn:.3g} rad in a step of {dt:.3g} s; at most "
+            f"{LARGEST_TURN} is computed well: take a time.step below {rounded_down(dt * LARGEST_TURN / turn)} s, a softer "
+            "spring, or more mass"
+        )
+    rates, loads = one.curve.T
+    apart = np.diff(rates) > 0.0
+    steepest = float(np.abs(np.diff(loads)[apart] / np.diff(rates)[apart]).max(initial=0.0))
+    for name, coefficient in (("damping", given.damping), ("motor", steepest)):
+        if (share := dt * coefficient / one.inertia) > 1.0:
+            raise SceneError(
+                f"{key}.{name}: {coefficient:.3g} {'N m s' if given.turns else 'N s/m'} change its rate by {share:.3g} of "
+                f"itself in a step of {dt:.3g} s, at most 1 is computed well: take a time.step below "
+                f"{rounded_down(dt / share)} s, less of it, or more mass"
+            )
+
+
+def least_mass(servo: Servo, heaviest: float, points: np.ndarray) -> float:
     """Mass of the heaviest grain [kg], or its moment of inertia at the distance of the wall from its axis [kg m2].
 
     Args:
-        wall: the wall.
+        servo: what moves the wall.
         heaviest: mass of the heaviest grain that is expected [kg].
         points: corners of its mesh, or feet of the grains on its shape [m], shape (n, 3).
     """
-    servo = wall.servo
     if not servo.turns or not len(points):
         return heaviest
     arm = np.cross(points - np.array(servo.origin), np.array(servo.axis))
     return heaviest * float((arm**2).sum(axis=1).max())
 
 
-assert NUMBERS.width == 9 and STATE.width == 4, "numbers, value and pose are written for these columns"
+assert NUMBERS.width == 19 and STATE.width == 6, "numbers, value and pose are written for these columns"

@@ -42,16 +42,18 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
     walls = [wall_chain(scene, k) for k, motion in enumerate(motions) if motion not in motions[:k]]
     g = float(np.linalg.norm(scene.gravity))
     lifted = frame.moves or any(chain.moves for chain in walls) or any(
-        wall.servo is not None and (wall.servo.turns or np.dot(wall.servo.axis, scene.gravity) < 0.0) for wall in scene.walls
+        wall.dynamic is not None and (wall.dynamic.turns or np.dot(wall.dynamic.axis, scene.gravity) < 0.0)
+        for wall in scene.walls
     )
     from_where = cloud if lifted else start.position
     height = max((float((cloud @ way).max() - (from_where @ way).min()) for way in _down(scene, frame)), default=0.0)
-    servos = [wall.servo.speed_bound(cloud) for wall in scene.walls if wall.servo is not None]
-    own = np.sort([*(chain.speed_bound(cloud, scene.time.end) for chain in walls), *servos])
+    fall = math.sqrt(2.0 * g * height)
+    by_load = [wall.dynamic.speed_bound(cloud, fall) for wall in scene.walls if wall.dynamic is not None]
+    own = np.sort([*(chain.speed_bound(cloud, scene.time.end) for chain in walls), *by_load])
     belts = [surface_speed(wall.surface_velocity) for wall in scene.walls if wall.surface_velocity is not None]
     moved = frame.speed_bound(cloud, scene.time.end) + float(own[-2:].sum()) + max(belts, default=0.0)
     thrown = float(np.linalg.norm(start.velocity, axis=1).max())
-    return math.hypot(thrown, math.sqrt(2.0 * g * height)) + moved
+    return math.hypot(thrown, fall) + moved
 
 
 def _down(scene: Scene, frame: Chain) -> np.ndarray:

@@ -257,7 +257,7 @@ class Features:
         present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
-        runs += [f"walls that a servo moves by the load on them: {walls.dynamic}"] if walls.dynamic else []
+        runs += [f"walls that move by the load on them (servos, free walls): {walls.dynamic}"] if walls.dynamic else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]

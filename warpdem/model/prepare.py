@@ -1,5 +1,6 @@
 """From a scene to its model: every check before the first step, and the only place that decides what is run."""
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters,
 from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
+from warpdem.scene.regions import Placed
 
 
 def require_scene(scene: Scene) -> None:
@@ -69,11 +71,11 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
     start = replace(start, position=borders.wrapped(start.position))
-    expected = concatenated(start, extreme_grains(scene))
-    needs.check_masses(scene, expected)
-    size_warnings(scene, meshes, 2.0 * expected.radius)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+    expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
+    needs.check_masses(scene, expected)
+    size_warnings(scene, meshes, 2.0 * expected.radius)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
     most = len(start) + sum(needs.grains_to_come(scene))
     features = choose_features(
@@ -120,6 +122,17 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)
+
+
+def _relative(
+    schedule: Schedule, place: Placed, position: np.ndarray, velocity: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position [m] and velocity [m/s] in and relative to the frame at time 0, of what is given in a region's axes."""
+    carrier = schedule.carrier(place)
+    if carrier is not None:
+        axes, origin = schedule.place(carrier, 0.0)
+        position = axes @ position + origin
+    return position, schedule.carried(carrier, 0.0, position[None], velocity)[0][0]
 
 
 def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:

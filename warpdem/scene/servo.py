@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from warpdem.scene.base import AngularRate, Direction, Point, exactly_one, validation_error
 from warpdem.scene.motion_base import Timed
-from warpdem.scene.rates import PiecewiseRate, Speed, Time, require_increasing
+from warpdem.scene.rates import PiecewiseRate, Speed, Time
 from warpdem.scene.units import Quantity
 
 Force = Annotated[float, Quantity("N")]
@@ -43,6 +43,26 @@ TorqueCourse = Annotated[
     | Annotated[list[Annotated[tuple[Time, Torque], _knots("torque in [N m]")]], Field(min_length=1), Tag("~table")],
     Discriminator(_tag),
 ]
+
+
+def require_increasing_course(key: str, course: float | list[tuple[float, float]]) -> None:
+    """Refuse a table whose times do not increase.
+
+    Raises:
+        ValidationError: with ``key`` and the entry.
+    """
+    table = course if isinstance(course, list) else []
+    for k in range(1, len(table)):
+        if table[k][0] <= table[k - 1][0]:
+            reason = f"must be later than {table[k - 1][0]:g} s, the entry before"
+            raise validation_error([((key, k, 0), table[k][0], reason)])
+
+
+def at_times(course: float | list[tuple[float, float]], times: np.ndarray) -> np.ndarray:
+    """Values of a course at ``times`` [s], shape (k,): straight between the entries of a table, constant beyond."""
+    if not isinstance(course, list):
+        return np.full(len(times), float(course))
+    return PiecewiseRate.tabulated(course).at(times, times)[1].astype(float)
 
 
 class Servo(Timed):
@@ -90,14 +110,7 @@ class Servo(Timed):
         for key, found in wrong:
             if found:
                 raise validation_error([((key,), getattr(self, key), f"not with {given}")])
-        table = getattr(self, given)
-        if isinstance(table, list):
-            try:
-                require_increasing(None, table)
-            except ValueError:
-                late = next(k for k in range(1, len(table)) if table[k][0] <= table[k - 1][0])
-                reason = f"must be later than {table[late - 1][0]:g} s, the entry before"
-                raise validation_error([((given, late, 0), table[late][0], reason)]) from None
+        require_increasing_course(given, getattr(self, given))
         return self
 
     @property
@@ -114,16 +127,12 @@ class Servo(Timed):
         """Load asked for at ``times`` [s] of the run, shape (k,) [N, Pa or N m]; NaN where the wall is held."""
         course = next(given for given in (self.force, self.pressure, self.torque) if given is not None)
         own = times + self.elapsed
-        if isinstance(course, list):
-            since = np.maximum(own - self.start, 0.0)
-            load = PiecewiseRate.tabulated(course).at(since, since)[1].astype(float)
-        else:
-            load = np.full(len(times), float(course))
+        load = at_times(course, np.maximum(own - self.start, 0.0))
         active = (own >= self.start) & (own < (np.inf if self.until is None else self.until))
         return np.where(active, load, np.nan)
 
-    def speed_bound(self, points: np.ndarray) -> float:
-        """Upper bound of the speed of body points, shape (n, 3), by the servo [m/s]."""
+    def speed_bound(self, points: np.ndarray, fall: float) -> float:
+        """Upper bound of the speed of body points, shape (n, 3), by the servo [m/s]; a ``fall`` [m/s] adds nothing."""
         if not self.turns:
             return self.most
         arm = np.linalg.norm(np.cross(points - np.array(self.origin), np.array(self.axis)), axis=1)

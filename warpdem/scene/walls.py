@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, model_validator
 
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
-from warpdem.scene.motion import Motions
+from warpdem.scene.free import Free, Hinge, Slider
+from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.servo import Servo
 from warpdem.scene.surface_velocity import SurfaceVelocity
 from warpdem.scene.units import Quantity, Vector
@@ -86,11 +87,16 @@ class Wall(SceneModel):
         description="A controller that moves the wall so that it loads the grains as asked: a force, a pressure or a torque. "
         "Its displacement comes on top of motion. Default none.",
     )
+    free: Free | None = Field(
+        None,
+        description="A rigid body on a slider or a hinge that grains, gravity, a spring, a damper and a motor move. Default "
+        "none.",
+    )
     torque_about: Point | None = Field(
         None,
         description="Reference point of the torque on the wall [m]: a point of the wall's body, given by its position at time "
-        "0 and moving with it. Default: origin of the wall's servo or own rotation, else of the frame's if fixed to it, else "
-        "(0, 0, 0).",
+        "0 and moving with it. Default: origin of the wall's servo, hinge or own rotation, else of the frame's if fixed to "
+        "it, else (0, 0, 0).",
     )
     open: StrictBool = Field(
         False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."
@@ -135,9 +141,33 @@ class Wall(SceneModel):
             return self
         if self.driven:
             raise validation_error([(("driven",), True, "not with servo: either a program moves the wall or the servo does")])
+        if self.free is not None:
+            raise validation_error([(("free",), None, "not with servo: a wall has one of them")])
         if self.servo.pressure is not None and self.servo.area is None and self.mesh is None:
             raise validation_error([(("servo", "area"), None, "missing: the pressure on a shape needs its area [m2]")])
         return self
+
+    @model_validator(mode="after")
+    def _free_is_free(self) -> "Wall":
+        if self.free is None:
+            return self
+        if self.driven:
+            reason = "not with free: either a program moves the wall or what acts on it does"
+            raise validation_error([(("driven",), True, reason)])
+        if any(not isinstance(motion, FixedPlacement) for motion in self.motion or ()):
+            raise validation_error([(("motion",), None, "not with free, but for a fixed placement: what acts on it moves it")])
+        if self.mesh is None or self.open:
+            reason = "missing: only a closed mesh has one of its own"
+            needed = ("inertia",) if self.free.turns and self.free.center is None else ("inertia", "mass")
+            for key in needed if self.free.turns else ("mass",):
+                if getattr(self.free, key) is None:
+                    raise validation_error([(("free", key), None, reason)])
+        return self
+
+    @property
+    def dynamic(self) -> "Servo | Slider | Hinge | None":
+        """What moves the wall by the load on it; None for a wall that moves as it is told."""
+        return self.servo if self.servo is not None else self.free
 
     @property
     def shape(self) -> Shape | None:

@@ -119,7 +119,7 @@ def _about(view: RunView) -> dict[str, Any]:
         "motions": {
             "frame": scene.model_dump(mode="json", include={"frame"})["frame"],
             "walls": {wall.name: wall.model_dump(mode="json", include={"motion"})["motion"] for wall in scene.walls},
-            "servos": {wall.name: wall.servo.elapsed for wall in scene.walls if wall.servo is not None},
+            "loads": {wall.name: wall.dynamic.elapsed for wall in scene.walls if wall.dynamic is not None},
             "surfaces": {w.name: w.surface_velocity.elapsed for w in scene.walls if w.surface_velocity is not None},
         },
         "places": _places(view),

@@ -126,9 +126,9 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
             motion = _continued(wall.motion, data["motions"]["walls"][wall.name], given, _end(data))
             if wall.name in data.get("dynamic", {}):  # its own displacement counts from there
                 motion = _from(motion, _matrix(data["dynamic"][wall.name]["own"]))
-            if wall.servo is not None:
-                before = data["motions"].get("servos", {}).get(wall.name, 0.0)
-                wall = wall.model_copy(update={"servo": wall.servo.model_copy(update={"elapsed": before + _end(data)})})
+            if wall.dynamic is not None:
+                key, before = "free" if wall.servo is None else "servo", data["motions"].get("loads", {}).get(wall.name, 0.0)
+                wall = wall.model_copy(update={key: wall.dynamic.model_copy(update={"elapsed": before + _end(data)})})
             if wall.surface_velocity is not None:
                 before = data["motions"].get("surfaces", {}).get(wall.name, 0.0)
                 surface = wall.surface_velocity.model_copy(update={"elapsed": before + _end(data)})
@@ -136,6 +136,9 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
         else:
             place = _matrix(data["places"]["walls"][wall.name])
             motion = _from(wall.motion, frame @ place if wall.fixed_to == "laboratory" else place)
+        if wall.free is not None and wall.name in data.get("dynamic", {}):
+            then = data["dynamic"][wall.name]
+            wall = wall.model_copy(update={"free": wall.free.from_there(then["position"], then["rate"])})
         walls.append(wall.model_copy(update={"motion": motion}))
     streams = ahead.streams if "streams" in start.continues else scene.streams
     start = start.model_copy(update={"groups": data["groups"]})
@@ -215,7 +218,7 @@ def _check_continues(scene: Scene, data: dict[str, Any]) -> None:
             pair: tuple[Any, ...] = here[name], there[name]
         elif name in now and name in then:
             pair = tuple(
-                (entry["motion"], entry["fixed_to"], entry.get("surface_velocity"), entry.get("servo"))
+                (entry["motion"], entry["fixed_to"], entry.get("surface_velocity"), entry.get("servo"), entry.get("free"))
                 for entry in (now[name], then[name])
             )
         else:

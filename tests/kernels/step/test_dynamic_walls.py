@@ -113,5 +113,5 @@ def test_a_turning_servo_has_the_inertia_of_what_it_touches():
 
 
 def test_numbers_have_their_columns():
-    assert NUMBERS.width == 9
-    assert STATE.names == ("position", "rate", "predicted", "correction")
+    assert NUMBERS.width == 19
+    assert STATE.names[:4] == ("position", "rate", "predicted", "correction")

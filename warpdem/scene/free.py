@@ -1,0 +1,162 @@
+"""Free walls as scene data: rigid bodies on a slider or a hinge, moved by grains, gravity, a spring, a damper and a motor."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from warpdem.scene.base import Direction, Point, SceneModel, validation_error
+from warpdem.scene.servo import ForceCourse, TorqueCourse, at_times, require_increasing_course
+from warpdem.scene.units import Quantity, Vector
+
+JOINT = 'What the wall may do: slide along its axis, "slider", or turn about it, "hinge".'
+POINTS = 16
+"""Largest number of points of a motor curve."""
+
+
+def _pair(what: str) -> BeforeValidator:
+    def checked(entry: Any) -> Any:
+        if not isinstance(entry, (list, tuple, np.ndarray)) or len(entry) != 2:
+            raise ValueError(f"must be a list of 2 numbers, {what}")
+        return entry
+
+    return BeforeValidator(checked)
+
+
+_Force = Annotated[
+    tuple[Annotated[float, Quantity("m/s")], Annotated[float, Quantity("N")]], _pair("[speed in [m/s], force in [N]]")
+]
+_Torque = Annotated[
+    tuple[Annotated[float, Quantity("rad/s")], Annotated[float, Quantity("N m")]],
+    _pair("[rate in [rad/s], torque in [N m]]"),
+]
+
+
+def _joint(value: Any) -> str:
+    joint = value.get("joint") if isinstance(value, dict) else getattr(value, "joint", None)
+    return "~hinge" if joint == "hinge" else "~slider"
+
+
+class _Joint(SceneModel):
+    """What sliders and hinges share."""
+
+    axis: Direction = Field(
+        description="Direction of the slider, or of the axis of the hinge [-], any length but zero, held as a unit vector; in "
+        "the axes of the wall at time 0."
+    )
+    mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
+        None, description="Mass [kg], > 0; default that of the closed mesh, filled with its material."
+    )
+
+    elapsed: Annotated[float, Quantity("s", ge=0)] = Field(
+        0.0, description="Time of force or torque at time 0 of the run [s], >= 0, default 0: it is ahead by this."
+    )
+
+    @model_validator(mode="after")
+    def _range_is_one(self) -> "_Joint":
+        span = getattr(self, "range", None)
+        if span is not None and not span[0] <= 0.0 <= span[1]:
+            raise validation_error([(("range",), list(span), "must be [lowest, highest] around 0, where the wall begins")])
+        for key in ("force", "torque"):
+            require_increasing_course(key, getattr(self, key, 0.0))
+        curve = getattr(self, "motor", None) or ()
+        if len(curve) > POINTS:
+            raise validation_error([(("motor",), None, f"has {len(curve)} points; at most {POINTS} are read")])
+        for k in range(1, len(curve)):
+            if curve[k][0] <= curve[k - 1][0]:
+                raise validation_error([(("motor", k, 0), curve[k][0], f"must be above {curve[k - 1][0]:g}, the entry before")])
+        return self
+
+    turns: ClassVar[bool] = False
+    """Whether the wall turns about the axis."""
+    most: ClassVar[float] = np.inf
+    """Largest speed: there is no bound."""
+
+    def target(self, times: np.ndarray) -> np.ndarray:
+        """Force [N] or torque [N m] on the wall at ``times`` [s] of the run, shape (k,)."""
+        return at_times(getattr(self, "torque" if self.turns else "force"), times + self.elapsed)
+
+    def later(self, time: float) -> Self:
+        """The same from ``time`` [s] on."""
+        return self.model_copy(update={"elapsed": self.elapsed + time})
+
+    def from_there(self, position: float, rate: float) -> Self:
+        """The same where s begins at ``position`` [m or rad] of this, with a ``rate`` [m/s or rad/s]."""
+        span, rest = getattr(self, "range", None), getattr(self, "rest", 0.0)
+        moved = span and (min(span[0] - position, 0.0), max(span[1] - position, 0.0))
+        return self.model_copy(update={"rate" if self.turns else "velocity": rate, "rest": rest - position, "range": moved})
+
+    @property
+    def begins(self) -> float:
+        """Rate at time 0 [m/s or rad/s]."""
+        return float(getattr(self, "rate" if self.turns else "velocity"))
+
+    def speed_bound(self, points: np.ndarray, fall: float) -> float:
+        """Speed that body points, shape (n, 3), may be expected to reach [m/s]: at the start, by the motor, or in a ``fall``.
+
+        The motor is expected to reach the largest rate at which its curve drives, or ends.
+        """
+        rates = [abs(rate) for rate, load in (getattr(self, "motor", None) or ()) if rate * load >= 0.0]
+        most = max([abs(self.begins), *rates])
+        if self.turns:
+            arm = np.cross(points - np.array(getattr(self, "origin")), np.array(self.axis))  # noqa: B009  of hinges
+            most *= float(np.linalg.norm(arm, axis=1).max(initial=0.0))
+        return float(max(most, fall))
+
+    @property
+    def curve(self) -> np.ndarray:
+        """Rate and load of the motor at ``POINTS`` points, the last of them again and again; zeros without a motor."""
+        points = getattr(self, "motor", None) or [(0.0, 0.0)]
+        return np.array([*points, *[points[-1]] * (POINTS - len(points))], dtype=float)
+
+
+class Slider(_Joint):
+    """A wall of a mass that is free along an axis."""
+
+    joint: Literal["slider", "hinge"] = Field(description=JOINT)
+    origin: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 0.0)
+    inertia: ClassVar[None] = None
+    center: ClassVar[None] = None
+    velocity: Annotated[float, Quantity("m/s")] = Field(0.0, description="Velocity along the axis at time 0 [m/s], default 0.")
+    force: ForceCourse = Field(0.0, description="Force on the wall along the axis [N], or [[t, force], ...], default 0.")
+    motor: Annotated[list[_Force], Field(min_length=1)] | None = Field(
+        None,
+        description="Motor: force on the wall by its velocity, [[velocity [m/s], force [N]], ...], straight between, constant "
+        "beyond; default none.",
+    )
+    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness of a spring [N/m], default 0.")
+    rest: Annotated[float, Quantity("m")] = Field(0.0, description="Displacement where the spring is at rest [m], default 0.")
+    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of a damper [N s/m], default 0.")
+    range: Annotated[tuple[float, float], Vector(Quantity("m"), length=2)] | None = Field(
+        None, description="Lowest and highest displacement [m], where the wall stops dead; default none."
+    )
+
+
+class Hinge(_Joint):
+    """A wall of a moment of inertia that is free about an axis."""
+
+    joint: Literal["slider", "hinge"] = Field(description=JOINT)
+    turns: ClassVar[bool] = True
+    origin: Point = Field((0.0, 0.0, 0.0), description="A point on the axis [m], default (0, 0, 0).")
+    inertia: Annotated[float, Quantity("kg m2", gt=0)] | None = Field(
+        None, description="Moment of inertia about the axis [kg m2], > 0; default that of the closed mesh."
+    )
+    center: Point | None = Field(
+        None, description="Center of mass [m], where gravity acts; default that of the closed mesh, or on the axis (balanced)."
+    )
+    rate: Annotated[float, Quantity("rad/s")] = Field(0.0, description="Angular rate at time 0 [rad/s], default 0.")
+    torque: TorqueCourse = Field(0.0, description="Torque on the wall about the axis [N m], or [[t, torque], ...], default 0.")
+    motor: Annotated[list[_Torque], Field(min_length=1)] | None = Field(
+        None,
+        description="Motor: torque on the wall by its rate, [[rate [rad/s], torque [N m]], ...], straight between, constant "
+        "beyond; default none.",
+    )
+    stiffness: Annotated[float, Quantity("N m", ge=0)] = Field(0.0, description="Stiffness of a spring [N m/rad], default 0.")
+    rest: Annotated[float, Quantity("rad")] = Field(0.0, description="Angle at which the spring is at rest [rad], default 0.")
+    damping: Annotated[float, Quantity("N m s", ge=0)] = Field(0.0, description="Coefficient of a damper [N m s], default 0.")
+    range: Annotated[tuple[float, float], Vector(Quantity("rad"), length=2)] | None = Field(
+        None, description="Lowest and highest angle [rad], where the wall stops dead; default none."
+    )
+
+
+Free = Annotated[Annotated[Slider, Tag("~slider")] | Annotated[Hinge, Tag("~hinge")], Discriminator(_joint)]
