@@ -34,6 +34,7 @@ def choose_features(
     lanes: int = SIMD_LANES,
     resident: bool = False,
     largest: float = 0.0,
+    clumps: bool = False,
 ) -> Features:
     """Decide what ``scene`` needs.
 
@@ -47,6 +48,7 @@ def choose_features(
         lanes: SIMD width.
         resident: steps run as one captured graph.
         largest: radius of the largest grain that may come [m].
+        clumps: some grains are members of clumps.
     """
     names = list(scene.materials)
     at = coefficient_columns(scene)
@@ -72,7 +74,7 @@ def choose_features(
     if twisting is None or tangential is None:
         left_out["twisting resistance"] = "contact.twisting is none" if twisting is None else "there is no friction"
         twisting = None
-    spins = bool(tangential or rolling or has_spin)
+    spins = bool(tangential or rolling or has_spin or clumps)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
     orientation = scene.output.orientation and spins
@@ -93,6 +95,8 @@ def choose_features(
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
+    if not clumps:
+        left_out["clumps"] = "every grain is a sphere of its own"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
     chosen = [name for name in (normal, tangential, rolling, twisting, *(name for name, _ in fields)) if name]
@@ -123,6 +127,7 @@ def choose_features(
             table=not one_kind,
             gap=law_gap(scene, largest),
             twisting=twisting,
+            clumps=clumps,
         ),
         frame=FrameFeatures(
             rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)

@@ -33,6 +33,8 @@ class ContactFeatures:
     gap: float
     """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
     twisting: str | None = None
+    clumps: bool = False
+    """Some grains are members of clumps."""
 
     @cached_property
     def history(self) -> Columns:

@@ -88,6 +88,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         lanes=WARP_LANES if resident else simd_lanes(most, scene.engine.precision),
         resident=resident,
         largest=float(expected.radius.max(initial=0.0)),
+        clumps=expected.clumps is not None,
     )
     features = as_the_law_allows(features)
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
@@ -138,7 +139,12 @@ def _relative(
 def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:
     """Grains with absolute spins [rad/s] and velocities [m/s] in place of those relative to the frame at ``time`` [s]."""
     pose = schedule.pose(time)
-    return replace(grains, spin=grains.spin + pose.spin, velocity=grains.velocity + pose.velocity_at(grains.position))
+    clumps = grains.clumps
+    if clumps is not None:
+        velocity = clumps.velocity + pose.velocity_at(clumps.position)
+        clumps = replace(clumps, velocity=velocity, spin=clumps.spin + pose.spin)
+    velocity = grains.velocity + pose.velocity_at(grains.position)
+    return replace(grains, spin=grains.spin + pose.spin, velocity=velocity, clumps=clumps)
 
 
 def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np.ndarray:

@@ -128,6 +128,19 @@ class Grains(SceneModel):
     ids: Annotated[np.ndarray, IdArray] | None = Field(
         None, description="With positions: ids of the grains [-], whole numbers >= 0, all different, shape (n,)."
     )
+    clump: str | None = Field(
+        None,
+        description="Name of the clump that each of the grains is; positions are then the centres of mass, velocities those of "
+        "the centres. Default: grains are spheres.",
+    )
+    orientations: Annotated[np.ndarray, Array(Quantity("-"), columns=4)] | None = Field(
+        None,
+        description="With clump: quaternions (w, x, y, z) from the axes of the clump to the frame axes, shape (n, 4), default "
+        "(1, 0, 0, 0).",
+    )
+    sizes: Annotated[np.ndarray, Array(Quantity("-", gt=0))] | None = Field(
+        None, description="With clump: factor on the lengths of the clump, > 0, shape (n,), default 1."
+    )
     file: FileName | None = Field(
         None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
     )
@@ -147,8 +160,10 @@ class Grains(SceneModel):
     def _one_source(self) -> "Grains":
         exactly_one(self, "positions", "file", "fill")
         sizes = ("radius", "radii", "diameter", "diameters")
+        self._check_clump(sizes)
         if self.positions is not None:
-            exactly_one(self, *sizes)
+            if self.clump is None:
+                exactly_one(self, *sizes)
             self._check_lengths(self.positions)
             return self
         stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
@@ -158,9 +173,22 @@ class Grains(SceneModel):
             raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 
+    def _check_clump(self, sizes: tuple[str, ...]) -> None:
+        if self.clump is None:
+            stray = [key for key in ("orientations", "sizes") if getattr(self, key) is not None]
+            reason = "belongs to a clump: name it with clump"
+        else:
+            stray = [key for key in (*sizes, "ids", "file", "fill") if getattr(self, key) is not None]
+            reason = "cannot be given with clump: give positions, and the sizes of clumps with sizes"
+        if stray:
+            raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+        if self.orientations is not None and not np.all(np.square(self.orientations).sum(axis=1) > 0.0):
+            row = int(np.argmin(np.square(self.orientations).sum(axis=1) > 0.0))
+            raise validation_error([(("orientations", row), None, "must not be zero")])
+
     def _check_lengths(self, positions: np.ndarray) -> None:
         count = len(positions)
-        for key in ("radii", "diameters", "velocities", "spins", "ids"):
+        for key in ("radii", "diameters", "velocities", "spins", "ids", "orientations", "sizes"):
             values = getattr(self, key)
             if values is not None and len(values) != count:
                 reason = f"must have as many entries as positions ({count}), has {len(values)}"

@@ -23,7 +23,7 @@ from warpdem.core.access import Access
 from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
+from warpdem.scene.base import Label, Name, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders
 from warpdem.scene.checks import (
     Named,
@@ -37,6 +37,8 @@ from warpdem.scene.checks import (
     stream_problems,
     ways_out,
 )
+from warpdem.scene.clump_checks import clump_problems
+from warpdem.scene.clumps import Clump
 from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_own_keys
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
 from warpdem.scene.fields import ExternalField, Observer
@@ -72,6 +74,7 @@ class Scene(SceneModel):
     materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can touch.")
+    clumps: dict[Name, Clump] = Field({}, description="Rigid bodies of spheres by name, default none.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
     frame: Motions | None = Field(
@@ -112,6 +115,8 @@ class Scene(SceneModel):
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Key path and name of each data file that the scene names; files of code are not among them."""
         yield from ((("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(self.walls) if wall.mesh is not None)
+        for name, clump in self.clumps.items():
+            yield from ((("clumps", name, key), file) for key in ("file", "mesh") if (file := getattr(clump, key)) is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
         for key_path, region in self.regions():
             for key in ("mesh", "face"):
@@ -265,6 +270,7 @@ class Scene(SceneModel):
                 self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
                 ways_out(self.borders, self.outlets),
             ),
+            *clump_problems(self),
         ]
         if problems:
             raise validation_error(problems)
