@@ -220,8 +220,8 @@ def test_a_floor_of_triangles_is_a_plane(speed, tmp_path):
             corner = [i * (cells + 1) + j for i in range(cells) for j in range(cells)]
             faces = [t for a in corner for t in ((a, a + cells + 1, a + 1), (a + 1, a + cells + 1, a + cells + 2))]
             path = tmp_path / f"floor{cells}.obj"
-            lines = [*(f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices), *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces)]
-            path.write_text("\n".join(lines))
+            lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+            path.write_text("\n".join(lines + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]))
             wall = {"name": "floor", "material": "g", "mesh": str(path), "open": True}
         start = [[0.3e-3, 0.1e-3, RADIUS + 2.0 * PULL_OFF]]
         grains = {"material": "g", "radius": RADIUS, "positions": start, "velocities": [[0.0, 0.0, -speed]]}
