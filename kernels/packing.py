@@ -14,9 +14,11 @@ are needed by every packing, so they are one module.
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS
+from warpdem.kernels.clump import build as build_clumps
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 
 wp.set_module_options(MODULE_OPTIONS)
+of_clumps = build_clumps(True)
 
 
 @wp.kernel(enable_backward=False)
@@ -38,6 +40,7 @@ def list_neighbours(
     # grains, read [m]
     position: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
+    clump: wp.array[wp.int32],  # of each grain, of ``clump``: members of one are no neighbours; of size 0 without clumps
     skin: wp.float64,
     start: wp.array[wp.int32],  # of the room for each grain's row in the table
     # written: neighbours within r_i + r_j + skin, how many there are (also when there is no room for them),
@@ -66,7 +69,10 @@ def list_neighbours(
                         apart = x - position[j]
                         square = wp.dot(apart, apart)
                         # most candidates are out of reach: they need no square root
-                        if square < (touch + skin) * (touch + skin) and j != i:
+                        near = square < (touch + skin) * (touch + skin) and j != i
+                        if near and clump.shape[0] > 0:
+                            near = not of_clumps.same_clump(clump, i, j)
+                        if near:
                             if count < start[i + 1] - start[i]:
                                 neighbour_out[start[i] + count] = j
                             count += 1

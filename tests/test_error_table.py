@@ -237,7 +237,7 @@ TABLE = {
     ),
     "grain beyond a border": ("borders={z={kind='open', min=0.0025}}", ["grain 0", "starts beyond the border z min"]),
     "half a periodic axis": ("borders={x={kind='periodic', min=-1}}", ["borders.x.kind", "needs min and max"]),
-    "short periodic axis": ("borders={x={kind='periodic', min=-0.001, max=0.004}}", ["borders.x", "0.005 m", "4.4 diameters"]),
+    "short periodic axis": ("borders={x={kind='periodic', min=-0.001, max=0.001}}", ["borders.x", "0.002 m", "2.05 diameters"]),
     "periodic across the turn": (
         "frame={axis=[0, 0, 1], rate=1} ;; borders={x={kind='periodic', min=-0.1, max=0.1}}",
         ["borders.x", "the frame turns about another axis"],

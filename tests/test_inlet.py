@@ -10,6 +10,7 @@ from warpdem import Scene, SceneError, Simulation, StabilityError
 from warpdem.app import summary
 from warpdem.filling.inlet import Inlet
 from warpdem.filling.inlet_walls import InletWalls
+from warpdem.filling.stream_place import StreamPlace
 
 R = 1e-3
 BOX = {"min": [-0.01, -0.01, -0.005], "max": [0.01, 0.01, 0.01]}
@@ -85,12 +86,13 @@ def inlet(one: Scene, places=None, moves=None):
     from warpdem.model.walls import load_meshes
 
     still = [(np.eye(3), np.zeros(3)) for _ in one.walls]
-    walls = InletWalls(0, one, load_meshes(one), places or (lambda time: still), moves or [False] * len(one.walls))
-    return Inlet(0, one, 1e-5, walls)
+    place = StreamPlace(one.streams[0].box)
+    walls = InletWalls(0, one, load_meshes(one), place, places or (lambda time: still), moves or [False] * len(one.walls))
+    return Inlet(0, one, 1e-5, place, walls)
 
 
 def brought(one: Inlet, step: int):
-    return one.insert(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)
+    return one.insert(step, np.zeros((0, 3)), np.zeros(0), lambda way: way)[:2]
 
 
 PLATE = [-0.008, -0.008, -7.5e-4], [0.008, 0.008, 7.5e-4]
@@ -131,7 +133,8 @@ def test_a_wall_that_passes_the_box_is_kept_clear_of_while_it_is_there(tmp_path)
 
 def test_far_walls_change_no_bit(tmp_path):
     far = {"far": (([0.05] * 3, [0.06] * 3), {}), "under": ({"plane": {"point": [0, 0, -0.02], "normal": [0, 0, 1]}}, {})}
-    with_walls, without = inlet(scene(tmp_path, far)), Inlet(0, scene(tmp_path, {}), 1e-5)
+    without = Inlet(0, scene(tmp_path, {}), 1e-5, StreamPlace(scene(tmp_path, {}).streams[0].box))
+    with_walls = inlet(scene(tmp_path, far))
     for step in (200, 400):
         for one, two in zip(brought(with_walls, step), brought(without, step), strict=True):
             assert one.tobytes() == two.tobytes()

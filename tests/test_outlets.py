@@ -215,6 +215,7 @@ WRONG = {
     "none": ({"name": "o"}, "give exactly one of box, cylinder, sphere, mesh, plane; found none"),
     "two": ({"name": "o", **SHAPES["box"], **SHAPES["sphere"]}, "found box and sphere"),
     "wall": ({"name": "o", **SHAPES["box"], "follows": "belt"}, r"outlets\[0\].follows = \"belt\"\n *no such wall"),
+    "servo": ({"name": "o", **SHAPES["box"], "follows": "lid"}, "has a servo, by which its load moves it"),
     "both": ({"name": "o", **SHAPES["box"], "follows": "belt", "fixed_to": "laboratory"}, "cannot be given with follows"),
     "radius": ({"name": "o", "sphere": {"centre": [0, 0, 0], "radius": 0}}, r"sphere.radius = 0\n *must be > 0"),
     "file": ({"name": "o", "mesh": {"file": "none.stl"}}, r"outlets\[0\].mesh.file.*none.stl"),
@@ -232,7 +233,9 @@ def test_what_is_wrong_is_said(tmp_path, case):
     trimesh.Trimesh(box.vertices, box.faces[:-1]).export(tmp_path / "open.stl")
     trimesh.util.concatenate([box, trimesh.creation.box([0.5, 0.5, 0.5])]).export(tmp_path / "two.stl")
     with pytest.raises(SceneError, match=message):
-        Simulation(scene(tmp_path, [outlet]), device="cpu", threads=1)
+        lid = {"name": "lid", "material": "g", "plane": {"point": [0, 0, 1], "normal": [0, 0, -1]},
+               "servo": {"axis": [0, 0, -1], "force": 1.0, "max_speed": 0.1}}  # fmt: skip
+        Simulation(scene(tmp_path, [outlet], walls=[lid]), device="cpu", threads=1)
 
 
 def test_periodic_borders_refuse_what_would_cross_them(tmp_path):

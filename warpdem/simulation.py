@@ -6,33 +6,15 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from warpdem.core.device import pick_device
+from warpdem.assembly.parts import Parts
+from warpdem.assembly.wall_motion import set_motion
 from warpdem.core.log import log
 from warpdem.core.snapshot import WallMesh
-from warpdem.core.threads import run_threads
-from warpdem.core.timers import Timers
-from warpdem.engine.engine import Engine
-from warpdem.engine.run_loop import RunLoop
-from warpdem.errors import SceneError
-from warpdem.guards.verdict import Verdict
-from warpdem.guards.watch import Guards
 from warpdem.measure.budget import Budget
 from warpdem.mesh.tessellation import drawings
-from warpdem.model import time_step
-from warpdem.model.digests import Given
-from warpdem.model.prepare import prepare, require_scene
 from warpdem.runs.recorded import RecordedRun, Rows
 from warpdem.scene.model import Scene
 from warpdem.state import checkpoint, checkpoint_file, same_scene
-from warpdem.state.budget_totals import BudgetTotals
-from warpdem.state.clock import Clock
-from warpdem.state.particles import State
-from warpdem.state.restart import read as read_start
-from warpdem.state.restart import started_from, take_over
-from warpdem.state.streams import Streams
-from warpdem.state.view import RunView
 
 
 class Simulation(RecordedRun):
@@ -65,45 +47,16 @@ class Simulation(RecordedRun):
         *,
         resident: bool | None = None,
     ) -> None:
-        require_scene(scene)
-        given = Given.of(scene if start is None else started_from(scene, start))
-        where = pick_device(device)
-        if where.is_cuda and resident is False:
-            raise SceneError(f"resident = False: device {where.alias} knows no other way of stepping")
-        self.timers = Timers()
-        self.seconds, self.rows = self.timers.seconds, Rows()
-        with self.clock("set-up"):
-            past = read_start(given.scene) if given.scene.start is not None else None
-            model, grains = prepare(given, where, where.is_cuda if resident is None else resident, past)
-            self.model, self.notes = model, [*model.notes, *(past.notes if past is not None else ())]
-            self.scene, self.device, self.dt, self.limits = model.scene, model.device, model.dt, model.limits
-            self.plan, self.meshes, self.walls, self.domain = model.features, model.meshes, model.walls, model.domain
-            self.schedule, self.expected, self.kernels = model.schedule, model.expected, model.kernels
-            self.coefficients = model.coefficients
-            self.state, self._clock = State.of(model, grains), Clock(model.dt)
-            self.threads = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
-            self.engine = Engine(model, self.state, self._clock, self.threads, self.timers)
-            self.lists, self.left = self.engine.lists, self.engine.leavers.left
-        self.streams = Streams(model, self.state, self._clock)
-        self.inlets = self.streams.inlets
-        self.loop = RunLoop(self.state, self._clock, self.engine, self.streams, self.timers)
-        self.notes += self.streams.notes
-        sums = model.features.measures.sums
-        totals = BudgetTotals.of(sums) if sums else None
-        self.live = RunView(
-            model, self.state, self._clock, self.engine, totals, self.lists.view, self.left,
-            self.engine.leavers.departures, self.threads,
-        )
-        self.guards = Guards(self.live, self.prepare, self.engine.ignore_overlaps)
-        self.lists.watch_travel = self.guards.check_travel
-        if totals is not None:
-            books = Budget(self.live)
-            self.engine.leavers.before_leaving, self.loop.after_insertion = books.left, books.inserted
-        if past is not None:
-            take_over(past, self.state, self.lists, self.streams)
-        self.loop.insert()
-        if over := time_step.over_limit(self.dt, self.limits):
-            self.guards.notice(Verdict("time step", over))
+        self._parts = parts = Parts.of(scene, device, threads, start, resident)
+        self.model, self.state, self._clock, self.engine = parts.model, parts.state, parts.clock, parts.engine
+        self.streams, self.loop, self.live, self.guards = parts.streams, parts.loop, parts.view, parts.guards
+        self.timers, self.seconds, self.rows, self.notes = parts.timers, parts.timers.seconds, Rows(), parts.notes
+        self.lists, self.left, self.inlets = parts.engine.lists, parts.engine.leavers.left, parts.streams.inlets
+        self.threads, model = parts.threads, parts.model
+        self.scene, self.device, self.dt, self.limits = model.scene, model.device, model.dt, model.limits
+        self.plan, self.meshes, self.walls, self.domain = model.features, model.meshes, model.walls, model.domain
+        self.schedule, self.expected, self.kernels = model.schedule, model.expected, model.kernels
+        self.coefficients = model.coefficients
         for note in self.notes:
             log.info("%s: %s", scene.source, note)
         log.info("%s with a time step of %.4g s", repr(self), self.dt)  # as it is now; a record must not keep the run
@@ -194,18 +147,7 @@ class Simulation(RecordedRun):
         Raises:
             SceneError: there is no such wall, or it is not driven, or the motion is wrong, or too fast for the time step.
         """
-        driven = self.model.schedule.driven
-        if wall not in driven:
-            known = ", ".join(repr(name) for name in driven) or "none"
-            has = any(one.name == wall for one in self.scene.walls)
-            reason = "is not driven: add driven = true to it" if has else "is no wall of the scene"
-            raise SceneError(f"set_motion: {wall!r} {reason}; driven walls: {known}")
-        self.prepare()  # whether the forces of the present time were asked for before must not matter
-        mesh = self.meshes.get(wall)
-        points = mesh.vertices if mesh is not None else np.zeros((0, 3))
-        radius = float(self.model.expected.radius.min(initial=math.inf))
-        driven[wall].set(self.time, motion, points, radius, self.dt)
-        self.engine.motion_changed()
+        set_motion(self._parts, wall, motion)
 
     # -- checkpoint -----------------------------------------------------------------------------
 

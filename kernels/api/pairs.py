@@ -86,7 +86,9 @@ class Pairs(ListedGrains):
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
             slot = self.ints(n * self._capacity)
-            self.launch(lists.find_neighbors, n, [0, grid, g.record, g.id, self.skin, start, count, slot])
+            self.launch(lists.find_neighbors, n, [
+                0, grid, g.record, g.id, self.ints(0), self.skin, start, count, slot
+            ])
             longest = int(count.numpy().max())
             if longest <= self._capacity:
                 break

@@ -12,7 +12,7 @@ give the same bits in any lane, so a contact's result does not depend on its pla
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import Built, clump, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT, with_losses
 
@@ -27,7 +27,7 @@ RESULT_AT = Columns((("force", 3), ("torque_i", 3), ("torque_j", 3)))
 
 
 @functools.cache
-def build(real, law, parts, border, *, spins: bool, gap: float):
+def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = False):
     """Return ``contact``, which evaluates one, and the types of what it is given and gives.
 
     Args:
@@ -37,6 +37,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
         border: periodic images, of ``border.build``.
         spins: grains spin (there is a tangential or rolling model).
         gap: how far beyond contact the law acts [m].
+        clumps: there are clumps.
     """
     g = grain.build(spins)
     vec3 = wp.types.vector(3, real)
@@ -156,6 +157,18 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
             for_j = entry(cast_vector(n), real(-1.0), real(arm_j), p)
         return result, now, ratio, approach, for_i, for_j
 
+    of_clumps = clump.build(clumps)
+
+    @wp.func
+    def constants_of_clumps(
+        gi: g.Record, gj: g.Record, inv_i: of_clumps.Inverse, inv_j: of_clumps.Inverse, radius: real, c: Numbers
+    ) -> Constants:
+        """Constants of a contact from the masses that its grains have along the normal as members of clumps."""
+        across = border.nearest(g.position(gi) - g.position(gj))
+        n = across * (wp.float64(1.0) / wp.sqrt(wp.dot(across, across)))
+        inverse = of_clumps.inverse_mass(inv_i, n) + of_clumps.inverse_mass(inv_j, n)
+        return law.constants(c, radius, real(wp.float64(1.0) / inverse), real(wp.float64(1.0) / (gi[3] + gj[3])))
+
     @wp.func
     def margin_at(across: wp.vec3d, gi: g.Record, gj: g.Record) -> wp.float64:
         cutoff = gi[3] + gj[3] + wp.float64(wp.static(gap))
@@ -178,7 +191,8 @@ def build(real, law, parts, border, *, spins: bool, gap: float):
         return gi[3] * gj[3] / (gi[3] + gj[3])
 
     return Built(
-        contact=contact, margin=margin, margin_before=margin_before, reduced_radius=reduced_radius,
+        contact=contact, constants_of_clumps=constants_of_clumps, clumps=of_clumps, margin=margin,
+        margin_before=margin_before, reduced_radius=reduced_radius,
         cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,
         has_parts=parts is not None, PairForce=PairForce, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
     )  # fmt: skip

@@ -32,6 +32,8 @@ def translated(pairs, turning_frame: bool) -> Built:
     """
     law = Translator()
     functions = {name: getattr(pairs, name) for name in ("contact", "margin", "reduced_radius", "cast_coefficients")}
+    if pairs.clumps.there:
+        functions["constants_of_clumps"] = pairs.constants_of_clumps
     if pairs.has_parts:
         functions["margin_before"] = pairs.margin_before
     if turning_frame and pairs.law.history.at.width:
@@ -63,6 +65,16 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     radius, inertia = f"__builtin_convertvector(batch::{law.reduced_radius}(gi, gj), {lane})", f"{lane}(0)"
     if "radius" in stored:
         radius, inertia = constant.format(f=stored.radius), constant.format(f=stored.inertia)
+    numbers, of_clumps = lines(f"numbers.c[{{f}}] = {constant};", own), ""
+    if pairs.clumps.there:  # masses along the normal change as clumps turn: nothing is stored
+        of_all = pairs.clumps.Inverse._length_
+        read_inverse = "        batch::read(inverse.data[0].c + {at}, {all}, {name}.data + p * {lanes}, inv_{side}.c + {at});\n"
+        numbers = f"        wp::vec_t<{of_all}, f64> inv_i, inv_j;\n" + "".join(
+            read_inverse.format(at=at, all=of_all, name=name, lanes=lanes, side=side)
+            for at in rows.starts(of_all, lanes) for side, name in sides
+        )
+        given = f"gi, gj, inv_i, inv_j, {radius}, batch::{law.cast_coefficients}(c)"
+        of_clumps = f"        numbers = batch::{law.constants_of_clumps}({given});\n"
     history_in, history_out = (f"history_{way}.data + (p * {remembers} + {{f}}) * {lanes}" for way in ("in", "out"))
     rotated = f"        remembered = batch::{law.rotated}(remembered, turn);\n" if hasattr(law, "rotated") else ""
     chosen = ""
@@ -108,9 +120,9 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         wp::vec_t<{width}, f64> gi, gj;
 {records}\
         wp::vec_t<{own}, {lane}> numbers;
-{lines(f"numbers.c[{{f}}] = {constant};", own)}\
+{numbers}\
         wp::vec_t<{max(remembers, 1)}, {lane}> remembered;
-{lines(f"remembered.c[{{f}}] = batch::load({history_in});", remembers)}{rotated}{chosen}\
+{lines(f"remembered.c[{{f}}] = batch::load({history_in});", remembers)}{rotated}{chosen}{of_clumps}\
         const auto o = batch::{law.contact}(
             gi, gj, numbers, {radius}, {inertia}, batch::{law.cast_coefficients}(c), remembered, f64(slip_time), f64(dt));
 {lines(f"batch::store({history_out}, o.r1.c[{{f}}]);", remembers)}\
@@ -179,6 +191,7 @@ def build(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: boo
         history_in: wp.array3d(dtype=real),  # (batches, numbers, lanes), of the step before
         slot_i: wp.array2d(dtype=wp.int32),
         slot_j: wp.array2d(dtype=wp.int32),
+        inverse: wp.array(dtype=pairs.clumps.Inverse),  # read where there are clumps
         # written
         history_out: wp.array3d(dtype=real),  # may be the same array
         row: wp.array(dtype=pairs.PairForce),

@@ -28,7 +28,7 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
     past, remembers = law.history, law.history.at.width
     Constants, History = law.Constants, law.History
     PairForce, Entry = pairs.PairForce, pairs.Entry
-    Inverse = wp.types.vector(2, wp.float64)
+    Inverse = pairs.clumps.Inverse
 
     @wp.func
     def evaluate(
@@ -76,12 +76,6 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
         inv_i = inverse[i]
         inv_j = inverse[j]
         radius = pairs.reduced_radius(gi, gj)
-        constants_64 = constants(
-            coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]), wp.float64(1.0) / (gi[3] + gj[3])
-        )  # fmt: skip
-        numbers = Constants()
-        for f in range(wp.static(Constants._length_)):
-            numbers[f] = real(constants_64[f])
         inertia = wp.float64(0.0)
         if wp.static(rolling):
             inertia = wp.float64(wp.static(inertia_factor)) / (inv_i[1] + inv_j[1])
@@ -90,8 +84,18 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
             history[f] = history_in[p, f, k]
         if wp.static(turning_frame):
             history = past.rotated(history, turn_rate)
+        c = pairs.cast_coefficients(coefficients_64)
+        numbers = Constants()
+        if wp.static(pairs.clumps.there):
+            numbers = pairs.constants_of_clumps(gi, gj, inv_i, inv_j, real(radius), c)
+        else:
+            constants_64 = constants(
+                coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]), wp.float64(1.0) / (gi[3] + gj[3])
+            )  # fmt: skip
+            for f in range(wp.static(Constants._length_)):
+                numbers[f] = real(constants_64[f])
         result, now, ratio, speed, for_i, for_j = pairs.contact(
-            gi, gj, numbers, real(radius), real(inertia), pairs.cast_coefficients(coefficients_64), history, slip_time, dt
+            gi, gj, numbers, real(radius), real(inertia), c, history, slip_time, dt
         )
         if wp.static(spins):
             row_out[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])

@@ -171,7 +171,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             target += threads
             meet(steps.meeting, target, control.wait_modes)
 
-        partner = wp.min(1, n - 1)
+        partner = lists.idle_partner(grains)
         for b in range(first_block, last_block):
             touching = int(0)
             near = int(0)

@@ -13,7 +13,7 @@ id first and summed in order of partner id.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, Built, clump, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 from warpdem.kernels.lists.numbering import Counts, Starts
@@ -33,7 +33,7 @@ class NeighborRows:
 @functools.cache
 def build(
     real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
-    gap: float, keep_constants: bool,
+    gap: float, keep_constants: bool, clumps: bool = False,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
@@ -42,7 +42,8 @@ def build(
     """
     g = grain.build(spins)
     Coefficients = law.Coefficients
-    Inverse = wp.types.vector(2, wp.float64)
+    of_clumps = clump.build(clumps)
+    Inverse = of_clumps.Inverse
 
     @wp.struct
     class ListedGrains:
@@ -52,6 +53,7 @@ def build(
         inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg] and 1/I [1/(kg m2)]
         material: wp.array(dtype=wp.int32)  # (n,) material index
         id: wp.array(dtype=wp.int64)  # (n,)
+        clump: wp.array(dtype=wp.int32)  # (n,) of ``kernels.clump``; of size 0 without clumps
 
     @wp.struct
     class ListedContacts:
@@ -100,6 +102,16 @@ def build(
                 high = middle
         return low
 
+    @wp.func
+    def without_repeats(at: int, count: int, slot_out: wp.array(dtype=wp.int32)) -> int:
+        """Number of different partners at ``at``, in order and side by side: two images of one may be near in a thin domain."""
+        n = int(0)
+        for e in range(at, at + count):
+            if n == 0 or slot_out[at + n - 1] != slot_out[e]:
+                slot_out[at + n] = slot_out[e]
+                n += 1
+        return n
+
     @kernel
     def insert_grains(first: int, grids: SizeGrids, grains: wp.array(dtype=g.Record)):
         """Put the grains on the grids; on a CPU one thread does it."""
@@ -112,6 +124,7 @@ def build(
         grids: SizeGrids,
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
+        clump: wp.array(dtype=wp.int32),  # of size 0 without clumps
         skin: wp.float64,
         start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
@@ -143,6 +156,8 @@ def build(
                                     separation = border.nearest(g.position(me) - there)
                                     far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # so it is the same seen from j
                                     near = wp.dot(separation, separation) < far * far and j != i
+                                    if wp.static(clumps):
+                                        near = near and not of_clumps.same_clump(clump, i, j)
                                     if wp.static(border.images > 1):  # a cell may be seen from several images
                                         seen = place - there
                                         near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
@@ -151,8 +166,11 @@ def build(
                                             slot_out[at + n] = j
                                         n += 1
                                     j = next_in(grids, j)
-        count_out[i] = n
         sort_by_id(at, wp.min(n, room), id, slot_out)
+        if wp.static(border.images > 1):
+            if n <= room:
+                n = without_repeats(at, n, slot_out)
+        count_out[i] = n
 
     @kernel
     def carry_contacts(
@@ -252,6 +270,16 @@ def build(
             )
 
     @wp.func
+    def idle_partner(grains: ListedGrains) -> int:
+        """Grain that lanes without a contact pair with grain 0: another one, and no member of the same clump."""
+        last = grains.record.shape[0] - 1
+        partner = wp.min(1, last)
+        if wp.static(clumps):
+            while partner < last and of_clumps.same_clump(grains.clump, 0, partner):
+                partner += 1
+        return partner
+
+    @wp.func
     def clear_lane(p: int, k: int, partner: int, unused_slot: int, contacts_out: ListedContacts):
         """No contact in lane ``k`` of batch ``p``: a pair of grains with no stiffness."""
         contacts_out.owner[p, k] = 0
@@ -267,12 +295,13 @@ def build(
     @kernel
     def clear_contacts(
         first: int,
-        partner: int,  # a grain that is not grain 0, if there is one
+        grains: ListedGrains,
         unused_slot: int,  # force slot that belongs to no grain
         contacts_out: ListedContacts,
     ):
         """Batches of no contact: those that fill the last one of a class stay such."""
         p = first + wp.tid()
+        partner = idle_partner(grains)
         for k in range(wp.static(lanes)):
             clear_lane(p, k, partner, unused_slot, contacts_out)
 
@@ -356,6 +385,7 @@ def build(
         contact_constants=contact_constants,
         select_row=select_row,
         clear_lane=clear_lane,
+        idle_partner=idle_partner,
         fill_row=fill_row,
         ListedGrains=ListedGrains,
         Coefficients=Coefficients,

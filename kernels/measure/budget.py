@@ -132,11 +132,10 @@ def build(
         return wp.vec3d(y[first], y[first + 1], y[first + 2])
 
     @wp.func
-    def energies(
-        i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, at: int, model: Model, grains: Grains,
-        wall_contacts: WallContacts, control: Control,
+    def contact_energies(
+        i: int, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, grains: Grains, wall_contacts: WallContacts
     ) -> Energies:  # fmt: skip
-        """Energies at the call in row ``at``, powers times ``weight`` [s]; contacts in order of partner id."""
+        """Energies by contacts, powers times ``weight`` [s]; contacts in order of partner id."""
         damping = wp.float64(0.0)
         sticking = wp.float64(0.0)
         sliding = wp.float64(0.0)
@@ -180,18 +179,35 @@ def build(
                 rescaled += y[wp.static(at_wall.rescaled)]
                 for f in range(wp.static(more)):
                     out[wp.static(len(ENERGIES)) + f] += y[wp.static(at_wall.width) + f]
-        given = wp.float64(0.0)
-        if wp.static(field_power is not None):
-            mass = wp.float64(1.0) / grains.inverse[i][0]
-            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * model.dt)
-            given = field_power(control.frame[at], g.position(state), predicted, v, mass, state[3], control.field)
         common = Common(
             damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
-            given * weight, wp.float64(0.0),
+            wp.float64(0.0), wp.float64(0.0),
         )  # fmt: skip
         for f in range(wp.static(len(ENERGIES))):
             out[f] = common[f]
         return out
+
+    @wp.func
+    def field_energies(
+        state: g.Record, v: wp.vec3d, mass: wp.float64, weight: wp.float64, at: int, model: Model, control: Control,
+        before: Energies,
+    ) -> Energies:  # fmt: skip
+        """``before``, which holds none yet, with those by the external fields at the call in row ``at``."""
+        out = before
+        if wp.static(field_power is not None):
+            predicted = g.velocity(state) + g.acceleration(state) * (wp.float64(0.5) * model.dt)
+            given = field_power(control.frame[at], g.position(state), predicted, v, mass, state[3], control.field)
+            out[wp.static(ENERGIES.index("fields"))] = given * weight
+        return out
+
+    @wp.func
+    def energies(
+        i: int, state: g.Record, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, at: int, model: Model, grains: Grains,
+        wall_contacts: WallContacts, control: Control,
+    ) -> Energies:  # fmt: skip
+        """Energies at the call in row ``at``, powers times ``weight`` [s]."""
+        found = contact_energies(i, v, w, weight, grains, wall_contacts)
+        return field_energies(state, v, wp.float64(1.0) / grains.inverse[i][0], weight, at, model, control, found)
 
     @wp.func
     def with_moments(arm: wp.vec3d, force: wp.vec3d) -> vec6:
@@ -207,13 +223,11 @@ def build(
         return seen
 
     @wp.func
-    def momenta(
-        i: int, state: g.Record, total: vec6, weight: wp.float64, at: int, model: Model, grains: Grains,
-        wall_contacts: WallContacts, control: Control,
+    def contact_momenta(
+        i: int, state: g.Record, total: vec6, weight: wp.float64, at: int, wall_contacts: WallContacts, control: Control
     ) -> Momenta:  # fmt: skip
-        """Impulses at the call in row ``at``, forces times ``weight`` [s], in frame axes; ``total``: load of all contacts."""
+        """Impulses by contacts, forces times ``weight`` [s], in frame axes; ``total``: load of all contacts."""
         arm = from_laboratory(g.position(state), control.frame, at)
-        mass = wp.float64(1.0) / grains.inverse[i][0]
         out = Momenta()
         by_pairs = total
         if wp.static(walls):
@@ -230,6 +244,15 @@ def build(
             )
             for k in range(3):
                 out[wp.static(MOMENTA_AT.carried + 3) + k] = carried[k] * weight
+        return out
+
+    @wp.func
+    def field_momenta(
+        state: g.Record, mass: wp.float64, weight: wp.float64, at: int, model: Model, control: Control, before: Momenta
+    ) -> Momenta:  # fmt: skip
+        """``before``, which holds none yet, with those by gravity and fields."""
+        out = before
+        arm = from_laboratory(g.position(state), control.frame, at)
         heavy = with_moments(arm, gravity(control.row[at]) * mass)
         for k in range(6):
             out[wp.static(MOMENTA_AT.gravity) + k] = heavy[k] * weight
@@ -241,6 +264,15 @@ def build(
             for k in range(6):
                 out[wp.static(MOMENTA_AT.fields) + k] = pulled[k] * weight
         return out
+
+    @wp.func
+    def momenta(
+        i: int, state: g.Record, total: vec6, weight: wp.float64, at: int, model: Model, grains: Grains,
+        wall_contacts: WallContacts, control: Control,
+    ) -> Momenta:  # fmt: skip
+        """Impulses at the call in row ``at``, forces times ``weight`` [s], in frame axes; ``total``: load of all contacts."""
+        found = contact_momenta(i, state, total, weight, at, wall_contacts, control)
+        return field_momenta(state, wp.float64(1.0) / grains.inverse[i][0], weight, at, model, control, found)
 
     @wp.func
     def turned(all: Momenta, row: Row) -> Momenta:
@@ -279,6 +311,8 @@ def build(
                 work_out[i, wall] = work_out[i, wall] + wall_contacts.power[i, wall] * weight
 
     return Built(
-        energies=energies, momenta=momenta, turned=turned, lifted=lifted, shifted=shifted, wall_works=wall_works,
+        contact_energies=contact_energies, field_energies=field_energies, energies=energies,
+        contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, turned=turned, lifted=lifted,
+        shifted=shifted, wall_works=wall_works,
         energy=energy, momentum=momentum, Energies=Energies,
     )  # fmt: skip

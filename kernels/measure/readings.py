@@ -9,6 +9,7 @@ and one module.
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, SHARED_READERS
+from warpdem.kernels.clump import NONE, Reading
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.grain import GONE, RADIUS
 from warpdem.kernels.measure.exact_sum import add, rounded
@@ -80,12 +81,16 @@ def grain_sums(
     spin: wp.array(dtype=wp.vec3d),
     axes: Motion,  # that velocity and spin are relative to; zeros if they are absolute
     spins: int,  # 0: grains have no spin, whatever ``spin`` holds
+    clump: wp.array(dtype=wp.int32),  # of ``kernels.clump``, whose members ``clump_sums`` counts; of size 0 without clumps
     sums_out: wp.array3d(dtype=wp.int64),
 ):  # fmt: skip
     """``GRAIN_SUMS`` of the grains that are present."""
     i = first + wp.tid()
     if record[i, 0] == wp.float64(wp.static(GONE)):
         return
+    if clump.shape[0] > 0:
+        if clump[i] != wp.static(NONE):
+            return
     p = part(row, spread, i)
     q = position(record, i)
     mass = wp.float64(1.0) / inverse[i, 0]
@@ -102,6 +107,31 @@ def grain_sums(
         angular = angular + inertia * w
         add(wp.float64(0.5) * inertia * wp.dot(w, w), p, wp.static(GRAIN_SUMS.rotational), sums_out)
     add_vector(angular, p, wp.static(GRAIN_SUMS.angular_momentum), sums_out)
+
+
+@wp.kernel(enable_backward=False, module=SHARED_READERS)
+def clump_sums(
+    first: int, row: int, spread: int,
+    record: wp.array2d(dtype=wp.float64),  # of the clumps
+    rate: wp.array(dtype=wp.vec4d),  # 1/m first
+    reading: wp.array(dtype=Reading),  # velocity, spin and angular momentum at the present time
+    sums_out: wp.array3d(dtype=wp.int64),
+):  # fmt: skip
+    """``GRAIN_SUMS`` of the clumps."""
+    c = first + wp.tid()
+    p = part(row, spread, c)
+    q = position(record, c)
+    mass = wp.float64(1.0) / rate[c][0]
+    motion = reading[c]
+    v = wp.vec3d(motion[0], motion[1], motion[2])
+    momentum = wp.vec3d(motion[6], motion[7], motion[8])
+    add(mass, p, wp.static(GRAIN_SUMS.mass), sums_out)
+    add_vector(mass * q, p, wp.static(GRAIN_SUMS.moment), sums_out)
+    add_vector(mass * v, p, wp.static(GRAIN_SUMS.momentum), sums_out)
+    add(wp.float64(0.5) * mass * wp.dot(v, v), p, wp.static(GRAIN_SUMS.kinetic), sums_out)
+    rotational = wp.float64(0.5) * wp.dot(wp.vec3d(motion[3], motion[4], motion[5]), momentum)
+    add(rotational, p, wp.static(GRAIN_SUMS.rotational), sums_out)
+    add_vector(mass * wp.cross(q, v) + momentum, p, wp.static(GRAIN_SUMS.angular_momentum), sums_out)
 
 
 @wp.kernel(enable_backward=False, module=SHARED_READERS)

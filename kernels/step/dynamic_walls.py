@@ -209,7 +209,7 @@ def build(one, WallContacts, bodies: bool):
         WallContacts: struct of ``wall.evaluate.build``.
     """
     g, at = grain.build(one.spins), one.at
-    Inverse = wp.types.vector(2, wp.float64)
+    Inverse = one.Inverse
 
     @wp.func
     def add_loads(

@@ -69,8 +69,8 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
             sweep(
                 part.first, part.last, part.stride, grains.record, contacts.owner, contacts.partner, contacts.constants,
                 contacts.kind, model.coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), model.dt,
-                contacts.history, contacts.slot_i, contacts.slot_j, history_out, grains.row, grains.entry, report.extreme,
-                part.slot,
+                contacts.history, contacts.slot_i, contacts.slot_j, grains.inverse, history_out, grains.row, grains.entry,
+                report.extreme, part.slot,
             )  # fmt: skip
             if never():
                 pair_phase_by_lane(part, row, history_out, model, grains, contacts, report)

@@ -9,7 +9,7 @@ on the order of the lists.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import Built, clump, grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, place_at, velocity_at
@@ -108,16 +108,17 @@ def joined(before, number: int, force, in_laboratory: bool):
 
 
 @functools.cache
-def build_acceleration(fields: tuple, *, spins: bool, relative: bool):
+def build_acceleration(fields: tuple, *, spins: bool, relative: bool, clumps: bool = False):
     """Return ``acceleration``.
 
     Args:
         fields: force function of each external field, and whether it lives in laboratory axes.
         spins: grains spin.
         relative: the record holds velocities relative to the frame.
+        clumps: there are clumps.
     """
     g = grain.build(spins)
-    Inverse = wp.types.vector(2, wp.float64)
+    Inverse = clump.inverse_type(clumps)
     external = None
     for number, (force, in_laboratory) in enumerate(fields):
         external = joined(external, number, force, in_laboratory)

@@ -7,7 +7,7 @@ stage, flow through planes, periodic image, orientation, displacement since the 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import Built, clump, grain
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
@@ -17,8 +17,8 @@ vec6 = wp.types.vector(6, wp.float64)
 
 @functools.cache
 def build(
-    structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, *, stages: int,
-    spins: bool, walls: bool, leave: bool,
+    structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, clumps=None, *,
+    stages: int, spins: bool, walls: bool, leave: bool,
 ):  # fmt: skip
     """Return ``move_phase``.
 
@@ -32,6 +32,7 @@ def build(
         budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
         flow: of ``flow.build``; None when the flow through no plane is asked for.
         wear: of ``wear.build``; None when what wears walls is not asked for.
+        clumps: of ``clump_phase.build``; None without clumps.
         stages: force calls per step.
         spins: grains spin.
         walls: there are walls.
@@ -109,6 +110,12 @@ def build(
         for i in range(part.first, part.last, part.stride):
             if wp.static(leave):
                 if g.gone(grains.record[i]):
+                    continue
+            if wp.static(clumps is not None):
+                c = grains.clumps.of_grain[i]
+                if c != wp.static(clump.NONE):
+                    if grains.clumps.first[c] == i:
+                        moved = moved | clumps.move(c, s, model, grains, wall_contacts, control, max_displacement)
                     continue
             total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, Built, clump
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.schedule import kick_time
 from warpdem.kernels.step.structs import Control
@@ -12,7 +12,7 @@ vec6 = wp.types.vector(6, wp.float64)
 
 
 @functools.cache
-def build(structs, WallContacts, load, acceleration, reading, budget, *, stages: int, walls: bool):
+def build(structs, WallContacts, load, acceleration, reading, budget, clumps=None, *, stages: int, walls: bool):
     """Return the kernels ``read`` and ``read_budget``; the latter is None without budgets.
 
     Args:
@@ -21,6 +21,7 @@ def build(structs, WallContacts, load, acceleration, reading, budget, *, stages:
         load: sum over contacts, and ``acceleration``, of ``motion``.
         reading: velocities of the present time, of the integrator.
         budget: namespace of ``budget.build``, or None.
+        clumps: of ``clump_phase.build``; None without clumps.
         stages: force calls per step.
         walls: there are walls.
     """
@@ -41,6 +42,12 @@ def build(structs, WallContacts, load, acceleration, reading, budget, *, stages:
     ):
         """Contact force [N] and torque [N m], velocity [m/s] and spin [rad/s] of each grain at the present time."""
         i = wp.tid()
+        if wp.static(clumps is not None):
+            c = grains.clumps.of_grain[i]
+            if c != wp.static(clump.NONE):
+                if grains.clumps.first[c] == i:
+                    clumps.read(c, s, model, grains, wall_contacts, control, load_out, velocity_out, spin_out)
+                return
         at = s * wp.static(stages)
         total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
         row = control.row[at]
@@ -68,6 +75,13 @@ def build(structs, WallContacts, load, acceleration, reading, budget, *, stages:
         ):
             """Budgets of each grain up to the present time; the present forces count for half a step."""
             i = wp.tid()
+            if wp.static(clumps is not None):
+                c = grains.clumps.of_grain[i]
+                if c != wp.static(clump.NONE):
+                    clumps.read_budget(
+                        c, i, s, model, grains, wall_contacts, control, energies_out, momenta_out, wall_work_out
+                    )
+                    return
             row = control.row[s]
             total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]

@@ -162,7 +162,7 @@ def build(pairs):
     """
     real = pairs.real
     g = grain.build(pairs.spins)
-    Inverse = wp.types.vector(2, wp.float64)
+    Inverse, Clumps = pairs.clumps.Inverse, pairs.clumps.Clumps
     Energies = energies_type(pairs.law.losses)
 
     @wp.struct
@@ -179,7 +179,7 @@ def build(pairs):
         """State and constants per grain, in memory order, and the forces on them."""
 
         # read only
-        inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg], 1/I [1/(kg m2)]
+        inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg], 1/I [1/(kg m2)]; of members of clumps written in the step
         material: wp.array(dtype=wp.int32)  # (n,)
         reference: wp.array2d(dtype=wp.vec3d)  # (n, 1 + motions) of the inner list, of ``displacement``
         row_start: wp.array(dtype=wp.int32)  # (n + 1,) first force slot of each
@@ -189,6 +189,7 @@ def build(pairs):
         store: wp.array2d(dtype=wp.vec3d)  # (n, STORE) what it keeps between the stages of a step
         flight: wp.array(dtype=Flight)  # (n,), or of size 0 when no grain is in flight; ended where a grain leaves
         exit: wp.array2d(dtype=wp.int32)  # (n, 2) 1 + number of the outlet that it left by in this batch, and the step
+        clumps: Clumps  # of empty arrays without clumps
         # written by the contacts
         row: wp.array(dtype=pairs.PairForce)  # (force slots + 1,)
         entry: wp.array(dtype=pairs.Entry)  # beside ``row`` when energies are added up
@@ -213,4 +214,7 @@ def build(pairs):
         history: wp.array3d(dtype=real)  # (batches, numbers, lanes)
         trial: wp.array3d(dtype=real)  # history after a stage within the step; it is discarded
 
-    return Built(Model=Model, Grains=Grains, ContactBatches=ContactBatches, Entry=pairs.Entry, Energies=Energies)
+    return Built(
+        Model=Model, Grains=Grains, ContactBatches=ContactBatches, Entry=pairs.Entry, PairForce=pairs.PairForce,
+        Energies=Energies,
+    )  # fmt: skip

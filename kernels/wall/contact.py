@@ -12,7 +12,7 @@ slip takes that of mid-step.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import Built, clump, grain
 from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
 from warpdem.kernels.step.schedule import (
@@ -32,14 +32,13 @@ from warpdem.kernels.step.schedule import (
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.contact_points import Hit, direction_of, point_of
 
-Inverse = wp.types.vector(2, wp.float64)
 vec6 = wp.types.vector(6, wp.float64)
 
 
 @functools.cache
 def build(
     law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
-    inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False,
+    inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False, clumps: bool = False,
 ):  # fmt: skip
     """Return ``contact``, the types of what it is given and gives, and readers of what a contact point remembers.
 
@@ -56,8 +55,11 @@ def build(
         moving: number of wall motions relative to the frame.
         conveying: surfaces move along themselves.
         wear: what wears walls is added up, from results that hold the wall's velocity.
+        clumps: there are clumps.
     """
     g = grain.build(spins)
+    of_clumps = clump.build(clumps)
+    Inverse = of_clumps.Inverse
     Coefficients, History, past = law.Coefficients, law.History, law.history
     at, remembers = record.columns(past.at), past.at.width
     history_at = record.GEOMETRY.width
@@ -222,7 +224,7 @@ def build(
         if wp.static(conveying):
             v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
-        numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
+        numbers = law.constants(c, radius, wp.float64(1.0) / of_clumps.inverse_mass(inv, n), wp.float64(0.0))
         inertia = inertia_of(inv)
         turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
@@ -266,6 +268,6 @@ def build(
         normal_in=normal_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
         looks_back=moving > 0 or conveying,
-        Result=record.result_type(rolling, wear), Coefficients=Coefficients, Record=g.Record,
+        Result=record.result_type(rolling, wear), Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
         WallEntry=WallEntry,
     )  # fmt: skip

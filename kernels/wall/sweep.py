@@ -13,7 +13,6 @@ from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.step.structs import ForceCall, Range
-from warpdem.kernels.wall.contact import Inverse
 from warpdem.kernels.wall.contact_points import Hit
 from warpdem.kernels.wall.record import FOUND, FRICTION
 
@@ -82,7 +81,7 @@ def source(one, lanes: int, table: bool) -> str:
             feature[k] = feature_of[k];
         }}
 {gathered("state", one.Record, "grains.record.data[0].c", "grain_of", lanes)}\
-{gathered("inv", Inverse, "grains.inverse.data[0].c", "grain_of", lanes)}\
+{gathered("inv", one.Inverse, "grains.inverse.data[0].c", "grain_of", lanes)}\
 {gathered("point", Hit, "wall_contacts.hit.data[0].c", "hit_of", lanes)}\
 {gathered("before", one.Memory, "wp::address(wall_contacts.place, call.old_generation, 0)->c", "before_of", lanes)}\
 {gathered("now", Placement, placement("now"), "motion_of", lanes)}{then}{c_of_each}\

@@ -92,8 +92,7 @@ def _probed(sim: Simulation, steps: int, console: Console | None) -> dict[str, A
     frames, rows = due.frames(steps), due.rows(steps)
     size, frame_seconds, row_seconds = _written(sim)
     contacts, here = len(sim.contacts().i), len(sim.state)
-    end, density = sim.scene.time.end, {name: material.density for name, material in sim.scene.materials.items()}
-    mean = sum(mean_count(stream, density[stream.material], end) for stream in sim.scene.streams)
+    mean = sum(mean_count(sim.scene, stream, sim.scene.time.end) for stream in sim.scene.streams)
     mean = max(0.0, mean - here) if empty else mean  # those of the probe came by the streams
     settles = any(sim.scene.gravity) and sim.device.is_cpu
     contacts_to_form = max(0.0, SETTLED * (here + mean) - contacts) if settles else 0.0

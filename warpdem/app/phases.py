@@ -26,7 +26,7 @@ from warpdem.simulation import Simulation
 from warpdem.state import checkpoint_file, same_scene
 from warpdem.state.restart import started_from
 
-INDICES = ("result.pvd", "contacts.pvd")
+INDICES = ("result.pvd", "contacts.pvd", "clumps.pvd")
 """Time indices that are joined over the phases."""
 
 

@@ -108,7 +108,8 @@ def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder
                                  f"{packing.rebuilds} neighbour searches, shaken {packing.shakes} times")  # fmt: skip
     for inlet in sim.inlets:
         waits = "; the next one waits for space" if inlet.blocked else ""
-        table.add_row("inserted", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(inlet.stream.material)}{waits}")
+        materials = ", ".join(dict.fromkeys(portion.material for portion in inlet.stream.portions))
+        table.add_row("inserted", f"{inlet.count} grains, {inlet.mass:.4g} kg, of {escape(materials)}{waits}")
     for message in shortfalls(sim):
         table.add_row("[bold red]warning[/]", escape(message))
     for name, (count, mass) in sim.left.items():

@@ -40,7 +40,7 @@ class WallLoad:
     pressure: np.ndarray
     """Normal force over area of each triangle of a mesh [Pa], shape (t,); positive in compression."""
     wear: TriangleWear | None = None
-    """Wear of the triangles of a mesh; None where the scene does not ask for it."""
+    """Wear of the triangles of a mesh, in [Pa], [J] and [m] as its columns say; None where the scene does not ask for it."""
 
     def __repr__(self) -> str:
         force, torque = (", ".join(f"{x:.4g}" for x in vector) for vector in (self.force, self.torque))
@@ -85,6 +85,30 @@ class ContactNetwork:
 
 
 @dataclass(frozen=True)
+class ClumpShots:
+    """The clumps at one time, ordered by id; vectors in frame axes, motion relative to the frame."""
+
+    id: np.ndarray
+    """Ids: those of their first members, shape (c,), int64, ascending."""
+    type: np.ndarray
+    """Number of the clump in the order of the scene, shape (c,), int32."""
+    members: np.ndarray
+    """Number of members, shape (c,), int32."""
+    mass: np.ndarray
+    """Mass [kg], shape (c,)."""
+    position: np.ndarray
+    """Centre of mass [m], shape (c, 3)."""
+    orientation: np.ndarray
+    """Unit quaternions (w, x, y, z) from the axes of the clump in the scene to the frame axes, shape (c, 4)."""
+    velocity: np.ndarray
+    """Velocity of the centre [m/s], shape (c, 3)."""
+    spin: np.ndarray
+    """Angular velocity [rad/s], shape (c, 3)."""
+    angular_momentum: np.ndarray
+    """Absolute angular momentum about the centre [N m s], shape (c, 3)."""
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """State of a run at time t_k, ordered by grain id; vectors in frame axes, motion relative to the frame."""
 
@@ -118,6 +142,10 @@ class Snapshot:
     """Unit quaternions (w, x, y, z) from body axes to frame axes, shape (n, 4); None when the scene leaves them out."""
     contacts: ContactNetwork | None = None
     """The contacts; None when the scene leaves them out."""
+    clump: np.ndarray | None = None
+    """Id of the clump of each grain, -1 for a grain of its own, shape (n,), int64; None in a run without clumps."""
+    clumps: ClumpShots | None = None
+    """The clumps; None in a run without any."""
     gravity: np.ndarray | None = None
     """Gravity in laboratory axes [m/s2], shape (3,); None where results do not hold it."""
 

@@ -276,7 +276,8 @@ def _category_names(folder: Path, field: Field) -> tuple[str, ...]:
             return tuple(scene["materials"])
         if field.array == "group":  # numbered as in Scene.groups
             entries = [(key, k, group) for key in ("grains", "streams") for k, group in enumerate(scene[key])]
-            return tuple(dict.fromkeys(group.get("name") or f"{key}[{k}]" for key, k, group in entries))
+            names = [(group.get("name") or f"{key}[{k}]", group.get("recipe") or [{}]) for key, k, group in entries]
+            return tuple(dict.fromkeys(portion.get("name") or name for name, recipe in names for portion in recipe))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return ()  # results without a record, or with a damaged one
     return ()

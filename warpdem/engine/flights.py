@@ -64,8 +64,8 @@ class Flights:
 
     @property
     def _possible(self) -> bool:
-        walls = self.model.features.walls
-        return self.model.features.frame.tracked and not walls.images and not walls.dynamic
+        walls, clumps = self.model.features.walls, self.model.features.contact.clumps  # whose members fly along no parabola
+        return self.model.features.frame.tracked and not walls.images and not walls.dynamic and not clumps
 
     def _instant(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""

@@ -199,9 +199,10 @@ class HostBuild:
             a.set_totals([0, 0, 0])
             return None
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
+        places = position if state.clumps is None else state.places_to_sort_by(kept)
         beyond = self.model.features.contact.gap + a.skin
         classes = size_classes(radius)
-        order = morton_order(position, finest_cell(radius, classes, beyond), self.model.device)
+        order = morton_order(places, finest_cell(radius, classes, beyond), self.model.device)
         position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
         a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)

@@ -43,12 +43,11 @@ class Validity(Enum):
 
 
 def skin_bounds(model: Model) -> tuple[float, float]:
-    """Least and largest skin [m]: as the scene says, or by the mean radius; no pair may be near across two images."""
+    """Least and largest skin [m]: as the scene says, or by the mean radius; well below the shortest period."""
     radius, skin = model.expected.radius, model.scene.engine.skin
     mean = float(radius.mean()) if len(radius) else 1.0
     low, high = (0.4 * mean, 2.0 * mean) if skin == "auto" else (skin, skin)
-    longest = min((length for length in model.features.domain.period if length), default=np.inf)
-    most = 0.95 * (0.5 * longest - 2.0 * float(radius.max(initial=0.0)) - model.features.contact.gap)
+    most = 0.45 * min((length for length in model.features.domain.period if length), default=np.inf)
     return min(low, most), min(high, most)
 
 

@@ -169,7 +169,8 @@ class ListBuild:
     def find_neighbors(self, start: wp.array) -> None:
         """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
         a = self.lists
-        shared = a.grids, self.state.record, self.state.id, a.skin
+        clump = self.state.clumps.of_grain if self.state.clumps is not None else self.batch.scratch(self.n).nothing
+        shared = a.grids, self.state.record, self.state.id, clump, a.skin
         self.launch(self.kernels.lists.find_neighbors, self.n, *shared, start, a.new.count, a.new.slot)
 
     def _near_features(self, write: int) -> None:
@@ -198,7 +199,7 @@ class ListBuild:
     def _write_inner(self) -> None:
         a, k, m, structs = self.lists, self.kernels.lists, self.model, self.structs
         unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
-        self.launch(k.clear_contacts, a.owner.shape[0], min(1, self.n - 1), unused_slot, contacts)
+        self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), unused_slot, contacts)
         law = m.features.contact.materials, m.coefficients
         lists = structs.outer(), a.listed, structs.starts(), a.history
         self.launch(k.fill_contacts, self.n, structs.grains(), *law, *lists, contacts)

@@ -52,6 +52,8 @@ class Structs:
             row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
             entry=self._view("entry", lists.entry, model.kernels.pairs.Entry),
         )  # fmt: skip
+        if state.clumps is not None:
+            put(grains, clumps=state.clumps.struct(model.kernels.pairs.clumps.Clumps))
         if features.measures.orientation:
             put(grains, orientation=state.orientation)
         if grains.store is None or len(grains.store) != n:

@@ -183,7 +183,11 @@ def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
     size = path.stat().st_size
     memory.require(size, key, f"a file of {size} bytes", "take fewer grains")
     limit = VTP_TIME_LIMIT + size / VTP_BYTES_PER_SECOND
-    said, arrays = reader_process.run_reader(vtp_reader.__file__, [str(path), *VTP_ARRAYS.values()], limit, key, "VTK")
+    said, arrays = reader_process.run_reader(vtp_reader.__file__, [str(path), *VTP_ARRAYS.values(), "clump"], limit, key, "VTK")
+    if (np.asarray(arrays.get("clump", -1)) >= 0).any():
+        raise SceneError(
+            f"{key}: holds members of clumps, which a file of grains cannot bring: start from a checkpoint, with start"
+        )
     if "radius" not in arrays:
         raise SceneError(f"{key}: has no point array radius; it has {_listed(said['there'])}")
     return {"position": arrays["points"], **{field: arrays[name] for field, name in VTP_ARRAYS.items() if name in arrays}}

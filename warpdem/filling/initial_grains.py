@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.clump_grains import InitialClumps, of_groups, placed
+from warpdem.filling.clump_template import ClumpTemplate, clump_templates
 from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
 from warpdem.filling.fill_space import FillSpace, choose_fill_space
 from warpdem.filling.grain_file import read_grain_file
@@ -42,7 +44,9 @@ class InitialGrains:
     vessels: tuple[str, ...] = ()
     """Closed mesh walls inside of which fillings are."""
     notes: tuple[str, ...] = ()
-    """Notes to the user about the fillings."""
+    """Notes to the user about the fillings and clumps."""
+    clumps: InitialClumps | None = None
+    """Clumps that grains are members of; None without any."""
 
     def __len__(self) -> int:
         return len(self.id)
@@ -62,11 +66,17 @@ class GroupFields:
     """Angular velocities [rad/s], shape (n, 3)."""
     id: np.ndarray | None = None
     """Ids, shape (n,), int64; None where they are not given."""
+    clumps: InitialClumps | None = None
+    """Clumps, if the grains are members of some."""
 
 
 def concatenated(first: InitialGrains, second: InitialGrains) -> InitialGrains:
     """The grains of both."""
-    both: dict[str, Any] = {key: (getattr(first, key), getattr(second, key)) for key in vars(first)}
+    if first.clumps is not None or second.clumps is not None:
+        if len(second):
+            raise ValueError("grains come to clumps: their arrays know of none")
+        return first
+    both: dict[str, Any] = {key: (getattr(first, key), getattr(second, key)) for key in vars(first) if key != "clumps"}
     joined: dict[str, Any] = {
         key: np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b for key, (a, b) in both.items()
     }
@@ -94,7 +104,8 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
     fills = {k: group.fill for k, group in enumerate(scene.grains) if group.fill is not None}
     walls = place_walls(scene, meshes, wall_poses_at_start(scene)) if fills else []
     spaces = {k: _fill_space(scene, meshes, walls, fill, f"{keys[k]}.fill") for k, fill in fills.items()}
-    groups = {k: _given(scene, group, keys[k]) for k, group in enumerate(scene.grains) if k not in fills}
+    templates = clump_templates(scene)
+    groups = {k: _given(scene, group, keys[k], templates) for k, group in enumerate(scene.grains) if k not in fills}
     fixed = None
     if groups:
         fixed = np.concatenate([g.position for g in groups.values()]), np.concatenate([g.radius for g in groups.values()])
@@ -119,7 +130,8 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
         spin=np.concatenate([group.spin for group in ordered]),
         packings=tuple(packings),
         vessels=tuple(dict.fromkeys(name for space in spaces.values() for name in space.vessels)),
-        notes=tuple(note for space in spaces.values() for note in space.notes),
+        notes=(*(note for space in spaces.values() for note in space.notes), *_clump_notes(scene, templates)),
+        clumps=of_groups([group.clumps for group in ordered], counts),
     )
 
 
@@ -142,8 +154,23 @@ def _request(scene: Scene, space: FillSpace, fill: Fill, material: str, key: str
     return filling(space.region, size_law(fill.diameter), fill.seed, fill.count, fraction, volume, key, space.walls)
 
 
-def _given(scene: Scene, group: Grains, key: str) -> GroupFields:
+def _clump_notes(scene: Scene, templates: dict[str, ClumpTemplate]) -> list[str]:
+    """What is odd in the clumps."""
+    apart = [template for template in templates.values() if template.parts > 1]
+    return [
+        f"clumps.{one.name}: its spheres are {one.parts} groups that do not touch each other; they move as one rigid body"
+        for one in apart
+    ]
+
+
+def _given(scene: Scene, group: Grains, key: str, templates: dict[str, ClumpTemplate]) -> GroupFields:
     """Grains of a group that has positions or a file."""
+    if group.clump is not None:
+        clumps, members = placed(
+            templates[group.clump], list(templates).index(group.clump), scene.materials[group.material].density,
+            np.array(group.positions, float), group.explicit_velocities, group.explicit_spins, group.orientations, group.sizes,
+        )  # fmt: skip
+        return GroupFields(*members, clumps=clumps)
     if group.positions is not None:
         return GroupFields(
             position=np.array(group.positions, float),
@@ -154,16 +181,22 @@ def _given(scene: Scene, group: Grains, key: str) -> GroupFields:
         )
     assert group.file is not None
     fields = read_grain_file(scene.resolve(group.file), f"{key}.file")
-    return GroupFields(**{name: values for name, values in fields.items() if values is not None})
+    position, radius, velocity, spin = (fields[name] for name in ("position", "radius", "velocity", "spin"))
+    assert position is not None and radius is not None and velocity is not None and spin is not None
+    return GroupFields(position, radius, velocity, spin, fields["id"])
 
 
 def _relative_to_frame(grains: GroupFields, frame: Chain) -> GroupFields:
     """Velocities and spins relative to the frame at time 0 from those in the laboratory: v - u - w x q and spin - w."""
     pose = frame.pose(np.zeros(1))
     spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
-    return replace(
+    moved = replace(
         grains, velocity=grains.velocity - velocity - np.cross(spin, grains.position), spin=grains.spin - spin
     )
+    if (clumps := grains.clumps) is None:
+        return moved
+    there = clumps.velocity - velocity - np.cross(spin, clumps.position)
+    return replace(moved, clumps=replace(clumps, velocity=there, spin=clumps.spin - spin))
 
 
 def _unique_ids(groups: list[GroupFields], source: str) -> np.ndarray:
@@ -176,7 +209,11 @@ def _unique_ids(groups: list[GroupFields], source: str) -> np.ndarray:
                     f"{source}: grains[{number}]: grains[{owner[id_]}] has the id {id_} too: ids must be unique"
                 )
     wanted = sum(len(group.radius) for group in groups if group.id is None)
-    free = np.setdiff1d(np.arange(wanted + len(owner)), np.fromiter(owner, np.int64, len(owner)))[:wanted]
+    given = np.fromiter(owner, np.int64, len(owner))
+    if any(group.clumps is not None for group in groups):  # the members of a clump have consecutive ids
+        free = given.max(initial=-1) + 1 + np.arange(wanted)
+    else:
+        free = np.setdiff1d(np.arange(wanted + len(owner)), given)[:wanted]
     parts = []
     for group in groups:
         if group.id is not None:

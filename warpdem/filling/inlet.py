@@ -1,19 +1,31 @@
 """An inlet: the grains that a stream inserts while a run goes on, how many are due at a step and where they fit."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from warpdem.filling.inlet_walls import InletWalls
+from warpdem.filling.stream_amount import brought_by, highest_rate, next_portion, total_of
+from warpdem.filling.stream_place import StreamPlace
 from warpdem.scene.model import Scene
-from warpdem.scene.size_distribution import size_law
 
 TRIES = 60  # random positions tried for one grain before it has to wait
 BEHIND = 0.02  # missing share of the grains due [-] above which a warning is given at the end
 LEAST_EVENT_STEPS = (
     16  # least steps between two insertions: each one that inserts grains rebuilds the contact lists
 )
+
+
+class Insertion(NamedTuple):
+    """Grains that are inserted at a step."""
+
+    position: np.ndarray
+    """Centers in frame axes [m], shape (k, 3)."""
+    radius: np.ndarray
+    """Radii [m], shape (k,)."""
+    portion: np.ndarray
+    """Portion of the recipe that each is of, shape (k,)."""
 
 
 class Inlet:
@@ -24,43 +36,56 @@ class Inlet:
         mass: their mass [kg].
         every: steps between two looks.
         blocked: whether a grain that is due found no free position at the last insertion.
+        group: group of each portion.
+        type: material of each portion.
 
     Args:
         number: Number of the stream.
         scene: Validated scene.
         dt: Time step [s].
-        walls: The walls beside its box; None for none.
+        place: Where its region is.
+        walls: The walls beside it; None for none.
     """
 
-    def __init__(self, number: int, scene: Scene, dt: float, walls: InletWalls | None = None) -> None:
-        self.number, self.walls = number, walls
+    def __init__(
+        self, number: int, scene: Scene, dt: float, place: StreamPlace, walls: InletWalls | None = None
+    ) -> None:
+        self.number, self.place, self.walls = number, place, walls
         self.stream = stream = scene.streams[number]
         self.dt = dt
-        self.group = scene.groups.index(scene.group_names[len(scene.grains) + number])
-        self.type = list(scene.materials).index(stream.material)
-        self.density = scene.materials[stream.material].density
+        self.group = [scene.groups.index(name) for name in scene.stream_groups(number)]
+        self.type = [list(scene.materials).index(portion.material) for portion in stream.portions]
+        self.density = [scene.materials[portion.material].density for portion in stream.portions]
         self.generator = np.random.default_rng(stream.seed)
         self.count, self.mass = 0, 0.0
+        self.earlier = 0.0  # of the total, what it inserted in the runs before that this one continues
+        self.brought = [0.0] * len(stream.portions)  # of each portion, grains [-] or mass [kg]
         self.waiting: float | None = None  # diameter drawn for the next grain [m]
-        speed = float(np.linalg.norm(stream.velocity))
         fall = float(np.linalg.norm(scene.gravity))
-        self.sizes = size_law(stream.diameter)
-        smallest, _ = self.sizes.extremes
+        self.sizes = [portion.sizes for portion in stream.portions]
+        smallest, _ = stream.extremes
         self.blocked = False
-        mass = self.density * np.pi / 6.0 * smallest**3
+        mass = min(self.density) * np.pi / 6.0 * smallest**3
         # until ten grains are due
-        times = [10.0 / stream.count_rate if stream.count_rate else 10.0 * mass / (stream.mass_rate or np.inf)]
-        times += (
-            [smallest / speed] if speed else [np.sqrt(2.0 * smallest / fall)] if fall else []
-        )  # until the box is free again
-        self.every = max(LEAST_EVENT_STEPS, int(min(times) / dt))
+        ten = 10.0 * (1.0 if stream.count_rate else mass) / highest_rate(stream)
+        times = [ten] if ten else []
+        # until the region is free again
+        times += [smallest / stream.moved] if stream.moved else [np.sqrt(2.0 * smallest / fall)] if fall else []
+        self.every = max(LEAST_EVENT_STEPS, int(min(times, default=0.0) / dt))
         self.first = int(np.ceil(stream.start / dt - 1e-9))
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it has brought its total."""
+        if self.stream.count is not None:
+            return self.count + self.earlier >= self.stream.count
+        return self.stream.mass is not None and self.stream.mass - self.mass - self.earlier < 0.5 * self._next_mass()
 
     def next_event(self, step: int) -> int | None:
         """The first step after ``step`` at which grains may be inserted; None if there is none."""
         after = self.first if step < self.first else self.first + ((step - self.first) // self.every + 1) * self.every
         late = self.stream.until is not None and after * self.dt > self.stream.until + self.every * self.dt
-        return None if late else after
+        return None if late or self.is_complete else after
 
     def is_event(self, step: int) -> bool:
         """Whether grains may be inserted at ``step``."""
@@ -68,8 +93,8 @@ class Inlet:
 
     def insert(
         self, step: int, position: np.ndarray, radius: np.ndarray, nearest: Callable[[np.ndarray], np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Centers (k, 3) [m] and radii (k,) [m] of the grains that are inserted at ``step``.
+    ) -> Insertion:
+        """The grains that are inserted at ``step``.
 
         Args:
             step: the present step.
@@ -77,31 +102,27 @@ class Inlet:
             radius: their radii, shape (n,).
             nearest: maps separations (n, 3) [m] to those of the nearest periodic images.
         """
-        stream = self.stream
-        low, high = np.array(stream.box.min), np.array(stream.box.max)
-        elapsed = self._elapsed(step)
+        stream, place = self.stream, self.place.at(step * self.dt)
+        low, high = place.bounds
+        due = brought_by(stream, step * self.dt)
         walls = self.walls.at(step * self.dt) if self.walls is not None else []
-        _, largest = self.sizes.extremes
+        _, largest = stream.extremes
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         beside = (np.abs(nearest(position - middle)) < half + 0.5 * largest + radius[:, None]).all(axis=1)
         near, size = [position[beside]], [radius[beside]]
-        positions, radii = [], []
+        positions, radii, portions = [], [], []
         self.blocked = False
-        while True:
-            if self.waiting is None:
-                self.waiting = float(self.sizes.draw(self.generator, 1)[0])
-            r = 0.5 * self.waiting
-            mass = self.density * 4.0 / 3.0 * np.pi * r**3
-            due = (
-                stream.count_rate * elapsed - self.count
-                if stream.count_rate
-                else (stream.mass_rate or 0.0) * elapsed - self.mass
-            )
-            if due < (1.0 if stream.count_rate else mass):
+        while not self.is_complete:
+            mass, portion = self._next_mass(), self._portion()
+            if due - (self.count if stream.count_rate else self.mass) < (1.0 if stream.count_rate else mass):
                 break
+            assert self.waiting is not None
+            r = 0.5 * self.waiting
             there, sizes = np.concatenate(near), np.concatenate(size)
             for _ in range(TRIES):
-                candidate = low + r + self.generator.random(3) * (high - low - 2.0 * r)
+                candidate = place.random_point(self.generator, r)
+                if candidate is None:
+                    continue
                 separation = nearest(there - candidate)
                 if not (np.einsum("ij,ij->i", separation, separation) >= (sizes + r) ** 2).all():
                     continue
@@ -114,42 +135,62 @@ class Inlet:
             size.append(np.array([r]))
             positions.append(candidate)
             radii.append(r)
+            portions.append(portion)
             self.count, self.mass, self.waiting = self.count + 1, self.mass + mass, None
-        return np.array(positions).reshape(-1, 3), np.array(radii)
+            self.brought[portion] += mass if stream.by_mass else 1.0
+        return Insertion(np.array(positions).reshape(-1, 3), np.array(radii), np.array(portions, dtype=int))
 
-    def _elapsed(self, step: int) -> float:
-        """How long it has been going on at ``step`` [s]."""
-        end = step * self.dt if self.stream.until is None else min(step * self.dt, self.stream.until)
-        return max(0.0, end - self.stream.start)
+    def _portion(self) -> int:
+        """Portion that the next grain is of."""
+        return next_portion(self.stream, self.brought)
+
+    def _next_mass(self) -> float:
+        """Mass of the next grain [kg], whose size is drawn where it is not known yet."""
+        portion = self._portion()
+        if self.waiting is None:
+            self.waiting = float(self.sizes[portion].draw(self.generator, 1)[0])
+        return float(self.density[portion] * 4.0 / 3.0 * np.pi * (0.5 * self.waiting) ** 3)
 
     def due(self, step: int) -> tuple[float, str]:
         """What should have been inserted by ``step``, and its unit: grains, or kg."""
-        stream, elapsed = self.stream, self._elapsed(step)
-        return (stream.count_rate * elapsed, "grains") if stream.count_rate else ((stream.mass_rate or 0.0) * elapsed, "kg")
+        stream, due = self.stream, brought_by(self.stream, step * self.dt)
+        if stream.count_rate or stream.mass_rate:
+            counted, total = stream.count_rate is not None, np.inf
+            if (stream.count is not None) == counted:
+                total = total_of(stream) - self.earlier
+            return min(due, total), "grains" if counted else "kg"
+        return min(due, total_of(stream) - self.earlier), "kg" if stream.count is None else "grains"
 
     def shortfall(self, step: int) -> str | None:
         """Message that it inserted less by ``step`` than it should have; None if it kept up."""
         due, unit = self.due(step)
+        if self.is_complete:
+            return None
         inserted = float(self.count) if unit == "grains" else self.mass
-        one = 1.0 if unit == "grains" else self.density * np.pi / 6.0 * self.sizes.extremes[1] ** 3
-        rate = due / self._elapsed(step) if due else 0.0
+        one = 1.0 if unit == "grains" else max(self.density) * np.pi / 6.0 * self.stream.extremes[1] ** 3
+        rate = highest_rate(self.stream) if np.isfinite(highest_rate(self.stream)) else 0.0
         if due - inserted <= BEHIND * due + 2.0 * one + rate * self.every * self.dt:
             return None
         return (
             f"streams[{self.number}] inserted {inserted:.4g} {unit} of {due:.4g} {unit}, {inserted / due:.0%} of its rate: "
-            "grains or walls left no space in its box; make it larger or the rate smaller, or give its grains a velocity that "
-            "clears it"
+            f"grains or walls left no space in its {self.stream.shape_key}; make it larger or the rate smaller, or give its "
+            "grains a velocity that clears it"
         )
 
     def state(self) -> dict[str, Any]:
         """What a checkpoint must hold of it, as JSON."""
         return {
             "generator": self.generator.bit_generator.state, "count": self.count, "mass": self.mass, "waiting": self.waiting,
-            "blocked": self.blocked,
+            "blocked": self.blocked, "brought": self.brought, "earlier": self.earlier,
         }  # fmt: skip
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from ``state``."""
         self.generator.bit_generator.state = state["generator"]
         self.count, self.mass, self.waiting = state["count"], state["mass"], state["waiting"]
-        self.blocked = state["blocked"]
+        self.blocked, self.brought, self.earlier = state["blocked"], list(state["brought"]), state["earlier"]
+
+    def go_on(self, state: dict[str, Any]) -> None:
+        """Continue a stream of the run before, which ended with ``state``: here its grains are counted from 0."""
+        inserted = state["count"] if self.stream.count is not None else state["mass"]
+        self.restore({**state, "count": 0, "mass": 0.0, "earlier": state["earlier"] + inserted})

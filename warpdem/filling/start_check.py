@@ -58,7 +58,8 @@ def _entry(grains: InitialGrains, i: int, scene: Scene) -> str:
 
 
 def _check_overlaps(grains: InitialGrains, scene: Scene) -> None:
-    share, partner = worst_overlaps(grains.position, grains.radius)
+    clump = None if grains.clumps is None else grains.clumps.of_grain
+    share, partner = worst_overlaps(grains.position, grains.radius, clump)
     i = int(np.argmax(share))
     allowed = scene.engine.max_overlap
     if share[i] <= allowed:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from warpdem.core.snapshot import Snapshot, WallLoad
+from warpdem.core.snapshot import ClumpShots, Snapshot, WallLoad
 from warpdem.measure import measures, observation, observers, wall_loads, wall_wear
 from warpdem.measure.budget import Budget
+from warpdem.measure.clumps import read_clumps
 from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.state.view import RunView
@@ -32,6 +33,11 @@ class RunReadings:
     def particles(self) -> observers.Particles:
         """The grains at the present time, ordered by id."""
         return observers.Particles(self.view)
+
+    @property
+    def clumps(self) -> ClumpShots | None:
+        """The clumps at the present time, ordered by id; None in a run without any."""
+        return read_clumps(self.view) if self.live.state.clumps is not None else None
 
     def contacts(self) -> observers.Contacts:
         """All grain-grain and grain-wall contacts at the present time."""

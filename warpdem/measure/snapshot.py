@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from warpdem.core.snapshot import Snapshot, WallLoad
+from warpdem.measure import clumps
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
 from warpdem.measure.wall_loads import read_loads
@@ -33,6 +34,8 @@ def take_snapshot(view: RunView) -> Snapshot:
         loads=_loads(view) if scene.output.wall_loads else {},
         orientation=p.orientation if scene.output.orientation else None,
         contacts=read_network(view, scene.output.contacts) if scene.output.contacts or scene.measures.grid else None,
+        clump=clumps.of_grains(view) if view.state.clumps is not None else None,
+        clumps=clumps.read_clumps(view) if view.state.clumps is not None else None,
         gravity=np.array(scene.gravity, dtype=float),
     )
 

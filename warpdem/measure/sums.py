@@ -31,6 +31,7 @@ class Reader:
 
     Attributes:
         rows: rows of sums that are added to side by side.
+        no_slots: an array of no slots, shape (0,), int32.
     """
 
     def __init__(self, device: wp.Device, threads: Threads | None = None) -> None:
@@ -42,6 +43,7 @@ class Reader:
         self._values: dict[str, np.ndarray] = {}
         self._commands: dict[tuple[wp.Kernel, int], tuple[Any, list[Any]]] = {}
         self._nothing: wp.array = wp.zeros((0, 0), dtype=wp.float64, device=device)
+        self.no_slots: wp.array = wp.zeros(0, dtype=wp.int32, device=device)
 
     def plain(self, name: str, array: wp.array) -> wp.array:
         """An array of vectors as one of float64 numbers, of one dimension more; kept under ``name`` while it is the same."""

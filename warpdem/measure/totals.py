@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.pose import FramePose
+from warpdem.kernels.clump import NONE
 from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
 from warpdem.measure import elastic
@@ -98,8 +99,12 @@ class Totals:
         sums = reader.sums(self._first_spring + SPRINGS)
         _, velocity, spin = view.reader.read()
         record, inverse = reader.plain("record", state.record), reader.plain("inverse", state.inverse)
-        moving = velocity, spin, self._axes, int(state.spins)
+        clumps = state.clumps
+        moving = velocity, spin, self._axes, int(state.spins), reader.no_slots if clumps is None else clumps.of_grain
         reader.add(kernels.grain_sums, state.slots, record, inverse, *moving, sums)
+        if clumps is not None:
+            of_clumps = reader.plain("clumps", clumps.record), clumps.rate, clumps.reading
+            reader.add(kernels.clump_sums, len(clumps), *of_clumps, sums)
         self._add_walls(sums, GRAIN_SUMS.width)
         if self._pairs_are_there and len(self.contacts):
             found = [values for values in elastic.elastic_energies(view, self.contacts).values() if values is not None]
@@ -199,6 +204,10 @@ class Totals:
         state, reader = self.view.state, reader_of(self.view)
         here = np.flatnonzero(state.here) if len(state) < state.slots else slice(None)
         record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
+        if state.clumps is not None:  # fields act on a clump as on a sphere of its volume
+            alone = state.clumps.of_grain.numpy() == NONE
+            record = np.concatenate([record[alone], state.clumps.record.numpy()])
+            mass = np.concatenate([mass[alone], 1.0 / state.clumps.rate.numpy()[:, 0]])
         position, radius = record[:, :3], record[:, 3]
         place = {"laboratory": self.pose.to_laboratory(position), "frame": position}
         energies = [  # a field of the same energy everywhere may say so with one number

@@ -35,6 +35,7 @@ def choose_features(
     lanes: int = SIMD_LANES,
     resident: bool = False,
     largest: float = 0.0,
+    clumps: bool = False,
 ) -> Features:
     """Decide what ``scene`` needs.
 
@@ -48,6 +49,7 @@ def choose_features(
         lanes: SIMD width.
         resident: steps run as one captured graph.
         largest: radius of the largest grain that may come [m].
+        clumps: some grains are members of clumps.
     """
     names = list(scene.materials)
     at = coefficient_columns(scene)
@@ -69,7 +71,7 @@ def choose_features(
             "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
         )
         rolling = None
-    spins = bool(tangential or rolling or has_spin)
+    spins = bool(tangential or rolling or has_spin or clumps)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
     orientation = scene.output.orientation and spins
@@ -90,6 +92,8 @@ def choose_features(
     fields = tuple((scene.located(one.model), one.axes) for one in scene.fields)
     if not fields:
         left_out["external fields"] = "the scene has none"
+    if not clumps:
+        left_out["clumps"] = "every grain is a sphere of its own"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
     chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
@@ -119,6 +123,7 @@ def choose_features(
             materials=len(names),
             table=not one_kind,
             gap=law_gap(scene, largest),
+            clumps=clumps,
         ),
         frame=FrameFeatures(
             rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)

@@ -11,7 +11,19 @@ from warpdem.kernels.lists import displacement, flight, inner, neighbors, number
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.translate import NotStraight
-from warpdem.kernels.step import border, dynamic_walls, loop, motion, move, orientation, read, region, structs
+from warpdem.kernels.step import (
+    border,
+    clump_phase,
+    clumps,
+    dynamic_walls,
+    loop,
+    motion,
+    move,
+    orientation,
+    read,
+    region,
+    structs,
+)
 from warpdem.kernels.step import forces as step_forces
 from warpdem.kernels.step import graph as captured
 from warpdem.kernels.wall import candidates, contact, evaluate, feature
@@ -90,7 +102,7 @@ def of_pairs(features: Features) -> Built:
     pair_law = law.build(real, *models, laws.torsion, predicted=predicted)
     parts = dissipation.build(real, *models, laws.torsion, predicted)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
-    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap)
+    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap, clumps=laws.clumps)
 
 
 def no_lanes(features: Features) -> str:
@@ -144,7 +156,7 @@ def _built(features: Features) -> Built:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap
@@ -175,21 +187,29 @@ def _built(features: Features) -> Built:
         walls=walls.present,
     )  # fmt: skip
     load = motion.build_load(backend.real, **spins, walls=walls.present)
-    acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE)
+    acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE, clumps=laws.clumps)
     integrator = scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
+    turned = orientation.build(turning_axes=turns)
+    grain_turned = turned if measures.orientation else None
+    flowing = flow.build(moving_frame=frame.moves) if measures.flows else None
+    bodies = None
+    if laws.clumps:
+        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, turned)
+        bodies = clump_phase.build(
+            arrays, WallContacts, rigid, load, travel, grain_turned, sums, flowing, walls=walls.present
+        )
     moved_by = move.build(
-        arrays, WallContacts, load, acceleration, travel, integrator, images,
-        orientation.build(turning_axes=turns) if measures.orientation else None, sums,
-        flow.build(moving_frame=frame.moves) if measures.flows else None,
-        wear.build(one, WallContacts, laws.spins) if measures.wear else None, **shared_by_steps, **spins,
+        arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
+        wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
-    readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, **shared_by_steps)
+    readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
     lists = neighbors.build(
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
-        inertia_factor=laws.inertia_factor, keep_constants=not backend.resident,
+        inertia_factor=laws.inertia_factor,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps,
     )  # fmt: skip
     wall_lists = None
     if walls.present:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.filling.clump_grains import NONE
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.model.coefficients import coefficient_columns, coefficient_table
 from warpdem.model.impact import Impact, Own, impact, own_of
@@ -46,13 +47,24 @@ def contact_cases(scene: Scene, start: InitialGrains) -> Iterator[ContactCase]:
     alone = len(start.id) < 2 and not scene.streams
     for t in np.unique(start.type):
         radius = float(start.radius[start.type == t].min())
-        mass = materials[t].density * 4.0 / 3.0 * math.pi * radius**3
+        mass = materials[t].density * 4.0 / 3.0 * math.pi * radius**3 * _lightness(start, int(t), materials[t].density)
         partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type) if not alone]
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
             pair, row = (names[t], names[other]), table[t, other]
             restitution = scene.pair(*pair).restitution
             yield ContactCase(pair, radius, reduced_radius, reduced_mass, restitution, row, own_of(law, row))
+
+
+def _lightness(start: InitialGrains, kind: int, density: float) -> float:
+    """Least mass that a force on a grain of a material meets, over the mass of its sphere [-]: 1 without clumps."""
+    if start.clumps is None:
+        return 1.0
+    member = np.flatnonzero(start.clumps.of_grain != NONE)
+    mine = start.type[member] == kind
+    own = density * 4.0 / 3.0 * math.pi * start.radius[member] ** 3
+    found = start.clumps.least_mass(start.radius) / own
+    return min(1.0, float(found[mine].min(initial=1.0)))
 
 
 def impact_of(law: str, stiffness: int, one: ContactCase, speed: float) -> Impact:

@@ -17,7 +17,7 @@ from warpdem.scene.motion_chain import Chain
 from warpdem.scene.regions import Box, CylinderRegion, MeshRegion, Placed, PlaneRegion, Shape, SphereRegion
 
 AXES = "xyz"
-LEAST_PERIOD = 4.4  # in largest diameters: a grain must not meet two images of another, with room for a skin
+LEAST_PERIOD = 2.05  # in largest diameters: a grain must not touch two images of another, nor change over in a few steps
 
 
 def _periodic_span(border: Border | None) -> tuple[float, float]:

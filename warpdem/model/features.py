@@ -32,6 +32,8 @@ class ContactFeatures:
     """Coefficients differ between contacts."""
     gap: float
     """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
+    clumps: bool = False
+    """Some grains are members of clumps."""
 
     @cached_property
     def history(self) -> Columns:

@@ -62,7 +62,7 @@ def grid_bytes(scene: Scene) -> int:
 
 def grains_to_come(scene: Scene) -> list[int]:
     """How many grains each stream of a scene brings at most up to ``time.end``, none of them taken out again."""
-    return [expected_count(s, scene.materials[s.material].density, scene.time.end) for s in scene.streams]
+    return [expected_count(scene, stream, scene.time.end) for stream in scene.streams]
 
 
 def memory_bytes(scene: Scene, bytes_per_grain: int, grains: int) -> int:

@@ -1,5 +1,6 @@
 """From a scene to its model: every check before the first step, and the only place that decides what is run."""
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters,
 from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
+from warpdem.scene.regions import Placed
 
 
 def require_scene(scene: Scene) -> None:
@@ -69,11 +71,11 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
     start = replace(start, position=borders.wrapped(start.position))
-    expected = concatenated(start, extreme_grains(scene))
-    needs.check_masses(scene, expected)
-    size_warnings(scene, meshes, 2.0 * expected.radius)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+    expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
+    needs.check_masses(scene, expected)
+    size_warnings(scene, meshes, 2.0 * expected.radius)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
     most = len(start) + sum(needs.grains_to_come(scene))
     features = choose_features(
@@ -86,6 +88,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         lanes=WARP_LANES if resident else simd_lanes(most, scene.engine.precision),
         resident=resident,
         largest=float(expected.radius.max(initial=0.0)),
+        clumps=expected.clumps is not None,
     )
     features = as_the_law_allows(features)
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
@@ -122,10 +125,26 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
+def _relative(
+    schedule: Schedule, place: Placed, position: np.ndarray, velocity: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position [m] and velocity [m/s] in and relative to the frame at time 0, of what is given in a region's axes."""
+    carrier = schedule.carrier(place)
+    if carrier is not None:
+        axes, origin = schedule.place(carrier, 0.0)
+        position = axes @ position + origin
+    return position, schedule.carried(carrier, 0.0, position[None], velocity)[0][0]
+
+
 def absolute(schedule: Schedule, grains: InitialGrains, time: float = 0.0) -> InitialGrains:
     """Grains with absolute spins [rad/s] and velocities [m/s] in place of those relative to the frame at ``time`` [s]."""
     pose = schedule.pose(time)
-    return replace(grains, spin=grains.spin + pose.spin, velocity=grains.velocity + pose.velocity_at(grains.position))
+    clumps = grains.clumps
+    if clumps is not None:
+        velocity = clumps.velocity + pose.velocity_at(clumps.position)
+        clumps = replace(clumps, velocity=velocity, spin=clumps.spin + pose.spin)
+    velocity = grains.velocity + pose.velocity_at(grains.position)
+    return replace(grains, spin=grains.spin + pose.spin, velocity=velocity, clumps=clumps)
 
 
 def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np.ndarray:

@@ -110,31 +110,58 @@ class Schedule:
         self.wall_motion = np.array([order.index(key) for key in keys], dtype=np.int32)
         self._wall_names = [wall.name for wall in scene.walls]
 
+    def carrier(self, place: Placed) -> WallMotion | None:
+        """What carries a region: the motion of a wall, or that of the laboratory; None where it is at rest in the frame."""
+        if place.follows is not None:
+            motion = self.motions[int(self.wall_motion[self._wall_names.index(place.follows)])]
+            return None if motion.rests_in_frame else motion
+        if place.fixed_to == "frame" or not self.frame.displaces:
+            return None
+        at_rest = (m for m in self.motions if m.fixed_to == "laboratory" and not m.own.displaces and m.dynamic is None)
+        return next(at_rest, WallMotion("laboratory", Chain(None, Path, "")))
+
     def motion_of(self, place: Placed) -> int:
         """Number of the motion that carries a region, -1 where it is at rest in the frame; a new one is the last of all.
 
         Grains do not touch regions: no displacement is counted in the axes of their motions, which are behind those of walls.
         """
-        if place.follows is not None:
-            number = int(self.wall_motion[self._wall_names.index(place.follows)])
-            return -1 if self.motions[number].rests_in_frame else number
-        if place.fixed_to == "frame" or not self.frame.displaces:
+        carrier = self.carrier(place)
+        if carrier is None:
             return -1
-        for number, motion in enumerate(self.motions):
-            if motion.fixed_to == "laboratory" and not motion.own.displaces and motion.dynamic is None:
-                return number
-        self.motions.append(WallMotion("laboratory", Chain(None, Path, "")))
-        return len(self.motions) - 1
+        if carrier not in self.motions:
+            self.motions.append(carrier)
+        return self.motions.index(carrier)
 
-    def place(self, motion: int, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Axes (3, 3) of a motion's body in frame axes [-] at ``time`` [s], and its origin there [m], shape (3,)."""
-        numbers = self.placement(motion, time)
+    def place(self, carrier: WallMotion, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Axes (3, 3) of a region in frame axes [-] at ``time`` [s], and its origin there [m], shape (3,)."""
+        numbers = self._now(carrier, time)
         return numbers[:9].reshape(3, 3), numbers[9:12]
 
-    def placement(self, motion: int, time: float) -> np.ndarray:
+    def carried(
+        self, carrier: WallMotion | None, time: float, position: np.ndarray, velocity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity [m/s] and spin [rad/s] relative to the frame of grains that are at rest in a region but for a velocity.
+
+        Args:
+            carrier: what carries the region.
+            time: [s].
+            position: of the grains in frame axes [m], shape (n, 3).
+            velocity: relative to the region, in its axes [m/s], shape (3,).
+
+        Returns:
+            Both of shape (n, 3).
+        """
+        if carrier is None:
+            return np.tile(velocity, (len(position), 1)), np.zeros_like(position)
+        numbers, pose = self._now(carrier, time), self.pose(time)
+        spin = numbers[12:15]
+        absolute = numbers[:9].reshape(3, 3) @ velocity + numbers[15:18] + np.cross(spin, position)
+        return absolute - pose.velocity_at(position), np.tile(spin - pose.spin, (len(position), 1))
+
+    def _now(self, carrier: WallMotion, time: float) -> np.ndarray:
         """The numbers of one motion at ``time`` [s], with absolute velocities, shape (24,)."""
         now = np.array([time])
-        return self._placement(self.motions[motion], now, self.frame.pose(now), False)[0]
+        return self._placement(carrier, now, self.frame.pose(now), False)[0]
 
     def pose(self, time: float) -> FramePose:
         """Place of the frame in the laboratory at ``time`` [s]; where its rate jumps, velocities are those after."""

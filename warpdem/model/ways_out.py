@@ -11,9 +11,6 @@ from warpdem.mesh.solid import Bounded, MeshSolid
 from warpdem.model.schedule import Schedule
 from warpdem.scene.regions import Box, CylinderRegion, Placed, PlaneRegion
 
-AT_REST = -1
-"""Motion of a region that is at rest in the frame."""
-
 
 class WaysOut:
     """Regions in which grains leave the domain.
@@ -33,6 +30,7 @@ class WaysOut:
     ) -> None:
         self._shapes, self._schedule = shapes, schedule
         self._motion = [schedule.motion_of(place) for place in places]
+        self._carriers = [schedule.carrier(place) for place in places]
         for shape, key in zip(shapes, keys, strict=True):
             if isinstance(shape, MeshSolid) and shape.mesh.bodies is not None:
                 raise SceneError(
@@ -46,8 +44,8 @@ class WaysOut:
         out = np.full(len(position), -1)
         for number in reversed(range(len(self._shapes))):
             place = position
-            if self._motion[number] != AT_REST:
-                axes, origin = self._schedule.place(self._motion[number], 0.0)
+            if (carrier := self._carriers[number]) is not None:
+                axes, origin = self._schedule.place(carrier, 0.0)
                 place = (position - origin) @ axes
             out[self._shapes[number].holds(place)] = number
         return out

@@ -30,7 +30,7 @@ class Format(NamedTuple):
 def _vtk(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> FrameWriter:
     from warpdem.output.write_vtk import VtkWriter
 
-    return VtkWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
+    return VtkWriter(folder, walls, contacts=scene.output.contacts, clumps=bool(scene.clumps), resume=resume)
 
 
 def _vtkhdf(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> FrameWriter:

@@ -104,9 +104,10 @@ class Instant:
     def __init__(self, live: RunView, room: Room, contacts: bool = True) -> None:
         room.wait()
         self._room = room
+        read = live.reader.read()  # first: the motion of clumps is a part of what is copied
         state = live.state.copied(room.take)
         listed = live.contacts.copied(state, room.take, contacts)
-        loads, velocity, spin = (room.take(f"read {k}", array) for k, array in enumerate(live.reader.read()))
+        loads, velocity, spin = (room.take(f"read {k}", array) for k, array in enumerate(read))
         extreme = live.reader.extreme.copy()
         room.send()
         sums: dict[str, np.ndarray] = {}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from warpdem.core.pose import FramePose, Part, RotationPart, SampledPart, TranslationPart
-from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad
+from warpdem.core.snapshot import ClumpShots, ContactNetwork, Snapshot, WallLoad
 from warpdem.errors import WarpdemError
 
 
@@ -43,6 +43,19 @@ GRAIN_ARRAYS = (
 """Arrays of the grains; ``v`` and ``omega`` are relative to the frame."""
 ORIENTATION = ResultArray("orientation", "orientation", "", "orientation")
 """Quaternions (w, x, y, z) of the grains, if the scene asks for them."""
+CLUMP = ResultArray("clump", "clump", "", "clump")
+"""Id of the clump of each grain, -1 for a grain of its own, in runs with clumps."""
+CLUMP_ARRAYS = (
+    ResultArray("id", "clump id", "", "id"),
+    ResultArray("type", "clump in the order of the scene", "", "type"),
+    ResultArray("members", "members", "", "members"),
+    ResultArray("mass", "mass", "kg", "mass"),
+    ResultArray("orientation", "orientation", "", "orientation"),
+    ResultArray("v", "velocity", "m/s", "velocity"),
+    ResultArray("omega", "spin", "rad/s", "spin"),
+    ResultArray("angular_momentum", "angular momentum", "N m s", "angular_momentum"),
+)
+"""Arrays of the clumps; ``v`` and ``omega`` are relative to the frame, ``angular_momentum`` is absolute, in frame axes."""
 CONTACT_ARRAYS = (
     ResultArray("i", "id of the grain", "", "i"),
     ResultArray("j", "id of the other grain", "", "j"),
@@ -80,8 +93,13 @@ _PARTS = (RotationPart, TranslationPart, SampledPart)
 
 def grain_arrays(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """Arrays of the grains by name, shapes (n,) or (n, components)."""
-    entries = GRAIN_ARRAYS if snapshot.orientation is None else (*GRAIN_ARRAYS, ORIENTATION)
-    return _read(entries, snapshot)
+    more = [entry for entry in (ORIENTATION, CLUMP) if getattr(snapshot, entry.field) is not None]
+    return _read((*GRAIN_ARRAYS, *more), snapshot)
+
+
+def clump_arrays(clumps: ClumpShots) -> dict[str, np.ndarray]:
+    """Arrays of the clumps by name, shapes (c,) or (c, components)."""
+    return _read(CLUMP_ARRAYS, clumps)
 
 
 def contact_arrays(network: ContactNetwork) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -152,6 +170,7 @@ def snapshot_of(
         position=position,
         **fields_of_grains,
         orientation=grains.get(ORIENTATION.name),
+        clump=grains.get(CLUMP.name),
         gravity=frame["gravity"][0] if "gravity" in frame else None,  # older results do not tell it
     )
 

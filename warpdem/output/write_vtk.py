@@ -20,9 +20,10 @@ from urllib.parse import quote
 import numpy as np
 
 from warpdem.core.pose import Placement
-from warpdem.core.snapshot import ContactNetwork, Snapshot, WallLoad, WallMesh
+from warpdem.core.snapshot import ClumpShots, ContactNetwork, Snapshot, WallLoad, WallMesh
 from warpdem.output.pvd_index import Entry, read_index, write_index
 from warpdem.output.result_arrays import (
+    clump_arrays,
     contact_arrays,
     frame_arrays,
     grain_arrays,
@@ -34,7 +35,7 @@ from warpdem.output.vtk_files import add_array, cells_of, polydata, save
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-INDEX, CONTACT_INDEX = "result.pvd", "contacts.pvd"
+INDEX, CONTACT_INDEX, CLUMP_INDEX = "result.pvd", "contacts.pvd", "clumps.pvd"
 
 
 class VtkWriter:
@@ -42,22 +43,25 @@ class VtkWriter:
 
     A wall gets a new file when it has moved in frame axes, and in every frame if the snapshots hold its load; otherwise the
     index repeats the last one. With ``contacts`` the contact network is written beside them: ``contacts_000000.vtp`` ... with
-    ``contacts.pvd``.
+    ``contacts.pvd``; with ``clumps`` the clumps, a point each: ``clumps_000000.vtp`` ... with ``clumps.pvd``.
     """
 
-    def __init__(self, folder: Path, walls: list[WallMesh], *, contacts: bool = False, resume: bool = False):
+    def __init__(
+        self, folder: Path, walls: list[WallMesh], *, contacts: bool = False, clumps: bool = False, resume: bool = False
+    ):
         """Prepare the folder.
 
         Args:
             folder: Where the files go; made if it is missing.
             walls: The mesh walls, each in its body axes.
             contacts: Whether the snapshots hold the contact network.
+            clumps: Whether the snapshots hold clumps.
             resume: Keep the frames of an earlier run that come before the first new one.
         """
         self._folder = Path(folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._walls = walls
-        names = [INDEX, CONTACT_INDEX] if contacts else [INDEX]
+        names = [INDEX, *[CONTACT_INDEX] * contacts, *[CLUMP_INDEX] * clumps]
         paths = {name: self._folder / name for name in names}
         self._entries = {name: read_index(path) if resume and path.exists() else [] for name, path in paths.items()}
         self._frame: int | None = None
@@ -72,11 +76,11 @@ class VtkWriter:
             }
             self._entries, self._frame = kept, len({entry.time for entry in kept[INDEX]})
         if CONTACT_INDEX in self._entries:
-            name = f"contacts_{self._frame:06d}.vtp"
             assert snapshot.contacts is not None
-            save(_contacts_polydata(snapshot.contacts), self._folder / name)
-            self._entries[CONTACT_INDEX].append(Entry(snapshot.time, 0, "contacts", name))
-            write_index(self._folder / CONTACT_INDEX, self._entries[CONTACT_INDEX])
+            self._write_beside(CONTACT_INDEX, "contacts", _contacts_polydata(snapshot.contacts), snapshot.time)
+        if CLUMP_INDEX in self._entries:
+            assert snapshot.clumps is not None
+            self._write_beside(CLUMP_INDEX, "clumps", _clumps_polydata(snapshot.clumps), snapshot.time)
         name = f"grains_{self._frame:06d}.vtp"
         save(_grains_polydata(snapshot), self._folder / name)
         entries = self._entries[INDEX]
@@ -86,6 +90,13 @@ class VtkWriter:
             entries.append(Entry(snapshot.time, part, wall.name, file))
         write_index(self._folder / INDEX, self._entries[INDEX])
         self._frame += 1
+
+    def _write_beside(self, index: str, part: str, data: vtkPolyData, time: float) -> None:
+        """Write a file of this frame that has an index of its own."""
+        name = f"{part}_{self._frame:06d}.vtp"
+        save(data, self._folder / name)
+        self._entries[index].append(Entry(time, 0, part, name))
+        write_index(self._folder / index, self._entries[index])
 
     def close(self) -> None:
         """Nothing is held back: every frame is on disk when ``write`` returns."""
@@ -114,6 +125,14 @@ def _grains_polydata(snapshot: Snapshot) -> vtkPolyData:
         add_array(data.GetPointData(), name, values)
     for name, values in frame_arrays(snapshot).items():
         add_array(data.GetFieldData(), name, values)
+    return data
+
+
+def _clumps_polydata(clumps: ClumpShots) -> vtkPolyData:
+    data = polydata(clumps.position)
+    data.SetVerts(cells_of(1, np.arange(len(clumps.id))))
+    for name, values in clump_arrays(clumps).items():
+        add_array(data.GetPointData(), name, values)
     return data
 
 

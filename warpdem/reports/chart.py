@@ -32,6 +32,8 @@ class Chart:
     curves: Mapping[str, np.ndarray]
     """Values of each curve [unit] by its name, shapes (rows,)."""
     x_title: str = "time [s]"
+    dots: bool = False
+    """Whether values are dots by themselves instead of points of curves."""
 
     def figure(self, key: str) -> Node:
         """The chart as an element of a page.
@@ -48,7 +50,9 @@ class Chart:
         svg.append(el("title", f"{self.title}{unit} against {self.x_title}", id=f"{key}-title"))
         _grid(svg, across, up, self.x_title)
         for k, values in enumerate(curves.values()):
-            svg.append(el("path", class_=f"curve c{k}", d=_path(_at_x(x, across), _at_y(values, up))))
+            places = _at_x(x, across), _at_y(values, up)
+            drawn = _dots(*places) if self.dots else _path(*places)
+            svg.append(el("path", class_=f"{'dots' if self.dots else 'curve'} c{k}", d=drawn))
         svg.append(el("line", class_="cursor", x1=0, x2=0, y1=TOP, y2=HEIGHT - BOTTOM))
         legend = el("ul", *(el("li", el("span", class_=f"key k{k}"), name) for k, name in enumerate(curves)), class_="legend")
         numbers = table(f"{self.title}{unit}", ["curve", "first", "least", "greatest", "mean", "last"],
@@ -130,6 +134,11 @@ def _at_x(x: np.ndarray, across: tuple[float, float]) -> np.ndarray:
 
 def _at_y(values: np.ndarray, up: tuple[float, float]) -> np.ndarray:
     return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (values - up[0]) / (up[1] - up[0])
+
+
+def _dots(x: np.ndarray, y: np.ndarray) -> str:
+    """An SVG path of strokes so short that their round ends are dots."""
+    return "".join(f"M{a:.1f} {b:.1f}h0.1" for a, b in zip(x, y, strict=True) if math.isfinite(b)) or "M0 0"
 
 
 def _path(x: np.ndarray, y: np.ndarray) -> str:

@@ -67,6 +67,14 @@ FileName = Annotated[
     str, BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value), AfterValidator(_file_name)
 ]
 
+# strict: neither true, nor 5000.5, nor "5000" is a count
+Whole = Annotated[int, Field(strict=True, ge=0)]
+GROUP_NAME = Field(
+    None,
+    min_length=1,
+    description="Name of the grains' group in results; entries of the same name form one group; default: a group of its own.",
+)
+
 Problem = tuple[KeyPath, Any, str]
 """Key path, value there, and what is wrong."""
 

@@ -3,16 +3,22 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from warpdem.core.key_path import KeyPath
 from warpdem.scene import models
 from warpdem.scene.base import Problem, file_system_name
 from warpdem.scene.borders import Borders
-from warpdem.scene.grains import Grains, Stream
+from warpdem.scene.grains import Grains
 from warpdem.scene.measures import Measures
 from warpdem.scene.regions import Outlet, Placed
 from warpdem.scene.selection import selection_problems
 from warpdem.scene.start import Start
+from warpdem.scene.streams import Stream
 from warpdem.scene.walls import Wall
+
+SAMPLES = 1000
+"""Points of a stream by which is told whether it inserts grains in an outlet [-]."""
 
 
 class Named(Protocol):
@@ -80,30 +86,51 @@ def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[
 
 
 def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[Wall]) -> Iterator[Problem]:
-    """Regions that follow a wall which the scene does not have."""
+    """Regions that follow a wall which the scene does not have, or whose motion is not known beforehand."""
     names = [wall.name for wall in walls]
+    by_load = [wall.name for wall in walls if wall.servo is not None]
     for key_path, region in regions:
         if region.follows is not None and region.follows not in names:
             yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
+        if region.follows in by_load:
+            reason = "has a servo, by which its load moves it: a region follows only a motion that is given"
+            yield (*key_path, "follows"), region.follows, reason
 
 
 def stream_problems(streams: Sequence[Stream], outlets: Sequence[Outlet], borders: Borders | None) -> Iterator[Problem]:
-    """Streams whose grains would be removed where they are inserted."""
+    """Streams whose grains would be removed where they are inserted, as far as this is seen without a mesh or a motion."""
     for i, stream in enumerate(streams):
+        key = stream.shape_key
         for outlet in outlets:
-            if outlet.box is None:
-                continue
-            sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
-            if all(low < high_out and low_out < high for low, high, low_out, high_out in sides):
-                yield ("streams", i, "box"), None, f'overlaps the box of the outlet "{outlet.name}", which removes grains'
+            if (stream.fixed_to, stream.follows) == (outlet.fixed_to, outlet.follows) and _meet(stream, outlet):
+                known = {"box": "box"}.get(outlet.shape_key, "region")
+                yield ("streams", i, key), None, f'overlaps the {known} of the outlet "{outlet.name}", which removes grains'
+        if stream.mesh is not None or stream.face is not None or borders is None:
+            continue
+        if stream.follows is not None or stream.fixed_to != borders.fixed_to:
+            continue
+        low, high = getattr(stream, key).bounds.tolist()
         for k, axis in enumerate("xyz"):
-            border = getattr(borders, axis) if borders else None
+            border = getattr(borders, axis)
             if border is None:
                 continue
-            if border.min is not None and stream.box.min[k] < border.min:
-                yield ("streams", i, "box", "min", k), stream.box.min[k], f"is below borders.{axis}.min = {border.min:g} m"
-            if border.max is not None and stream.box.max[k] > border.max:
-                yield ("streams", i, "box", "max", k), stream.box.max[k], f"is above borders.{axis}.max = {border.max:g} m"
+            least, most = (("min", k), ("max", k)) if key == "box" else ((), ())
+            if border.min is not None and low[k] < border.min:
+                yield ("streams", i, key, *least), low[k], f"is below borders.{axis}.min = {border.min:g} m"
+            if border.max is not None and high[k] > border.max:
+                yield ("streams", i, key, *most), high[k], f"is above borders.{axis}.max = {border.max:g} m"
+
+
+def _meet(stream: Stream, outlet: Outlet) -> bool:
+    """Whether a stream inserts grains in an outlet that rests in the same axes; False where one of them is a mesh."""
+    if stream.mesh is not None or stream.face is not None or outlet.mesh is not None:
+        return False
+    if stream.box is not None and outlet.box is not None:
+        sides = zip(stream.box.min, stream.box.max, outlet.box.min, outlet.box.max, strict=True)
+        return all(low < high_out and low_out < high for low, high, low_out, high_out in sides)
+    radius = np.full(SAMPLES, 0.5 * stream.extremes[0])
+    points = getattr(stream, stream.shape_key).random_points(np.random.default_rng(0), radius)
+    return bool(getattr(outlet, outlet.shape_key).holds(points).any())
 
 
 def measure_problems(

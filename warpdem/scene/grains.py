@@ -1,4 +1,4 @@
-"""Sources of grains as scene data: positions given one by one, a state file, a filling, or a stream during the run."""
+"""Grains at the start as scene data: positions given one by one, a state file, or a filling."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -7,23 +7,22 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import core_schema
 
-from warpdem.scene.base import Duration, FileName, Label, Length, Point, SceneModel, Vec3, exactly_one, validation_error
+from warpdem.scene.base import (
+    GROUP_NAME,
+    FileName,
+    Label,
+    Length,
+    Point,
+    SceneModel,
+    Whole,
+    exactly_one,
+    validation_error,
+)
 from warpdem.scene.regions import Box
-from warpdem.scene.size_distribution import Diameter, size_law
-from warpdem.scene.units import Array, Quantity, Vector
+from warpdem.scene.size_distribution import Diameter
+from warpdem.scene.units import Array, Quantity
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
-
-# strict: neither true, nor 5000.5, nor "5000" is a count
-Whole = Annotated[int, Field(strict=True, ge=0)]
-
-
-GROUP_NAME = Field(
-    None,
-    min_length=1,
-    description="Name of the grains' group in results; entries of the same name form one group; default: a group of its own.",
-)
-
 
 class Fill(SceneModel):
     """Grains at random positions, dense and without overlap, inside a mesh wall or a box.
@@ -65,39 +64,6 @@ class Fill(SceneModel):
             raise validation_error([(("point",), None, "selects a space of a wall; a box is filled completely")])
         if self.region is not None and self.wall is None:
             raise validation_error([(("region",), None, "clips the inside of a wall; for a box give the smaller box itself")])
-        return self
-
-
-class Stream(SceneModel):
-    """Inlet: grains inserted during the run at random positions of a region that are free of grains and walls."""
-
-    name: Label | None = GROUP_NAME
-    material: str = Field(description="Name of the material.")
-    box: Box = Field(description="Region in which they are inserted; it holds each grain completely.")
-    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
-    velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field(
-        (0.0, 0.0, 0.0), description="Their velocity relative to the frame [m/s], default 0."
-    )
-    mass_rate: Annotated[float, Quantity("kg/s", gt=0)] | None = Field(
-        None, description="Mass per time [kg/s], > 0; either this or count_rate."
-    )
-    count_rate: Annotated[float, Quantity("1/s", gt=0)] | None = Field(
-        None, description="Grains per time [1/s], > 0; either this or mass_rate."
-    )
-    start: Annotated[float, Quantity("s", ge=0)] = Field(0.0, description="Start time [s], >= 0, default 0.")
-    until: Duration | None = Field(None, description="End time [s], > 0 and above start; default none.")
-    seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0.")
-
-    @model_validator(mode="after")
-    def _keys_agree(self) -> "Stream":
-        exactly_one(self, "mass_rate", "count_rate")
-        if self.until is not None and self.until <= self.start:
-            raise validation_error([(("until",), self.until, f"must be later than start = {self.start:g} s")])
-        largest = size_law(self.diameter).extremes[1]
-        sides = [high - low for low, high in zip(self.box.min, self.box.max, strict=True)]
-        if min(sides) < largest:
-            reason = f"its shortest side of {min(sides):g} m must be at least the diameter of the largest grain, {largest:g} m"
-            raise validation_error([(("box",), None, reason)])
         return self
 
 
@@ -162,6 +128,19 @@ class Grains(SceneModel):
     ids: Annotated[np.ndarray, IdArray] | None = Field(
         None, description="With positions: ids of the grains [-], whole numbers >= 0, all different, shape (n,)."
     )
+    clump: str | None = Field(
+        None,
+        description="Name of the clump that each of the grains is; positions are then the centres of mass, velocities those of "
+        "the centres. Default: grains are spheres.",
+    )
+    orientations: Annotated[np.ndarray, Array(Quantity("-"), columns=4)] | None = Field(
+        None,
+        description="With clump: quaternions (w, x, y, z) from the axes of the clump to the frame axes, shape (n, 4), default "
+        "(1, 0, 0, 0).",
+    )
+    sizes: Annotated[np.ndarray, Array(Quantity("-", gt=0))] | None = Field(
+        None, description="With clump: factor on the lengths of the clump, > 0, shape (n,), default 1."
+    )
     file: FileName | None = Field(
         None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
     )
@@ -181,8 +160,10 @@ class Grains(SceneModel):
     def _one_source(self) -> "Grains":
         exactly_one(self, "positions", "file", "fill")
         sizes = ("radius", "radii", "diameter", "diameters")
+        self._check_clump(sizes)
         if self.positions is not None:
-            exactly_one(self, *sizes)
+            if self.clump is None:
+                exactly_one(self, *sizes)
             self._check_lengths(self.positions)
             return self
         stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
@@ -192,9 +173,22 @@ class Grains(SceneModel):
             raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         return self
 
+    def _check_clump(self, sizes: tuple[str, ...]) -> None:
+        if self.clump is None:
+            stray = [key for key in ("orientations", "sizes") if getattr(self, key) is not None]
+            reason = "belongs to a clump: name it with clump"
+        else:
+            stray = [key for key in (*sizes, "ids", "file", "fill") if getattr(self, key) is not None]
+            reason = "cannot be given with clump: give positions, and the sizes of clumps with sizes"
+        if stray:
+            raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+        if self.orientations is not None and not np.all(np.square(self.orientations).sum(axis=1) > 0.0):
+            row = int(np.argmin(np.square(self.orientations).sum(axis=1) > 0.0))
+            raise validation_error([(("orientations", row), None, "must not be zero")])
+
     def _check_lengths(self, positions: np.ndarray) -> None:
         count = len(positions)
-        for key in ("radii", "diameters", "velocities", "spins", "ids"):
+        for key in ("radii", "diameters", "velocities", "spins", "ids", "orientations", "sizes"):
             values = getattr(self, key)
             if values is not None and len(values) != count:
                 reason = f"must have as many entries as positions ({count}), has {len(values)}"

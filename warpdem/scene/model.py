@@ -23,7 +23,7 @@ from warpdem.core.access import Access
 from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
 from warpdem.scene import models
-from warpdem.scene.base import Label, Problem, SceneModel, Vec3, relocated, validation_error
+from warpdem.scene.base import Label, Name, Problem, SceneModel, Vec3, relocated, validation_error
 from warpdem.scene.borders import Borders
 from warpdem.scene.checks import (
     Named,
@@ -37,19 +37,22 @@ from warpdem.scene.checks import (
     stream_problems,
     ways_out,
 )
+from warpdem.scene.clump_checks import clump_problems
+from warpdem.scene.clumps import Clump
 from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_own_keys
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
 from warpdem.scene.fields import ExternalField, Observer
-from warpdem.scene.grains import Grains, Stream
+from warpdem.scene.grains import Grains
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import plugin_refusal, user_model
 from warpdem.scene.motion import FixedPlacement, Motions, Sampled
 from warpdem.scene.parameters import field_values
 from warpdem.scene.phases import NOT_IN_A_PHASE, Phase, changed, key_path_in_phase
-from warpdem.scene.regions import MeshRegion, Outlet, Placed
+from warpdem.scene.regions import MeshFile, Outlet, Placed
 from warpdem.scene.settings import Engine, Output, Time
 from warpdem.scene.start import Start
+from warpdem.scene.streams import Stream
 from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.walls import Wall
 
@@ -71,6 +74,7 @@ class Scene(SceneModel):
     materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
     pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can touch.")
+    clumps: dict[Name, Clump] = Field({}, description="Rigid bodies of spheres by name, default none.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
     frame: Motions | None = Field(
@@ -111,10 +115,13 @@ class Scene(SceneModel):
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Key path and name of each data file that the scene names; files of code are not among them."""
         yield from ((("walls", i, "mesh"), wall.mesh) for i, wall in enumerate(self.walls) if wall.mesh is not None)
+        for name, clump in self.clumps.items():
+            yield from ((("clumps", name, key), file) for key in ("file", "mesh") if (file := getattr(clump, key)) is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
         for key_path, region in self.regions():
-            if isinstance(mesh := getattr(region, "mesh", None), MeshRegion):
-                yield (*key_path, "mesh", "file"), mesh.file
+            for key in ("mesh", "face"):
+                if isinstance(mesh := getattr(region, key, None), MeshFile):
+                    yield (*key_path, key, "file"), mesh.file
         if self.start is not None:
             yield ("start", "checkpoint"), self.start.checkpoint
         moving = [(("frame",), self.frame), *((("walls", i, "motion"), wall.motion) for i, wall in enumerate(self.walls))]
@@ -126,6 +133,7 @@ class Scene(SceneModel):
     def regions(self) -> Iterator[tuple[tuple[str | int, ...], Placed]]:
         """Key path and region of each part of the scene that has one."""
         yield from ((("outlets", i), outlet) for i, outlet in enumerate(self.outlets))
+        yield from ((("streams", i), stream) for i, stream in enumerate(self.streams))
 
     def later(self, time: float) -> "Scene":
         """The scene from ``time`` [s] on: its motions are ahead by this time, its streams start and end earlier by it."""
@@ -142,7 +150,7 @@ class Scene(SceneModel):
             for wall in self.walls
         ]  # fmt: skip
         streams = [
-            stream.model_copy(update={"start": max(0.0, stream.start - time), "until": stream.until and stream.until - time})
+            stream.later(time)
             for stream in self.streams
             if stream.until is None or stream.until > time
         ]
@@ -172,14 +180,20 @@ class Scene(SceneModel):
     @property
     def group_names(self) -> list[str]:
         """Name of the group of each entry of ``grains``, then of each of ``streams``; an entry without a name has its key."""
-        entries: list[tuple[str, Grains | Stream]] = [(f"grains[{k}]", entry) for k, entry in enumerate(self.grains)]
-        entries += [(f"streams[{k}]", entry) for k, entry in enumerate(self.streams)]
-        return [entry.name or key for key, entry in entries]
+        of_grains = [entry.name or f"grains[{k}]" for k, entry in enumerate(self.grains)]
+        return [*of_grains, *(entry.name or f"streams[{k}]" for k, entry in enumerate(self.streams))]
+
+    def stream_groups(self, number: int) -> list[str]:
+        """Name of the group of each portion of a stream: its own, or that of the stream."""
+        of_stream = self.group_names[len(self.grains) + number]
+        return [portion.name or of_stream for portion in self.streams[number].portions]
 
     @property
     def groups(self) -> list[str]:
         """Names of the groups of grains, in the order of their numbers."""
-        return list(dict.fromkeys([*(self.start.groups if self.start else ()), *self.group_names]))
+        of_grains = self.group_names[: len(self.grains)]
+        of_streams = [name for k in range(len(self.streams)) for name in self.stream_groups(k)]
+        return list(dict.fromkeys([*(self.start.groups if self.start else ()), *of_grains, *of_streams]))
 
     def pair(self, first: str, second: str) -> Pair:
         """Coefficients of two materials, in either order.
@@ -239,7 +253,8 @@ class Scene(SceneModel):
         named: dict[str, Sequence[Named]] = {
             "walls": self.walls, "outlets": self.outlets, "observers": self.observers, "phases": self.phases
         }  # fmt: skip
-        of_grains = [*(group.material for group in self.grains), *(stream.material for stream in self.streams)]
+        portions = [portion for stream in self.streams for portion in stream.portions]
+        of_grains = [*(group.material for group in self.grains), *(portion.material for portion in portions)]
         of_walls = [wall.material for wall in self.walls]
         problems = [
             *material_problems(self._material_uses(), self.materials),
@@ -255,6 +270,7 @@ class Scene(SceneModel):
                 self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
                 ways_out(self.borders, self.outlets),
             ),
+            *clump_problems(self),
         ]
         if problems:
             raise validation_error(problems)
@@ -262,9 +278,13 @@ class Scene(SceneModel):
 
     def _material_uses(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """Key path and name of each material that a part of the scene names."""
-        for key in ("grains", "walls", "streams"):
-            users: list[Grains | Wall | Stream] = getattr(self, key)
+        for key in ("grains", "walls"):
+            users: list[Grains | Wall] = getattr(self, key)
             yield from (((key, i, "material"), user.material) for i, user in enumerate(users))
+        for i, stream in enumerate(self.streams):
+            of_recipe = [("recipe", k) for k in range(len(stream.portions))] if stream.recipe is not None else [()]
+            for path, portion in zip(of_recipe, stream.portions, strict=True):
+                yield ("streams", i, *path, "material"), portion.material
         for i, pair in enumerate(self.pairs):
             yield from ((("pairs", i, "materials", k), name) for k, name in enumerate(pair.materials))
 

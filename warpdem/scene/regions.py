@@ -178,8 +178,8 @@ class SphereRegion(SceneModel):
         return np.asarray(np.array(self.centre) + distance[:, None] * direction)
 
 
-class MeshRegion(SceneModel):
-    """The inside of a closed mesh, which is no wall; its points after scale, rotate and translate, in this order."""
+class MeshFile(SceneModel):
+    """A mesh that is no wall; its points after scale, rotate and translate, in this order."""
 
     file: FileName = Field(
         description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file."
@@ -189,6 +189,10 @@ class MeshRegion(SceneModel):
     )
     translate: Point = Field((0.0, 0.0, 0.0), description="Translation [m], after scale and rotate, default 0.")
     rotate: FixedRotation | None = Field(None, description="Rotation about the origin, after scale, default none.")
+
+
+class MeshRegion(MeshFile):
+    """The inside of a closed mesh that is no wall; its points after scale, rotate and translate, in this order."""
 
 
 class PlaneRegion(SceneModel):
@@ -204,6 +208,42 @@ class PlaneRegion(SceneModel):
         height = arm @ normal
         across = np.linalg.norm(arm - height[:, None] * normal, axis=1)
         return np.asarray((height >= 0.0) & (across <= (math.inf if self.radius is None else self.radius)))
+
+
+class DiskFace(SceneModel):
+    """A disk on which grains are inserted."""
+
+    point: Point = Field(description="Centre [m].")
+    normal: Direction = Field(description="Normal [-], any length but zero; held as a unit vector.")
+    radius: Length = Field(description="Radius [m], > 0.")
+
+    @property
+    def thinnest(self) -> tuple[str, float]:
+        """Diameter of the largest grain that fits [m], with its name."""
+        return "diameter", 2.0 * self.radius
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """As ``Solid``."""
+        reach = self.radius * np.sqrt(np.maximum(1.0 - np.array(self.normal) ** 2, 0.0))
+        return np.array([np.array(self.point) - reach, np.array(self.point) + reach])
+
+    def depth(self, points: np.ndarray) -> np.ndarray:
+        """Distance of points of the disk [m], shape (n, 3), from its rim [m], shape (n,)."""
+        return np.asarray(self.radius - np.linalg.norm(points - np.array(self.point), axis=1))
+
+    def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
+        """Random points of the disk [m], shape (n, 3), at least ``radius`` [m], shape (n,), from its rim."""
+        first, second = across(np.array(self.normal))
+        share, angle = generator.random((len(radius), 2)).T
+        distance, angle = (self.radius - radius) * np.sqrt(share), 2.0 * math.pi * angle
+        return np.asarray(
+            np.array(self.point) + np.outer(distance * np.cos(angle), first) + np.outer(distance * np.sin(angle), second)
+        )
+
+
+class MeshFace(MeshFile):
+    """An open surface on which grains are inserted; its points after scale, rotate and translate, in this order."""
 
 
 Shape = Box | CylinderRegion | SphereRegion | MeshRegion | PlaneRegion

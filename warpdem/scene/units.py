@@ -44,9 +44,9 @@ DIMENSIONS = {
         "an energy density", {"kilogram": 1, "meter": -1, "second": -2}, "100 kJ/m^3", 1e-9, 1e21
     ),
     "Pa s": Dimension("a viscosity", {"kilogram": 1, "meter": -1, "second": -1}, "1 mPa s", 1e-18, 1e21),
+    "kg m2": Dimension("a moment of inertia", {"kilogram": 1, "meter": 2}, "20 g cm^2", 1e-60, 1e30),
     "N": Dimension("a force", {"kilogram": 1, "meter": 1, "second": -2}, "2 mN", 1e-30, 1e21),
     "N m": Dimension("a torque", {"kilogram": 1, "meter": 2, "second": -2}, "2 mN m", 1e-30, 1e21),
-    "kg m2": Dimension("a moment of inertia", {"kilogram": 1, "meter": 2}, "2 g m^2", 1e-30, 1e30),
     "N m s": Dimension("a damping coefficient", {"kilogram": 1, "meter": 2, "second": -1}, "2 mN m s", 1e-30, 1e21),
     "m2": Dimension("an area", {"meter": 2}, "4 cm^2", 1e-24, 1e24),
     "kg/s": Dimension("a mass rate or drag coefficient", {"kilogram": 1, "second": -1}, "0.1 g/s", 1e-30, 1e21),

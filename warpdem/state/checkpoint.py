@@ -158,6 +158,8 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if state.clumps is not None:
+        out |= state.clumps.arrays(rank)
     if view.departures is not None:
         readings |= view.departures.arrays()
     if features.measures.wear:

@@ -17,7 +17,7 @@ from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
 from warpdem.state.blocks import FileSink, Rows, each_block
 
-FORMAT = "warpdem checkpoint 4"
+FORMAT = "warpdem checkpoint 5"
 
 
 def write(path: Path, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:

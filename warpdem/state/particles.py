@@ -16,8 +16,9 @@ import warp as wp
 
 from warpdem.core.huge_pages import in_huge_pages
 from warpdem.filling.initial_grains import InitialGrains
-from warpdem.kernels import grain
+from warpdem.kernels import clump, grain
 from warpdem.model.model import Model
+from warpdem.state.clumps import ClumpState, member_inverse
 
 
 @contextmanager
@@ -49,6 +50,7 @@ class State:
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when it is not requested.
+        clumps: the clumps that grains are members of; None in a run without any.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
             width each).
     """
@@ -69,9 +71,13 @@ class State:
         if spins:
             record[:, grain.SPIN] = start.spin
         self._Record = grain.build(spins).Record
-        self._Inverse = wp.types.vector(2, wp.float64)
+        self._Inverse = clump.inverse_type(start.clumps is not None)
         self.record: wp.array = in_huge_pages(wp.array(record, dtype=self._Record, device=device))
         inverse = np.stack([1.0 / mass, 2.5 / (mass * start.radius**2)], axis=1).reshape(n, 2)
+        self.clumps: ClumpState | None = None
+        if start.clumps is not None:
+            self.clumps = ClumpState(start.clumps, device)
+            inverse = member_inverse(inverse, start.clumps, start.radius)
         self.inverse: wp.array = wp.array(inverse, dtype=self._Inverse, device=device)
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
         self.kind: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
@@ -177,15 +183,26 @@ class State:
             else:
                 setattr(self, name, picked)
         self.group = self.group[order]
+        if self.clumps is not None:
+            self.clumps.reorder(order)
         if self.came is not None:
             self.came = self.came[order]
         self._all_here(len(order))
+
+    def places_to_sort_by(self, slots: np.ndarray) -> np.ndarray:
+        """Positions that grains in memory slots are sorted by [m], shape (n, 3): members of a clump stay together."""
+        record = self.record.numpy()
+        if self.clumps is None:
+            return record[slots, grain.POSITION]
+        return record[self.clumps.lead()[slots], grain.POSITION]
 
     def digest(self, step_number: int) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal ones."""
         digest = hashlib.sha256(str(step_number).encode())
         digest.update(self.ids.tobytes())
         digest.update(np.ascontiguousarray(self.record.numpy()[self.rank]).tobytes())
+        if self.clumps is not None:
+            digest.update(self.clumps.bytes_in_order(self.rank))
         return digest.hexdigest()
 
     def by_id(self, columns: slice | int) -> np.ndarray:
@@ -204,6 +221,8 @@ class State:
         if self.came is not None:
             self.came = np.asarray(data["came"], dtype=np.int64)
         self.next_id = data["next_id"]
+        if self.clumps is not None:
+            self.clumps.restore(data)
         self._all_here(len(self.group))
 
     def copied(self, take: Callable[[str, wp.array], wp.array]) -> "State":
@@ -211,4 +230,6 @@ class State:
         out = copy.copy(self)
         for name in self.names:
             setattr(out, name, take(f"state {name}", getattr(self, name)))
+        if self.clumps is not None:
+            out.clumps = self.clumps.copied(take)
         return out

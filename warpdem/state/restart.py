@@ -29,6 +29,7 @@ from warpdem.scene.motion_chain import frame_chain
 from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
 from warpdem.state import checkpoint_file, contact_history
+from warpdem.state.clumps import from_checkpoint
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
@@ -73,6 +74,7 @@ def read(scene: Scene) -> Past:
             f"{', '.join(scene.materials)}"
         )
     _check_pairs(scene, present, key)
+    _check_clumps(scene, data, key)
     redrawn = _redrawn(scene, data)
     said = _notes_on_walls(scene, data, redrawn)
     scene = _going_on(scene, data, redrawn)
@@ -102,6 +104,31 @@ def _check_pairs(scene: Scene, present: list[str], key: str) -> None:
     if lacking:
         listed = "; ".join(f'materials = ["{a}", "{b}"]' for a, b in lacking)
         raise SceneError(f"{key}: its grains meet materials without coefficients: add [[pairs]] with {listed}")
+
+
+def _check_clumps(scene: Scene, data: dict[str, Any], key: str) -> None:
+    """Refuse clumps that the scene lacks, or that are others there, or of another density."""
+    if "clump_template" not in data:
+        return
+    there, here = data["scene"]["clumps"], scene.model_dump(mode="json", include={"clumps"})["clumps"]
+    names = list(there)
+    for number in np.unique(data["clump_template"]).tolist():
+        name = names[number]
+        if name not in here:
+            where = f"{key} = {str(data['path'])!r}"
+            raise SceneError(f"{where}: its grains are clumps of {name!r}: add [clumps.{name}] as it is there")
+        if here[name] != there[name]:
+            raise SceneError(f"{scene.source}: clumps.{name}: is not what it was in {data['path']}, where the clumps come from")
+    if list(here)[: len(names)] != names:
+        raise SceneError(f"{scene.source}: clumps: those of {data['path']} come first, in its order: {', '.join(names)}")
+    members = np.unique(data["kind"][data["clump_of_grain"] >= 0])
+    for name in (list(data["scene"]["materials"])[kind] for kind in members):
+        before, now = data["scene"]["materials"][name]["density"], scene.materials[name].density
+        if before != now:
+            raise SceneError(
+                f"{scene.source}: materials.{name}.density = {now:g} kg/m3: clumps of this material come from {data['path']}, "
+                f"where it is {before:g} kg/m3"
+            )
 
 
 # --- frame, walls, streams ---------------------------------------------------------------------------------------------
@@ -271,6 +298,7 @@ def _grains(scene: Scene, data: dict[str, Any], material: list[int]) -> InitialG
     pose: Pose = frame_chain(scene).pose(np.zeros(1))
     spin, velocity = pose.spin[0].astype(float), pose.velocity[0].astype(float)
     position = data["record"][:, grain.POSITION]
+    clumps = from_checkpoint(data, spin, velocity) if "clump_of_grain" in data else None
     return InitialGrains(
         id=data["id"],
         type=np.array(material, dtype=np.int32)[data["kind"]],
@@ -279,6 +307,7 @@ def _grains(scene: Scene, data: dict[str, Any], material: list[int]) -> InitialG
         position=position,
         velocity=data["velocity"] - velocity - np.cross(spin, position),
         spin=data["spin"] - spin,
+        clumps=clumps,
     )
 
 

@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 
 from warpdem.filling.initial_grains import InitialGrains
-from warpdem.filling.inlet import Inlet
+from warpdem.filling.inlet import Inlet, Insertion
 from warpdem.filling.inlet_walls import InletWalls
+from warpdem.filling.stream_place import StreamPlace
 from warpdem.kernels import grain
+from warpdem.mesh.solid import face_of, shape_of
 from warpdem.model.model import Model
 from warpdem.model.prepare import absolute
+from warpdem.scene.regions import PlaneRegion
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 
@@ -29,12 +32,16 @@ class Streams:
 
     def __init__(self, model: Model, state: State, clock: Clock) -> None:
         self._model, self._state, self._clock = model, state, clock
-        streams = range(len(model.scene.streams))
-        self.inlets = [Inlet(number, model.scene, model.dt, self._walls(number)) for number in streams]
+        streams = model.scene.streams
+        self._carriers = [model.schedule.carrier(stream) for stream in streams]
+        places = [self._place(number) for number in range(len(streams))]
+        self.inlets = [
+            Inlet(number, model.scene, model.dt, place, self._walls(number, place)) for number, place in enumerate(places)
+        ]
 
     @property
     def notes(self) -> list[str]:
-        """What is to be known of the boxes of the streams, for people."""
+        """What is to be known of the regions of the streams, for people."""
         return [note for inlet in self.inlets if inlet.walls is not None for note in inlet.walls.notes]
 
     def next_step(self) -> int | None:
@@ -54,19 +61,20 @@ class Streams:
                 continue
             record = state.record.numpy()[state.here]
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
-            position, radius = inlet.insert(step, *there, self._model.domain.nearest)
-            if len(radius):
-                state.add(self._grains(inlet, position, radius), self._model.density, step)
-                inserted.append(np.arange(state.slots - len(radius), state.slots))
+            new = inlet.insert(step, *there, self._model.domain.nearest)
+            if len(new.radius):
+                state.add(self._grains(inlet, new), self._model.density, step)
+                inserted.append(np.arange(state.slots - len(new.radius), state.slots))
         return inserted
 
-    def _grains(self, inlet: Inlet, position: np.ndarray, radius: np.ndarray) -> InitialGrains:
+    def _grains(self, inlet: Inlet, added: Insertion) -> InitialGrains:
         """Grains of a stream, moving as the integrator holds them."""
-        model, clock, n = self._model, self._clock, len(radius)
-        velocity = np.tile(np.array(inlet.stream.velocity, dtype=float), (n, 1))
+        model, clock, n = self._model, self._clock, len(added.radius)
+        given = np.array(inlet.stream.velocity, dtype=float)
+        velocity, spin = model.schedule.carried(self._carriers[inlet.number], clock.time, added.position, given)
         ids = np.arange(self._state.next_id, self._state.next_id + n)
-        material, group = (np.full(n, number, np.int32) for number in (inlet.type, inlet.group))
-        new = InitialGrains(ids, material, group, radius, position, velocity, np.zeros((n, 3)))
+        material, group = (np.array(of, np.int32)[added.portion] for of in (inlet.type, inlet.group))
+        new = InitialGrains(ids, material, group, added.radius, added.position, velocity, spin)
         if model.features.backend.scheme.RELATIVE:
             return new
         new = absolute(model.schedule, new, clock.time)
@@ -76,15 +84,25 @@ class Streams:
         kick = 0.5 * clock.dt * model.schedule.rows(clock.step_number, 0)[0, 2:5]
         return replace(new, velocity=new.velocity - kick)
 
-    def _walls(self, number: int) -> InletWalls:
-        """The walls beside the box of a stream."""
+    def _place(self, number: int) -> StreamPlace:
+        """The region of a stream."""
+        model, carrier = self._model, self._carriers[number]
+        stream = model.scene.streams[number]
+        key = f"streams[{number}].{stream.shape_key}"
+        face = stream.disk or stream.face
+        shape = shape_of(model.scene, stream.shape, key) if face is None else face_of(model.scene, face, key)
+        assert not isinstance(shape, PlaneRegion)  # no stream has one
+        return StreamPlace(shape, None if carrier is None else lambda time: model.schedule.place(carrier, time))
+
+    def _walls(self, number: int, place: StreamPlace) -> InletWalls:
+        """The walls beside the region of a stream."""
         model = self._model
 
         def places(time: float) -> list[tuple[np.ndarray, np.ndarray]]:
             return [(body[:9].reshape(3, 3), body[9:12]) for body in model.schedule.bodies(time)]
 
         moves = (model.schedule.wall_motion < model.schedule.moving).tolist()
-        return InletWalls(number, model.scene, model.meshes, places, moves)
+        return InletWalls(number, model.scene, model.meshes, place, places, moves)
 
     def state(self) -> list[dict[str, Any]]:
         """What a checkpoint holds of the streams, as JSON."""
@@ -98,4 +116,4 @@ class Streams:
     def take_over(self, states: dict[int, dict[str, Any]]) -> None:
         """Go on with the random numbers of streams of another run, by number; what they inserted there does not count."""
         for number, state in states.items():
-            self.inlets[number].restore({**state, "count": 0, "mass": 0.0})
+            self.inlets[number].go_on(state)

@@ -28,7 +28,7 @@ from warpdem.usd.reader.grains import GRAIN_ARRAYS
 
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
 """Keys that define the geometry of a wall; without them the prim itself is the geometry."""
-WITH_MATERIAL = ("walls", "grains", "streams")
+WITH_MATERIAL = ("walls", "grains", "streams", "recipe")
 """Lists whose entries have the material that is bound to their prims."""
 
 

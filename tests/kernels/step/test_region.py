@@ -74,7 +74,7 @@ def test_the_kernel_finds_what_the_host_finds(device, tmp_path, place):
         wp.launch(find, FEW, [wp.array(points, dtype=wp.vec3d, device=device), regions, placements, found], device=device)
         axes, origin = np.eye(3), np.zeros(3)
         if place:
-            axes, origin = schedule.place(schedule.motion_of(domain.places[number]), step * schedule.dt)
+            axes, origin = schedule.place(schedule.carrier(domain.places[number]), step * schedule.dt)
             assert not np.allclose(axes, np.eye(3), atol=0.1)
         inside = shape.holds((points - origin) @ axes)
         assert 0.02 < inside.mean() < 0.8, name

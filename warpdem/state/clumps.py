@@ -1,0 +1,181 @@
+"""The clumps of a run on the device: their moving state, and which grains are their members.
+
+Clumps are in memory in the order of their first members, and the members of each follow each other there, in the order of the
+template: whatever puts grains into another order keeps them together (``State.places_to_sort_by``).
+"""
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpdem.filling.clump_grains import NONE, InitialClumps
+from warpdem.kernels import clump, grain
+from warpdem.kernels.clump import Reading
+
+OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32}
+"""Arrays with a row per clump, with their types."""
+OF_GRAINS = {"of_grain": wp.int32, "arm": wp.vec3d}
+"""Arrays with a row per grain."""
+
+
+def member_inverse(inverse: np.ndarray, clumps: InitialClumps, radius: np.ndarray) -> np.ndarray:
+    """``inverse`` of all grains, whose first two numbers those of spheres have: 1/m, 1/I, and B of ``kernels.clump``.
+
+    Members have their share of the mass of their clump, and the mean of its inverse moments.
+
+    Args:
+        inverse: 1/m [1/kg] and 1/I [1/(kg m2)] of spheres, shape (n, 2).
+        clumps: the clumps.
+        radius: radii of the grains [m], shape (n,).
+    """
+    out = np.zeros((len(inverse), clump.WIDTH[True]))
+    out[:, :2] = inverse
+    out[:, [2, 5, 7]] = inverse[:, :1]
+    member = clumps.of_grain != NONE
+    of, axes, r = clumps.of_grain[member], clumps.matrices, clumps.arms()
+    out[member, 0] = 1.0 / clumps.member_mass(radius)
+    out[member, 1] = (1.0 / clumps.moments).mean(axis=1)[of]
+    spread = np.einsum("nij,nj,nkj->nik", axes, 1.0 / clumps.moments, axes)[of]
+    across = np.cross(r[:, None], np.eye(3)[None])  # r x e_k
+    response = np.einsum("nki,nij,nlj->nkl", across, spread, across) + np.eye(3) / clumps.mass[of, None, None]
+    out[member, 2:] = response[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    return out
+
+
+def from_checkpoint(data: dict[str, Any], spin: np.ndarray, velocity: np.ndarray) -> InitialClumps:
+    """Clumps of a checkpoint, grains in order of id, their motion relative to a frame.
+
+    Args:
+        data: the checkpoint.
+        spin: angular velocity of the frame [rad/s], shape (3,).
+        velocity: velocity of its origin [m/s], shape (3,).
+    """
+    of, record, rate = data["clump_of_grain"], data["clump_record"], data["clump_rate"]
+    position, reading = record[:, grain.POSITION], data["clump_reading"]
+    first = np.flatnonzero((of != NONE) & (np.concatenate([[NONE], of[:-1]]) != of))
+    return InitialClumps(
+        first=first[np.argsort(of[first])], count=data["clump_count"], template=data["clump_template"], position=position,
+        velocity=reading[:, :3] - velocity - np.cross(spin, position), spin=reading[:, 3:6] - spin, turn=data["clump_turn"],
+        mass=1.0 / rate[:, 0], moments=1.0 / rate[:, 1:], axes=data["clump_axes"], radius=record[:, grain.RADIUS],
+        of_grain=of, arm=data["clump_arm"],
+    )  # fmt: skip
+
+
+class ClumpState:
+    """Device arrays of the clumps, as ``kernels.clump`` has them.
+
+    Attributes:
+        record, turn, rate, first, count: of each clump.
+        of_grain, arm: of each grain.
+        reading: motion of each clump at the time of the last reading.
+        template: number of each clump in the order of ``Scene.clumps``, on the host.
+        axes: quaternion of each from the principal axes to those of the clump in the scene, on the host.
+    """
+
+    record: wp.array
+    turn: wp.array
+    rate: wp.array
+    first: wp.array
+    count: wp.array
+    of_grain: wp.array
+    arm: wp.array
+    reading: wp.array
+
+    def __init__(self, start: InitialClumps, device: wp.Device) -> None:
+        record = np.zeros((len(start), grain.WIDTH[True]))
+        record[:, grain.POSITION] = start.position
+        record[:, grain.RADIUS] = start.radius
+        record[:, grain.VELOCITY] = start.velocity
+        record[:, grain.SPIN] = start.angular_momentum()
+        rate = np.column_stack([1.0 / start.mass, 1.0 / start.moments])
+        values = {"record": record, "turn": start.turn, "rate": rate, "first": start.first, "count": start.count}
+        self.device = device
+        self._take(values, {"of_grain": start.of_grain, "arm": start.arm}, start.template, start.axes)
+
+    def __len__(self) -> int:
+        return len(self.template)
+
+    def _take(
+        self, of_clumps: dict[str, np.ndarray], of_grains: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
+    ) -> None:
+        for name, dtype in {**OF_CLUMPS, **OF_GRAINS}.items():
+            value = np.ascontiguousarray({**of_clumps, **of_grains}[name])
+            kind = grain.build(True).Record if dtype is None else dtype
+            value = value.astype(np.int32 if kind is wp.int32 else np.float64)
+            setattr(self, name, wp.array(value, dtype=kind, device=self.device))
+        self.template, self.axes = np.asarray(template, dtype=np.int32), np.asarray(axes, dtype=np.float64)
+        self.reading = wp.zeros(len(template), dtype=Reading, device=self.device)
+        self._struct: Any = None
+
+    def struct(self, kind: type) -> Any:
+        """The struct ``kind`` of ``kernels.clump`` over the present arrays, made once for them."""
+        if self._struct is None:
+            self._struct = kind()
+            for name in (*OF_CLUMPS, *OF_GRAINS, "reading"):
+                setattr(self._struct, name, getattr(self, name))
+        return self._struct
+
+    def lead(self) -> np.ndarray:
+        """Slot of the first member of the clump of each grain, its own for a grain of its own, shape (n,)."""
+        of = self.of_grain.numpy()
+        return np.where(of == NONE, np.arange(len(of)), self.first.numpy()[of])
+
+    def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        return tuple({name: getattr(self, name).numpy() for name in names} for names in (OF_CLUMPS, OF_GRAINS))  # type: ignore[return-value]
+
+    def reorder(self, order: np.ndarray) -> None:
+        """Follow the grains, where slot s gets what was in slot order[s]; members of a clump stay together."""
+        of_clumps, of_grains = self._values()
+        of_grains = {name: values[order] for name, values in of_grains.items()}
+        self._number(of_clumps, of_grains)
+
+    def _number(self, of_clumps: dict[str, np.ndarray], of_grains: dict[str, np.ndarray]) -> None:
+        """Take the arrays over, with the clumps in the order of their members."""
+        of = of_grains["of_grain"]
+        begins = np.flatnonzero((of != NONE) & (np.concatenate([[NONE], of[:-1]]) != of))
+        clumps = of[begins]
+        new = np.full(len(self.template) + 1, NONE)
+        new[clumps] = np.arange(len(clumps))
+        of_grains["of_grain"] = new[of]
+        of_clumps = {name: values[clumps] for name, values in of_clumps.items()} | {"first": begins}
+        self._take(of_clumps, of_grains, self.template[clumps], self.axes[clumps])
+
+    def in_order(self, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slots of the clumps in order of the id of their first member, shape (c,), and that member's slot."""
+        of, first = self.of_grain.numpy()[rank], self.first.numpy()
+        lead = (of != NONE) & (first[of] == rank)
+        return of[lead], rank[lead]
+
+    def bytes_in_order(self, rank: np.ndarray) -> bytes:
+        """Moving state of all clumps in order of id; ``rank``: slots of the grains in order of id."""
+        slots, _ = self.in_order(rank)
+        return self.record.numpy()[slots].tobytes() + self.turn.numpy()[slots].tobytes()
+
+    def arrays(self, rank: np.ndarray) -> dict[str, np.ndarray]:
+        """What a checkpoint holds: arrays by name, clumps and grains in order of id; motion at the present time, just read."""
+        slots, _ = self.in_order(rank)
+        of_clumps, of_grains = self._values()
+        out = {name: values[slots] for name, values in of_clumps.items() if name != "first"}
+        number = np.full(len(self) + 1, NONE)
+        number[slots] = np.arange(len(slots))
+        of_grains = {"of_grain": number[of_grains["of_grain"]], "arm": of_grains["arm"]}
+        out |= {name: values[rank] for name, values in of_grains.items()}
+        out |= {"template": self.template[slots], "axes": self.axes[slots], "reading": self.reading.numpy()[slots]}
+        return {f"clump_{name}": values for name, values in out.items()}
+
+    def restore(self, data: dict[str, Any]) -> None:
+        """Take over what ``arrays`` gave."""
+        of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name != "first"}
+        self.template, self.axes = data["clump_template"], data["clump_axes"]
+        self._number(of_clumps, {name: data[f"clump_{name}"] for name in OF_GRAINS})
+
+    def copied(self, take: Callable[[str, wp.array], wp.array]) -> "ClumpState":
+        """As ``State.copied``."""
+        out = copy.copy(self)
+        out._struct = None
+        for name in (*OF_CLUMPS, *OF_GRAINS, "reading"):
+            setattr(out, name, take(f"clumps {name}", getattr(self, name)))
+        return out
