@@ -159,10 +159,9 @@ def chain(count: int) -> Scene:
 
 
 def hanging(load: float, reduced: float) -> float:
-    """Stable overlap [m] of a contact of R* ``reduced`` [m] that is pulled by ``load`` [N], or by as much as it holds."""
+    """Stable overlap [m] of a contact of R* ``reduced`` [m] that is pulled by ``load`` [N], or that of its largest pull."""
     share = reduced / (0.5 * RADIUS)
-    held = min(load / (PULL * share), 0.88)
-    cube = 3.0 + math.sqrt(9.0 - 9.0 * held)  # s^3: s^6 - 6 s^3 = -9 F/F_c
+    cube = 3.0 + math.sqrt(max(0.0, 9.0 - 9.0 * load / (PULL * share)))  # s^3: s^6 - 6 s^3 = -9 F/F_c
     s = cube ** (1.0 / 3.0)
     return PULL_OFF * share ** (1.0 / 3.0) * (s**4 - 4.0 * s) / 3.0
 

@@ -71,6 +71,10 @@ def choose_features(
             "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
         )
         rolling = None
+    twisting: str | None = None if scene.contact.twisting == "none" else scene.located(scene.contact.twisting)
+    if twisting is None or tangential is None:
+        left_out["twisting resistance"] = "contact.twisting is none" if twisting is None else "there is no friction"
+        twisting = None
     spins = bool(tangential or rolling or has_spin or clumps)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
@@ -96,7 +100,7 @@ def choose_features(
         left_out["clumps"] = "every grain is a sphere of its own"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
-    chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
+    chosen = [name for name in (normal, tangential, rolling, twisting, *(name for name, _ in fields)) if name]
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
@@ -123,6 +127,7 @@ def choose_features(
             materials=len(names),
             table=not one_kind,
             gap=law_gap(scene, largest),
+            twisting=twisting,
             clumps=clumps,
         ),
         frame=FrameFeatures(

@@ -18,7 +18,7 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
-from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
+from warpdem.kernels.contact.columns import TWIST, VECTORS, Columns, own_history
 from warpdem.model.past import Past
 from warpdem.scene.checks import class_problems
 from warpdem.scene.messages import line, report
@@ -329,7 +329,9 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
             pairs[:, springs.of(name)] = data["pair_memory"][:, springs.of(name)]
     normal = model("normal", scene.located(now.normal))
     own = {name: now.normal == was["normal"] and f"pair_own_{name}" in data for name in own_history(normal).names}
-    lost = [f"contact.{role}" for role in ("tangential", "rolling") if getattr(now, role) != was[role] != "none"]
+    own[TWIST] = now.twisting == was.get("twisting") and f"pair_own_{TWIST}" in data
+    roles = ("tangential", "rolling", "twisting")
+    lost = [f"contact.{role}" for role in roles if getattr(now, role) != was.get(role, "none") != "none"]
     if lost:
         notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
     out = {"id": data["id"], "pair": data["pair"], "pair_memory": pairs}
