@@ -17,6 +17,8 @@ LAWS = {
     "luding": {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100},
     "edinburgh": {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2},
 }
+TWISTING = {"hertz_clamped", "jkr", "luding"}
+"""Laws that are run with twisting resistance."""
 TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
 """Laws that other tests run in all these ways, and one that differs from its like by a number."""
 STEPS = 500
@@ -30,7 +32,8 @@ def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **change
     data = {
         "gravity": [0, 0, gravity],
         "materials": {"g": {"density": 2500, "young_modulus": 4e6, "poisson_ratio": 0.3}},
-        "contact": {"normal": law, "tangential": "mindlin", "rolling": "spring"},
+        "contact": {"normal": law, "tangential": "mindlin", "rolling": "spring"}
+        | ({"twisting": "marshall"} if law in TWISTING else {}),
         "pairs": [
             {"materials": ["g", "g"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1} | LAWS[law],
         ],

@@ -28,6 +28,8 @@ OF_CONTACT = ("stiffness", "damping", "inverse_mass")
 LOAD = "load"
 """Column of the contact history that keeps the Coulomb load [N] of the last force call, for readers: where the normal law may
 have a load of its own, and there is friction that goes by it."""
+TWIST = "twist"
+"""Column of the contact history of a twisting law: its spring [rad]."""
 VECTORS = {"spring": "m", "angle": "rad"}
 """Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
 LOSSES = ("adhesion", "plasticity", "liquid")
@@ -152,12 +154,15 @@ def declares_own(normal: ModuleType) -> bool:
     return hasattr(normal, "COEFFICIENTS") or hasattr(normal, "HISTORY")
 
 
-def history(normal: ModuleType, tangential: ModuleType | None, rolling: ModuleType | None) -> Columns:
-    """Contact history: the springs of the laws that have one, ``LOAD``, then the normal law's own scalars."""
+def history(
+    normal: ModuleType, tangential: ModuleType | None, rolling: ModuleType | None, twisting: ModuleType | None = None
+) -> Columns:
+    """Contact history: the springs of the laws that have one, ``LOAD``, ``TWIST``, then the normal law's own scalars."""
     rolls = rolling is not None and bool(rolling.HISTORY)
     vectors = VECTORS if rolls else ["spring"] if tangential is not None else []
     load = [LOAD] if declares_own(normal) and tangential is not None else []
-    return Columns(tuple((name, 3) for name in vectors)).and_(scalars(load)).and_(own_history(normal))
+    twist = [TWIST] if twisting is not None else []
+    return Columns(tuple((name, 3) for name in vectors)).and_(scalars([*load, *twist])).and_(own_history(normal))
 
 
 def pair_keys(module: ModuleType | None) -> Mapping[str, PairKey]:

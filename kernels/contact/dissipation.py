@@ -5,7 +5,8 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
     losses               what the normal law itself loses, by its LOSSES: adhesion, plasticity, liquid
-    rolling              M - M_spring, and the angle that the rolling spring is cut by
+    rolling              M - M_spring, and the angle that the rolling spring is cut by; with a twisting law also its torque
+                         without its spring's, and the twist that is cut
     rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
 
     cut        (1/2) k_t (s' + s) . c,           s' transported spring before the slip of the step, s after the cut [J]
@@ -61,11 +62,11 @@ def with_losses(at: Columns, losses: tuple[str, ...]) -> Columns:
 
 
 @functools.cache
-def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = True):
+def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = True, twisting=None):
     """Return ``parts`` and ``stored`` of the contact law of the chosen model modules; arguments as in ``law.build``."""
     vec3 = wp.types.vector(3, real)
     of_normal = normal_law.build(real, normal, predicted)
-    past = history.build(real, columns.history(normal, tangential, rolling), columns.own_history(normal))
+    past = history.build(real, columns.history(normal, tangential, rolling, twisting), columns.own_history(normal))
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
     losses = len(of_normal.losses)
@@ -73,6 +74,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
+    twisting_torque = twisting.build(real) if twisting else None
     rolls_with_history = bool(rolling) and bool(rolling.HISTORY)
     small = tiny(real)
 
@@ -93,14 +95,29 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
         return torque
 
     @wp.func
+    def twist_spring(twist: real, depth: real, k_n: real, radius: real, c: Coefficients) -> real:
+        """Torque of the twisting spring alone [N m]."""
+        torque = real(0.0)
+        if wp.static(twisting is not None):
+            area = radius * depth
+            torque, _ = twisting_torque(
+                twist, real(0.0), wp.sqrt(area if area > real(0.0) else real(0.0)), c[wp.static(at.shear)] * k_n, real(0.0),
+                real(wp.static(UNLIMITED)),
+            )  # fmt: skip
+        return torque
+
+    @wp.func
     def stored(
         overlap: real, k: Constants, radius: real, inertia: real, c: Coefficients, before: History, dt: real
     ) -> real:
-        """Energy in the tangential and the rolling spring [J]."""
-        k_n = of_normal.elastic(overlap, k, past.own(before))
+        """Energy in the tangential, the rolling and the twisting spring [J]."""
+        k_n, depth = of_normal.elastic(overlap, k, past.own(before))
         spring = past.spring(before)
         angle = past.angle(before)
         bent = wp.dot(spring_torque(angle, k_n, radius, inertia, c, dt), angle)
+        if wp.static(twisting is not None):
+            twist = past.twist(before)
+            bent += twist * twist_spring(twist, depth, k_n, radius, c)
         return real(0.5) * (c[wp.static(at.shear)] * k_n * wp.dot(spring, spring) - bent)
 
     @wp.func
@@ -148,6 +165,18 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
                 nonelastic = moment - torque_after
                 cut_angle = -real(0.5) * wp.dot(torque_before + torque_after, transported_angle + roll * dt - angle)
                 in_springs -= real(0.5) * wp.dot(torque_before, transported_angle)
+        if wp.static(twisting is not None):
+            if wp.static(rolling is None):
+                nonelastic = moment
+            twist = past.twist(now)
+            kept = retained(depth, depth_before)
+            brought_twist = past.twist(before) * (kept * kept * kept)
+            about_before = twist_spring(brought_twist, depth, k_n, radius, c)
+            about_after = twist_spring(twist, depth, k_n, radius, c)
+            nonelastic = nonelastic - n * about_after
+            cut = brought_twist + wp.dot(spin, n) * dt - twist
+            cut_angle -= real(0.5) * (about_before + about_after) * cut
+            in_springs -= real(0.5) * about_before * brought_twist
         old = stored(overlap_before, k, radius, inertia, c, before, dt)
         common = Common(
             dashpot, rest[0], rest[1], rest[2], slides, nonelastic[0], nonelastic[1], nonelastic[2], cut_spring,

@@ -1,10 +1,10 @@
-"""The contact history of one contact: its springs, its load, the normal law's own scalars, in one vector (``columns``)."""
+"""The contact history of one contact in one vector (``columns``): springs, load, twist, the normal law's own scalars."""
 
 import functools
 
 import warp as wp
 from warpdem.kernels import Built
-from warpdem.kernels.contact.columns import LOAD, Columns
+from warpdem.kernels.contact.columns import LOAD, TWIST, Columns
 
 
 @functools.cache
@@ -23,6 +23,8 @@ def build(real, at: Columns, own: Columns):
     has_spring, has_angle, has_load = "spring" in at, "angle" in at, LOAD in at
     spring_at, angle_at = at.spring if has_spring else 0, at.angle if has_angle else 0
     load_at = at.load if has_load else 0
+    has_twist = TWIST in at
+    twist_at = at.twist if has_twist else 0
     own_at = at.width - own.width
 
     @wp.func
@@ -50,6 +52,14 @@ def build(real, at: Columns, own: Columns):
         return out
 
     @wp.func
+    def twist(h: History) -> real:
+        """Twisting spring [rad]."""
+        out = real(0.0)
+        if wp.static(has_twist):
+            out = h[wp.static(twist_at)]
+        return out
+
+    @wp.func
     def own_of(h: History) -> Own:
         """The normal law's own scalars."""
         out = Own()
@@ -58,7 +68,7 @@ def build(real, at: Columns, own: Columns):
         return out
 
     @wp.func
-    def joined(spring: vec3, angle: vec3, coulomb_load: real, own_scalars: Own) -> History:
+    def joined(spring: vec3, angle: vec3, coulomb_load: real, twisted: real, own_scalars: Own) -> History:
         """A history of its parts."""
         h = History()
         if wp.static(has_spring):
@@ -69,6 +79,8 @@ def build(real, at: Columns, own: Columns):
                 h[wp.static(angle_at) + f] = angle[f]
         if wp.static(has_load):
             h[wp.static(load_at)] = coulomb_load
+        if wp.static(has_twist):
+            h[wp.static(twist_at)] = twisted
         for f in range(wp.static(own.width)):
             h[wp.static(own_at) + f] = own_scalars[f]
         return h
@@ -78,9 +90,9 @@ def build(real, at: Columns, own: Columns):
         """The same history in axes that turned by I + ``rate``: vectors turn, scalars do not."""
         s = spring(h)
         a = angle(h)
-        return joined(s + rate * s, a + rate * a, load(h), own_of(h))
+        return joined(s + rate * s, a + rate * a, load(h), twist(h), own_of(h))
 
     return Built(
-        History=History, Own=Own, Rotation=Rotation, at=at, spring=spring, angle=angle, own=own_of, joined=joined,
+        History=History, Own=Own, Rotation=Rotation, at=at, spring=spring, angle=angle, twist=twist, own=own_of, joined=joined,
         rotated=rotated,
     )  # fmt: skip

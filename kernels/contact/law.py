@@ -21,20 +21,22 @@ from warpdem.kernels.contact import columns, history, normal_law
 
 
 @functools.cache
-def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, predicted: bool = True):
+def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, predicted: bool = True, twisting=None):
     """Return ``force``, ``constants`` and the types of the chosen model modules.
 
-    ``tangential`` and ``rolling`` may be None; ``wall``: j is one; ``predicted``: as of ``normal_law.build``. ``force`` has the
-    same arguments and results whichever models are left out, so the loops over contacts need no special cases.
+    ``tangential``, ``rolling`` and ``twisting`` may be None, the last without the first; ``wall``: j is one; ``predicted``: as
+    of ``normal_law.build``. ``force`` has the same arguments and results whichever models are left out, so the loops over
+    contacts need no special cases.
     """
     vec3 = wp.types.vector(3, real)
     of_normal = normal_law.build(real, normal, predicted)
-    past = history.build(real, columns.history(normal, tangential, rolling), columns.own_history(normal))
+    past = history.build(real, columns.history(normal, tangential, rolling, twisting), columns.own_history(normal))
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
+    twisting_torque = twisting.build(real) if twisting else None
     small = tiny(real)
     rolls_with_history = bool(rolling) and bool(rolling.HISTORY)
 
@@ -117,7 +119,18 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
             )
             torque = moment
             angle = limited_angle
-        return total, torque, past.joined(spring, angle, load, own)
+        twist = real(0.0)
+        if wp.static(twisting is not None):
+            kept = retained(depth, depth_before)
+            twisted = past.twist(before) * (kept * kept * kept) + wp.dot(spin, n) * dt
+            area = radius * depth
+            about, limited_twist = twisting_torque(
+                twisted, wp.dot(spin_predicted, n), wp.sqrt(area if area > real(0.0) else real(0.0)),
+                c[wp.static(at.shear)] * k_n, gamma_t, c[wp.static(at.friction)] * load,
+            )  # fmt: skip
+            torque = torque + n * about
+            twist = limited_twist
+        return total, torque, past.joined(spring, angle, load, twist, own)
 
     return Built(
         force=force, constants=of_normal.constants, Coefficients=Coefficients, Constants=Constants, History=History,

@@ -180,10 +180,10 @@ def build(real, normal: ModuleType, predicted: bool = True):
             return lost_of_law(overlap, overlap_before, k[0], k[1], own_constants, before, now)
 
     @wp.func
-    def elastic(overlap: real, k: Constants, history: History) -> real:
-        """k_n [N/m]."""
-        _f, _l, k_n, _g, _d, _b, _h = of_speed(overlap, overlap, real(0.0), k, history)
-        return k_n
+    def elastic(overlap: real, k: Constants, history: History):
+        """k_n [N/m] and depth [m]."""
+        _f, _l, k_n, _g, depth, _b, _h = of_speed(overlap, overlap, real(0.0), k, history)
+        return k_n, depth
 
     return Built(
         Coefficients=Coefficients, Constants=Constants, Own=Own, History=History, at=at, constants=constants, force=force,

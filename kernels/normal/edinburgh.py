@@ -185,7 +185,7 @@ def build(real):
     def unloaded(depth: real, yielded: real, stiffness: real, own: Own) -> real:
         """Energy of the unloading line at an overlap [J]."""
         plastic = own[wp.static(at.plastic)]
-        rest = wp.pow(plastic * yielded, real(2.0 / 3.0))
+        rest = wp.pow(plastic * yielded, real(wp.static(2.0 / 3.0)))
         fifth = depth * depth * wp.sqrt(depth) - rest * plastic * yielded
         return stiffness / (real(1.0) - plastic) * (real(0.4) * fifth - plastic * yielded * (depth - rest))
 
@@ -211,7 +211,7 @@ def build(real):
         raised = begun * branch_share(begun, end, own) - depth * branch_share(depth, end, own)
         left = unloaded(begun, before[0], stiffness, own) - unloaded(depth, now[0], stiffness, own)
         on_branch = most * raised / (exponent + real(1.0)) + left
-        yielding = wp.pow(now[0], real(5.0 / 3.0)) - wp.pow(before[0], real(5.0 / 3.0))
+        yielding = wp.pow(now[0], real(wp.static(5.0 / 3.0))) - wp.pow(before[0], real(wp.static(5.0 / 3.0)))
         of_work = real(0.4) * stiffness - unloaded(real(1.0), real(1.0), stiffness, own)
         to_adhesion = on_branch if now[0] < before[0] else real(0.0)
         to_plasticity = of_work * yielding if now[0] > before[0] else real(0.0)

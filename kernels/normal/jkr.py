@@ -192,6 +192,11 @@ def is_held(overlap, depth):
     return (depth > 0.0) | (overlap > 0.0)
 
 
+def contact_depth(overlap, stiffness, pull_off, depth):
+    """d_e [m], by which the radius of contacts goes."""
+    return depth
+
+
 def secant(overlap, stiffness, pull_off, depth):
     """K sqrt(d_e) [N/m]."""
     return is_held(overlap, depth) * stiffness * root(overlap / pull_off) ** 2 * (pull_off / 3.0) ** 0.5

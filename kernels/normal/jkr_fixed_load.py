@@ -16,6 +16,7 @@ TEARS = (3.0 ** (4.0 / 3.0) - 4.0 * 3.0 ** (1.0 / 3.0)) / 3.0
 """D of the largest pull [-], where s^3 = 3."""
 coefficients, gap, own_constants = jkr.coefficients, jkr.gap, jkr.own_constants
 damped_time, stiffness, secant, slope = jkr.damped_time, jkr.stiffness, jkr.secant, jkr.slope
+contact_depth = jkr.contact_depth
 
 
 def energy(overlap, stiffness, pull_off, depth):

@@ -2,6 +2,10 @@
 
     lane_types    C++ types whose numbers are registers, and what Warp's types become
     translate     C++ over such types from straight-line Warp functions: the same operations in the same order
+    statements    of a function, as assignments in the lanes that take part
+    expressions   values of what the source says; what is known now is evaluated
+    operations    arithmetic, comparisons, choices, types and builtin functions of values
+    values        expressions in C++ with their types
     rows          numbers that lie in rows of memory (of a grain, of a force slot) to and from registers
 
 A law is written once, as Warp functions of one contact. Warp's own C++ templates (``wp::vec_t<3, T>``, ``wp::dot``) take any T

@@ -61,7 +61,7 @@ def _models(sim: Simulation) -> dict[str, dict[str, str]]:
     """Name of each model that was run and what its file says of itself, equations and sources, by its role."""
     scene, contact = sim.scene, sim.plan.contact
     names = {"normal": contact.normal, "tangential": contact.tangential, "rolling": contact.rolling}
-    names |= {"integrator": sim.plan.backend.integrator}
+    names |= {"twisting": contact.twisting, "integrator": sim.plan.backend.integrator}
     found = {}
     for role, name in names.items():
         if name:

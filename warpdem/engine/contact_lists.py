@@ -164,7 +164,7 @@ class ContactLists:
             setattr(contacts, name, wp.zeros(slots, dtype=wp.int32, device=device))
         contacts.hit = wp.zeros(slots, dtype=Hit, device=device)
         contacts.found = wp.zeros(slots, dtype=wall_record.Found, device=device)
-        result = wall_record.result_type(bool(features.contact.rolling), features.measures.wear)
+        result = wall_record.result_type(features.contact.moments, features.measures.wear)
         contacts.result = wp.zeros(slots, dtype=result, device=device)
         generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
         contacts.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.contact.columns import LOAD
+from warpdem.kernels.contact.columns import LOAD, TWIST
 from warpdem.kernels.measure import readings as kernels
 from warpdem.measure.sums import Reader
 from warpdem.model.impact import own_constants, own_of, stiffness
@@ -191,6 +191,11 @@ class ContactColumns:
     def angle(self) -> np.ndarray:
         """Rolling spring [rad]."""
         return self._joined(self._history("angle"), self._at_walls("angle"))
+
+    @cached_property
+    def twist(self) -> np.ndarray:
+        """Twisting spring [rad]."""
+        return self._joined(self._history(TWIST), self._place.get(TWIST, np.zeros(len(self._g))))
 
     @cached_property
     def point(self) -> np.ndarray:

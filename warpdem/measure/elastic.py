@@ -43,6 +43,10 @@ class ElasticState(NormalState, Protocol):
         """Square of the length of the tangential spring [m2]."""
 
     @property
+    def twist(self) -> np.ndarray:
+        """Twisting spring [rad]."""
+
+    @property
     def angle(self) -> np.ndarray:
         """Rolling spring [rad]."""
 
@@ -70,16 +74,22 @@ def elastic_energies(view: RunView, contacts: ElasticState) -> dict[str, np.ndar
         table = contacts.coefficients
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * contacts.spring_square
         if there["rolling"]:
-            bent = _rolling_energy(law)
-            assert bent is not None
-            out["rolling"] = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
+            bent, turned = _rolling_energy(law), np.zeros(len(k_n))
+            if bent is not None:
+                turned = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
+            if law.twisting is not None:
+                area = contacts.radius * np.maximum(normal_depth(law.normal, contacts), 0.0)
+                of_law = model("twisting", law.twisting).energy
+                turned = turned + of_law(contacts.twist, np.sqrt(area), table[:, at.shear] * k_n)
+            out["rolling"] = turned
     return out
 
 
 def springs(law: ContactFeatures) -> dict[str, bool]:
     """Which energies the contacts of a scene have, by the names of ``SPRINGS``."""
     tangential = "spring" in law.history
-    return {"normal": True, "tangential": tangential, "rolling": tangential and _rolling_energy(law) is not None}
+    turned = _rolling_energy(law) is not None or law.twisting is not None
+    return {"normal": True, "tangential": tangential, "rolling": tangential and turned}
 
 
 def _rolling_energy(law: ContactFeatures) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
@@ -104,6 +114,12 @@ def normal_secant(normal: str, overlap: np.ndarray, contacts: NormalState) -> np
     if not contacts.own:
         return secant(normal, overlap, contacts.stiffness)
     return contacts.weight * secant(normal, overlap, contacts.stiffness / contacts.weight, contacts.own)
+
+
+def normal_depth(normal: str, contacts: NormalState) -> np.ndarray:
+    """Depth of contacts of the normal law named ``normal``, R* times which is the square of their radius; [m], shape (c,)."""
+    of_law = getattr(model("normal", normal), "contact_depth", None)
+    return of_law(contacts.overlap, contacts.stiffness / contacts.weight, **contacts.own) if of_law else contacts.overlap
 
 
 def normal_slope(normal: str, overlap: np.ndarray, contacts: NormalState) -> np.ndarray:

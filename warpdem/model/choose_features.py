@@ -14,6 +14,7 @@ from warpdem.model.features import (
     MeasureFeatures,
     WallFeatures,
 )
+from warpdem.scene.free import FreeBody
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
@@ -70,6 +71,10 @@ def choose_features(
             "contact.rolling is none" if rolling is None else "every rolling_friction is zero"
         )
         rolling = None
+    twisting: str | None = None if scene.contact.twisting == "none" else scene.located(scene.contact.twisting)
+    if twisting is None or tangential is None:
+        left_out["twisting resistance"] = "contact.twisting is none" if twisting is None else "there is no friction"
+        twisting = None
     spins = bool(tangential or rolling or has_spin or clumps)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
@@ -95,7 +100,7 @@ def choose_features(
         left_out["clumps"] = "every grain is a sphere of its own"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
-    chosen = [name for name in (normal, tangential, rolling, *(name for name, _ in fields)) if name]
+    chosen = [name for name in (normal, tangential, rolling, twisting, *(name for name, _ in fields)) if name]
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
@@ -122,6 +127,7 @@ def choose_features(
             materials=len(names),
             table=not one_kind,
             gap=law_gap(scene, largest),
+            twisting=twisting,
             clumps=clumps,
         ),
         frame=FrameFeatures(
@@ -136,6 +142,7 @@ def choose_features(
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
             dynamic=sum(w.dynamic is not None for w in scene.walls),
+            bodies=sum(isinstance(w.dynamic, FreeBody) for w in scene.walls),
         ),
         domain=DomainFeatures(
             period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed

@@ -10,7 +10,7 @@ from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_conta
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
-from warpdem.kernels.simd.translate import NotStraight
+from warpdem.kernels.simd.values import NotStraight
 from warpdem.kernels.step import (
     border,
     clump_phase,
@@ -51,7 +51,8 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
         SceneError: Warp cannot compile a file of the user.
     """
     laws = features.contact
-    names = [laws.normal, laws.tangential or "", laws.rolling or "", *(name for name, _ in features.fields)]
+    names = [laws.normal, laws.tangential or "", laws.rolling or "", laws.twisting or ""]
+    names += [name for name, _ in features.fields]
     with using(names):
         built = _built(features)
         if device is not None and any(is_file(name) for name in names):
@@ -99,8 +100,9 @@ def of_pairs(features: Features) -> Built:
     rolling = model("rolling", laws.rolling) if laws.rolling else None
     models = model("normal", laws.normal), tangential, rolling
     predicted = getattr(features.backend.scheme, "PREDICTED", False)
-    pair_law = law.build(real, *models, laws.torsion, predicted=predicted)
-    parts = dissipation.build(real, *models, laws.torsion, predicted)[0] if features.measures.energy else None
+    twisting = model("twisting", laws.twisting) if laws.twisting else None
+    pair_law = law.build(real, *models, laws.torsion, predicted=predicted, twisting=twisting)
+    parts = dissipation.build(real, *models, laws.torsion, predicted, twisting)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
     return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap, clumps=laws.clumps)
 
@@ -112,7 +114,7 @@ def no_lanes(features: Features) -> str:
         SceneError: a law in a file of the user fails.
     """
     laws = features.contact
-    with using([laws.normal, laws.tangential or "", laws.rolling or ""]):
+    with using([laws.normal, laws.tangential or "", laws.rolling or "", laws.twisting or ""]):
         made = of_pairs(features)
     try:
         sweep.translated(made, turning(features))
@@ -134,11 +136,12 @@ def _built(features: Features) -> Built:
         model("rolling", laws.rolling) if laws.rolling else None,
     )
     predicted = getattr(backend.scheme, "PREDICTED", False)
-    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True, predicted=predicted)
-    wall_parts = dissipation.build(wp.float64, *models, laws.torsion, predicted) if measures.energy else None
+    twisting = model("twisting", laws.twisting) if laws.twisting else None
+    wall_law = law.build(wp.float64, *models, laws.torsion, wall=True, predicted=predicted, twisting=twisting)
+    wall_parts = dissipation.build(wp.float64, *models, laws.torsion, predicted, twisting) if measures.energy else None
     spins = {"spins": laws.spins}
     shared = {**spins, "table": laws.table, "gap": laws.gap}
-    met = {"rolling": laws.rolling is not None, "inertia_factor": laws.inertia_factor}
+    met = {"rolling": laws.moments, "inertia_factor": laws.inertia_factor}
     scheme = backend.scheme
     turns = turning(features)
     shifting = frame.moves and not scheme.RELATIVE
@@ -203,7 +206,7 @@ def _built(features: Features) -> Built:
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0,
     )  # fmt: skip
-    dynamic = dynamic_walls.build(one, WallContacts) if walls.dynamic else None
+    dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
     readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
     lists = neighbors.build(

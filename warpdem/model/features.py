@@ -32,6 +32,7 @@ class ContactFeatures:
     """Coefficients differ between contacts."""
     gap: float
     """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
+    twisting: str | None = None
     clumps: bool = False
     """Some grains are members of clumps."""
 
@@ -40,7 +41,13 @@ class ContactFeatures:
         """What a contact remembers, by name."""
         tangential = model("tangential", self.tangential) if self.tangential else None
         rolling = model("rolling", self.rolling) if self.rolling else None
-        return columns.history(model("normal", self.normal), tangential, rolling)
+        twisting = model("twisting", self.twisting) if self.twisting else None
+        return columns.history(model("normal", self.normal), tangential, rolling, twisting)
+
+    @property
+    def moments(self) -> bool:
+        """Contacts give torques beside those of their forces."""
+        return bool(self.rolling or self.twisting)
 
     @property
     def memory(self) -> int:
@@ -102,6 +109,8 @@ class WallFeatures:
     """Surfaces of walls move along themselves."""
     dynamic: int = 0
     """Walls that move by the load on them."""
+    bodies: int = 0
+    """Those of them with six degrees of freedom."""
 
     @property
     def present(self) -> bool:
@@ -227,7 +236,7 @@ class Features:
         contact += number * 2 * measures.entry_width * measures.energy
         wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
-        result = record.RESULT.width if law.rolling else record.FRICTION
+        result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
         beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
         return int(fixed + listed * contact + near + beside_walls)
@@ -238,6 +247,7 @@ class Features:
         runs = [f"normal: {contact.normal}"]
         runs += [f"tangential: {contact.tangential}"] if contact.tangential else []
         runs += [f"rolling: {contact.rolling}" + (" with torsion" if contact.torsion else "")] if contact.rolling else []
+        runs += [f"twisting: {contact.twisting}"] if contact.twisting else []
         runs += [f"integrator: {backend.integrator}" + (" in a moving frame" if self.frame.moves else "")]
         added = [name for name, on in (("energy", measures.energy), ("momentum", measures.momentum)) if on]
         runs += [f"planes with flow counted at every step: {measures.flows}"] if measures.flows else []

@@ -67,7 +67,8 @@ def _grains(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[str
 
 def _contacts(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[str]:
     models = record.get("models", {})
-    named = [f"{role} “{model['name']}”" for role, model in models.items() if role in ("normal", "tangential", "rolling")]
+    roles = ("normal", "tangential", "rolling", "twisting")
+    named = [f"{role} “{model['name']}”" for role, model in models.items() if role in roles]
     if named:
         yield f"Contact laws: {', '.join(named)}; their equations and sources are below."
     for pair in scene.get("pairs", ()):

@@ -38,17 +38,28 @@ class Contact(SceneModel):
     rolling: Annotated[FileName, ModelName("rolling", ("none",))] = Field(
         "none", description=models.choices("rolling", "none", "none")
     )
+    twisting: Annotated[FileName, ModelName("twisting", ("none",))] = Field(
+        "none", description=models.choices("twisting", "none", "none")
+    )
     torsion: StrictBool = Field(
         False, description="Whether the rolling law also resists spin about the normal, default false."
     )
 
     @model_validator(mode="after")
-    def _torsion_has_a_law(self) -> "Contact":
+    def _twisting_has_one_law(self) -> "Contact":
         if self.torsion and self.rolling == "none":
             reason = "needs a rolling law: set contact.rolling = " + " or ".join(
                 f'"{name}"' for name in models.model_names("rolling")
             )
             raise validation_error([(("torsion",), True, reason)])
+        if self.twisting != "none" and self.tangential == "none":
+            reason = "goes by stiffness and limit of friction: set contact.tangential = " + " or ".join(
+                f'"{name}"' for name in models.model_names("tangential")
+            )
+            raise validation_error([(("twisting",), self.twisting, reason)])
+        if self.twisting != "none" and self.torsion:
+            reason = "the rolling law resists twisting already, by contact.torsion = true: give one of the two"
+            raise validation_error([(("twisting",), self.twisting, reason)])
         return self
 
 

@@ -81,7 +81,7 @@ def own_law_problems(
     contact: Contact, pairs: Sequence[Pair], materials: Mapping[str, Material], known: Mapping[str, Any]
 ) -> Iterator[Problem]:
     """Files of the user that are no contact law, or that fail for the scene's coefficients. ``known``: its base and access."""
-    for role in ("normal", "tangential", "rolling"):
+    for role in ("normal", "tangential", "rolling", "twisting"):
         name = getattr(contact, role)
         if not is_file(name):
             continue

@@ -242,7 +242,7 @@ class Scene(SceneModel):
     @field_validator("contact")
     @classmethod
     def _laws_may_be_loaded(cls, contact: Contact, info: ValidationInfo) -> Contact:
-        laws = {role: getattr(contact, role) for role in ("normal", "tangential", "rolling")}
+        laws = {role: getattr(contact, role) for role in ("normal", "tangential", "rolling", "twisting")}
         refused = [
             ((role,), name, refusal) for role, name in laws.items() if (refusal := plugin_refusal(name, info.data))
         ]

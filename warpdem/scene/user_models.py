@@ -23,12 +23,13 @@ REQUIRED = {
     "normal": ("coefficients", "build", "energy"),
     "tangential": ("build",),
     "rolling": ("HISTORY", "build"),
+    "twisting": ("build", "energy"),
     "field": ("PARAMETERS", "build"),
     "observer": ("UNIT", "PARAMETERS", "build"),
     "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
 }
 """Roles, and what each file of a role defines."""
-LAWS = ("normal", "tangential", "rolling")
+LAWS = ("normal", "tangential", "rolling", "twisting")
 """Roles of the contact law."""
 CODE_PLACE = re.compile(r'Error while parsing function ".*?" at (.+?):(\d+):\n(.*?)\n;', re.DOTALL)
 """Where Warp failed to translate a function, outermost first: file, line and the code there."""
@@ -142,7 +143,7 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
 
 
 RESERVED = {*columns.OF_NORMAL_LAW, *columns.OF_PAIR, *columns.VECTORS, *record.GEOMETRY.names, *record.RESULT.names,
-            "radius", "inertia", "grain", columns.LOAD}  # fmt: skip
+            "radius", "inertia", "grain", columns.LOAD, columns.TWIST}  # fmt: skip
 """Names that a law cannot give numbers of its own."""
 
 

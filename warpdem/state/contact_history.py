@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.contact.columns import LOAD, VECTORS, Columns
+from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
@@ -99,9 +99,11 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """
     features, n = lists.model.features, len(lists.state)
     at = features.contact.history
-    if LOAD in at:  # no file of an older version has it, nor a start from another scene; the next force call gives it
-        data = {f"pair_own_{LOAD}": np.zeros(len(data["pair"])), **data}
-        data = {f"place_{LOAD}": np.zeros(len(data["place_grain"])), **data} if "place_grain" in data else data
+    # no file of an older version has the load, nor a start from another scene, which may lack the twist; the next force call
+    # gives the one, and the other begins at zero
+    for name in {LOAD, TWIST} & {*at.names}:
+        data = {f"pair_own_{name}": np.zeros(len(data["pair"])), **data}
+        data = {f"place_{name}": np.zeros(len(data["place_grain"])), **data} if "place_grain" in data else data
     pair, memory = data["pair"], np.zeros((len(data["pair"]), max(at.width, 1)))
     springs = springs_width(at)
     memory[:, :springs] = data["pair_memory"][:, :springs]

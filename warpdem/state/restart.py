@@ -18,7 +18,7 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
-from warpdem.kernels.contact.columns import VECTORS, Columns, own_history
+from warpdem.kernels.contact.columns import TWIST, VECTORS, Columns, own_history
 from warpdem.model.past import Past
 from warpdem.scene.checks import class_problems
 from warpdem.scene.messages import line, report
@@ -155,7 +155,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
                 motion = _from(motion, _matrix(data["dynamic"][wall.name]["own"]))
             if wall.dynamic is not None:
                 key, before = "free" if wall.servo is None else "servo", data["motions"].get("loads", {}).get(wall.name, 0.0)
-                wall = wall.model_copy(update={key: wall.dynamic.model_copy(update={"elapsed": before + _end(data)})})
+                wall = wall.model_copy(update={key: wall.dynamic.ahead_by(before + _end(data))})
             if wall.surface_velocity is not None:
                 before = data["motions"].get("surfaces", {}).get(wall.name, 0.0)
                 surface = wall.surface_velocity.model_copy(update={"elapsed": before + _end(data)})
@@ -164,8 +164,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
             place = _matrix(data["places"]["walls"][wall.name])
             motion = _from(wall.motion, frame @ place if wall.fixed_to == "laboratory" else place)
         if wall.free is not None and wall.name in data.get("dynamic", {}):
-            then = data["dynamic"][wall.name]
-            wall = wall.model_copy(update={"free": wall.free.from_there(then["position"], then["rate"])})
+            wall = wall.model_copy(update={"free": wall.free.from_there(data["dynamic"][wall.name])})
         walls.append(wall.model_copy(update={"motion": motion}))
     streams = ahead.streams if "streams" in start.continues else scene.streams
     start = start.model_copy(update={"groups": data["groups"]})
@@ -330,7 +329,9 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
             pairs[:, springs.of(name)] = data["pair_memory"][:, springs.of(name)]
     normal = model("normal", scene.located(now.normal))
     own = {name: now.normal == was["normal"] and f"pair_own_{name}" in data for name in own_history(normal).names}
-    lost = [f"contact.{role}" for role in ("tangential", "rolling") if getattr(now, role) != was[role] != "none"]
+    own[TWIST] = now.twisting == was.get("twisting") and f"pair_own_{TWIST}" in data
+    roles = ("tangential", "rolling", "twisting")
+    lost = [f"contact.{role}" for role in roles if getattr(now, role) != was.get(role, "none") != "none"]
     if lost:
         notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
     out = {"id": data["id"], "pair": data["pair"], "pair_memory": pairs}

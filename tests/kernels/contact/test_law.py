@@ -223,7 +223,7 @@ def one_step_kernel():
         force, moment, after = joined.force(
             vectors[0], vectors[1], numbers[0], numbers[0], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6],
             numbers[1], Constants(numbers[2], numbers[3], numbers[4]), numbers[5], numbers[6], c,
-            past.joined(vectors[7], vectors[8], wp.float64(0.0), Own()),
+            past.joined(vectors[7], vectors[8], wp.float64(0.0), wp.float64(0.0), Own()),
         )  # fmt: skip
         out[0] = force
         out[1] = moment

@@ -5,7 +5,8 @@ import inspect
 import numpy as np
 import pytest
 import warp as wp
-from warpdem.kernels.simd.translate import NotStraight, Translator
+from warpdem.kernels.simd.translate import Translator
+from warpdem.kernels.simd.values import NotStraight
 
 from lane_probes import assert_same_bits
 

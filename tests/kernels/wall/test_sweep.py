@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from warpdem.kernels.simd.translate import NotStraight
+from warpdem.kernels.simd.values import NotStraight
 from warpdem.kernels.wall import sweep
 
 from warpdem import Scene, Simulation
