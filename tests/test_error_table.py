@@ -177,7 +177,7 @@ TABLE = {
     "cohesion without its law": ("pairs.0.cohesion_energy_density=5", ['only for contact.normal = "sjkr"; it is "hertz"']),
     "luding without its stiffness": (
         "contact.normal=luding",
-        ["pairs[0].stiffness", "pairs[0].unloading_stiffness", '"luding" needs an unloading stiffness [N/m], > 0'],
+        ["needs a stiffness [N/m]", "pairs[0].unloading_stiffness", "needs an unloading stiffness [N/m], > 0"],
     ),
     "jkr without its energy": ("contact.normal=jkr", ["pairs[0].surface_energy", '"jkr" needs a surface energy [J/m2], >= 0']),
     "surface energy in another unit": ("pairs.0.surface_energy='1 mN'", ["pairs[0].surface_energy", "a surface energy"]),
