@@ -113,6 +113,7 @@ def likely_features(scene: Scene) -> Features | None:
         moving=schedule.moving,
         resting=len(schedule.motions) - schedule.moving,
         images=False,
+        clumps=bool(scene.clumps),
         lanes=simd_lanes(sum(map(_count, scene.grains)) + sum(needs.grains_to_come(scene)), scene.engine.precision),
     )
     borders_meet_walls = features.domain.periodic and features.walls.present

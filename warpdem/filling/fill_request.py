@@ -7,9 +7,12 @@ import numpy as np
 
 from warpdem.core import memory
 from warpdem.errors import SceneError
+from warpdem.filling.clump_template import ClumpTemplate
 from warpdem.filling.fill_region import FillRegion
 from warpdem.filling.placed_walls import PlacedWall
+from warpdem.filling.rigid_moves import ClumpsToPlace
 from warpdem.scene.size_distribution import SizeLaw
+from warpdem.usd.motion import multiply_quaternions
 
 DENSEST = 0.74
 """Solid fraction of the densest packing of equal spheres [-]; more is refused at once."""
@@ -32,10 +35,14 @@ class Filling:
     """Scene key, for messages."""
     walls: tuple[PlacedWall, ...] = ()
     """Walls that may come near them, beside the mesh of the region."""
+    clumps: ClumpsToPlace | None = None
+    """Clumps that the grains are members of; None where they are grains of their own."""
 
     @property
     def solid_fraction(self) -> float:
         """Volume of the grains over volume of the region [-]."""
+        if self.clumps is not None:
+            return self.clumps.volume / self.region.volume
         return float((self.radius**3).sum()) * 4.0 / 3.0 * np.pi / self.region.volume
 
 
@@ -91,10 +98,68 @@ def filling(
     return request
 
 
-def _refuse_too_dense(count: float, fraction: float, space: FillRegion, key: str) -> None:
+def clump_filling(
+    space: FillRegion,
+    template: ClumpTemplate,
+    size: float,
+    seed: int,
+    *,
+    turned: bool,
+    count: int | None = None,
+    solid_fraction: float | None = None,
+    mass: float | None = None,
+    density: float,
+    key: str = "fill",
+    walls: Sequence[PlacedWall] = (),
+) -> Filling:
+    """The clumps of a filling.
+
+    Args:
+        space: Where they go.
+        template: The clump.
+        size: Factor on its lengths [-].
+        seed: Seed of the random numbers.
+        turned: Whether each is turned at random, all directions alike; else their axes are the frame axes.
+        count: Number of clumps; exactly one of ``count``, ``solid_fraction`` and ``mass`` is given.
+        solid_fraction: Volume of the clumps over volume of the region [-].
+        mass: Of all clumps [kg].
+        density: Of their material [kg/m3].
+        key: Scene key, for messages.
+        walls: Walls to keep clear of, beside the mesh of the region.
+
+    Raises:
+        SceneError: Less than half a clump, or more than the region can hold.
+    """
+    generator = np.random.default_rng(seed)
+    positions = generator.spawn(1)[0]
+    one = template.volume * size**3
+    wanted = (solid_fraction or 0.0) * space.volume / one if mass is None else mass / (template.mass_at(density) * size**3)
+    number = count if count is not None else round(wanted)
+    if number < 1:
+        raise SceneError(f"{key}: what is asked for is {wanted:.3g} clumps of {template.name!r}, less than half of one")
+    members = number * len(template.radius)
+    if reason := memory.refusal(members * PACKING_BYTES, f"packing {members} members of clumps", "ask for fewer clumps"):
+        raise SceneError(f"{key}: {reason}")
+    _refuse_too_dense(number, number * one / space.volume, space, key, what="clumps")
+    turn = np.tile([1.0, 0.0, 0.0, 0.0], (number, 1))
+    if turned:
+        turn = generator.normal(size=(number, 4))  # all rotations alike
+        turn /= np.linalg.norm(turn, axis=1)[:, None]
+    turn = multiply_quaternions(turn, template.axes[None])
+    radius = np.tile(size * template.radius, number)
+    reach = size * float((np.linalg.norm(template.arm, axis=1) + template.radius).max())
+    clumps = ClumpsToPlace(
+        of=np.repeat(np.arange(number), len(template.radius)), arm=np.tile(size * template.arm, (number, 1)), turn=turn,
+        reach=np.full(number, reach), volume=number * one,
+    )  # fmt: skip
+    near = tuple(wall for wall in walls if wall.is_near(space.bounds, float(radius.max())))
+    return Filling(space, radius, positions, key, near, clumps)
+
+
+def _refuse_too_dense(count: float, fraction: float, space: FillRegion, key: str, what: str = "grains") -> None:
     if fraction > DENSEST:
         raise SceneError(
-            f"{key}: asked for {count:.0f} grains in {space.volume:.6g} m3, a solid fraction of {fraction:.3g}; "
+            f"{key}: asked for {count:.0f} {what} in {space.volume:.6g} m3, a solid fraction of {fraction:.3g}; "
             f"allowed is at most {DENSEST} (the densest packing of equal spheres), within reach about 0.6: ask for "
             "fewer or smaller grains"
         )

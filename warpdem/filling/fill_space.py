@@ -12,7 +12,6 @@ from warpdem.mesh.shells import cavities, corners_in_file
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.grains import Fill
 from warpdem.scene.model import Scene
-from warpdem.scene.size_distribution import size_law
 
 SIDES = 4000
 """Points of a region by which is told which closed meshes hold it."""
@@ -33,8 +32,9 @@ class FillSpace:
 
 
 def choose_fill_space(
-    scene: Scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked: Fill, up: np.ndarray, key: str
-) -> FillSpace:
+    scene: Scene, meshes: dict[str, TriangleMesh], walls: Sequence[PlacedWall], asked: Fill, up: np.ndarray, key: str,
+    least: float,
+) -> FillSpace:  # fmt: skip
     """The space that a filling asks for.
 
     A closed mesh is filled inside; but of a body with a cavity, as a tank drawn with the thickness of its wall, the cavity is
@@ -48,6 +48,7 @@ def choose_fill_space(
         asked: The filling.
         up: Direction against gravity in frame axes, any length.
         key: Scene key of the filling, for messages.
+        least: Radius of the smallest grain [m]: gaps that it does not pass through are closed.
 
     Raises:
         SceneError: Nothing is left, the grains would run out, or it is not clear which of several spaces is meant.
@@ -70,9 +71,8 @@ def choose_fill_space(
         around = others if inner is mesh else [*own, *others]
         held = (asked.wall,) if inner is mesh else ()
         return FillSpace(with_free_volume(space, around, key), around, (*held, *vessels), note)
-    radius = 0.5 * size_law(asked.diameter).extremes[0]
     point = None if asked.point is None else np.asarray(asked.point, float)
-    space = open_region(mesh, [*own, *others], box, radius, key, asked.height, up, point)
+    space = open_region(mesh, [*own, *others], box, least, key, asked.height, up, point)
     return FillSpace(space, [*own, *others], tuple(vessels), note)
 
 

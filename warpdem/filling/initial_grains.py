@@ -8,17 +8,18 @@ import numpy as np
 from warpdem.errors import SceneError
 from warpdem.filling.clump_grains import InitialClumps, of_groups, placed
 from warpdem.filling.clump_template import ClumpTemplate, clump_templates
-from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, filling
+from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, clump_filling, filling
 from warpdem.filling.fill_space import FillSpace, choose_fill_space
 from warpdem.filling.grain_file import read_grain_file
 from warpdem.filling.packing import pack
 from warpdem.filling.packing_run import Packing
 from warpdem.filling.placed_walls import PlacedWall, in_body_axes, place_walls, wall_poses_at_start
 from warpdem.mesh.triangle_mesh import TriangleMesh
-from warpdem.scene.grains import Fill, Grains
+from warpdem.scene.grains import Grains
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain
 from warpdem.scene.size_distribution import size_law
+from warpdem.usd.motion import conjugate, multiply_quaternions
 
 
 @dataclass(frozen=True)
@@ -103,16 +104,19 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
     keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
     fills = {k: group.fill for k, group in enumerate(scene.grains) if group.fill is not None}
     walls = place_walls(scene, meshes, wall_poses_at_start(scene)) if fills else []
-    spaces = {k: _fill_space(scene, meshes, walls, fill, f"{keys[k]}.fill") for k, fill in fills.items()}
     templates = clump_templates(scene)
+    spaces = {k: _fill_space(scene, meshes, walls, scene.grains[k], templates, f"{keys[k]}.fill") for k in fills}
     groups = {k: _given(scene, group, keys[k], templates) for k, group in enumerate(scene.grains) if k not in fills}
     fixed = None
     if groups:
         fixed = np.concatenate([g.position for g in groups.values()]), np.concatenate([g.radius for g in groups.values()])
-    requests = {k: _request(scene, spaces[k], fills[k], scene.grains[k].material, f"{keys[k]}.fill") for k in fills}
+    requests = {k: _request(scene, spaces[k], scene.grains[k], templates, f"{keys[k]}.fill") for k in fills}
     positions, packings = pack(list(requests.values()), fixed)
     for (k, request), position in zip(requests.items(), positions, strict=True):
-        groups[k] = GroupFields(position, request.radius, np.zeros_like(position), np.zeros_like(position))
+        if isinstance(position, np.ndarray):
+            groups[k] = GroupFields(position, request.radius, np.zeros_like(position), np.zeros_like(position))
+        else:
+            groups[k] = _filled_with_clumps(scene, scene.grains[k], templates, *position)
     for k, group in enumerate(scene.grains):
         if group.velocities_in == "laboratory":
             groups[k] = _relative_to_frame(groups[k], frame_chain(scene))
@@ -135,8 +139,18 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
     )
 
 
-def _fill_space(scene: Scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], fill: Fill, key: str) -> FillSpace:
+def _fill_space(
+    scene: Scene, meshes: dict[str, TriangleMesh], walls: list[PlacedWall], group: Grains,
+    templates: dict[str, ClumpTemplate], key: str,
+) -> FillSpace:  # fmt: skip
     """The space that a filling means."""
+    fill = group.fill
+    assert fill is not None
+    if group.clump is not None:
+        least = float(templates[group.clump].radius.min()) * (fill.size or 1.0)
+    else:
+        assert fill.diameter is not None
+        least = 0.5 * size_law(fill.diameter).extremes[0]
     if fill.wall is not None:
         number = [wall.name for wall in scene.walls].index(fill.wall)
         if not np.array_equal(in_body_axes(scene, number, corner := meshes[fill.wall].bounds), corner):
@@ -144,14 +158,38 @@ def _fill_space(scene: Scene, meshes: dict[str, TriangleMesh], walls: list[Place
                 f"{key}.wall: {fill.wall!r} has been moving before time 0; only a wall in place can be filled"
             )
     axes = frame_chain(scene).pose(np.zeros(1)).axes[0].astype(float)
-    return choose_fill_space(scene, meshes, walls, fill, -(np.asarray(scene.gravity, float) @ axes), key)
+    return choose_fill_space(scene, meshes, walls, fill, -(np.asarray(scene.gravity, float) @ axes), key, least)
 
 
-def _request(scene: Scene, space: FillSpace, fill: Fill, material: str, key: str) -> Filling:
+def _request(
+    scene: Scene, space: FillSpace, group: Grains, templates: dict[str, ClumpTemplate], key: str
+) -> Filling:  # fmt: skip
     """The grains that a filling asks for, in its space."""
-    volume = None if fill.mass is None else fill.mass / scene.materials[material].density
-    fraction = HEIGHT_FRACTION if (fill.count, volume, fill.solid_fraction) == (None,) * 3 else fill.solid_fraction
+    fill, density = group.fill, scene.materials[group.material].density
+    assert fill is not None
+    fraction = HEIGHT_FRACTION if (fill.count, fill.mass, fill.solid_fraction) == (None,) * 3 else fill.solid_fraction
+    if group.clump is not None:
+        return clump_filling(
+            space.region, templates[group.clump], fill.size or 1.0, fill.seed, turned=fill.orientation != "aligned",
+            count=fill.count, solid_fraction=fraction, mass=fill.mass, density=density, key=key, walls=space.walls,
+        )  # fmt: skip
+    assert fill.diameter is not None
+    volume = None if fill.mass is None else fill.mass / density
     return filling(space.region, size_law(fill.diameter), fill.seed, fill.count, fraction, volume, key, space.walls)
+
+
+def _filled_with_clumps(
+    scene: Scene, group: Grains, templates: dict[str, ClumpTemplate], centre: np.ndarray, turn: np.ndarray
+) -> GroupFields:
+    """Clumps of a filling, at rest, given their centres of mass [m] and quaternions from the principal axes."""
+    assert group.clump is not None and group.fill is not None
+    template, rest = templates[group.clump], np.zeros_like(centre)
+    clumps, members = placed(
+        template, list(templates).index(group.clump), scene.materials[group.material].density, centre, rest, rest,
+        multiply_quaternions(turn, conjugate(template.axes[None]).astype(float)),
+        np.full(len(centre), group.fill.size or 1.0),
+    )  # fmt: skip
+    return GroupFields(*members, clumps=clumps)
 
 
 def _clump_notes(scene: Scene, templates: dict[str, ClumpTemplate]) -> list[str]:

@@ -1,7 +1,7 @@
 """One packing: grains that grow while they are pushed apart, and are shaken where that is not enough."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from warpdem.errors import SceneError
 from warpdem.filling.fill_request import Filling
 from warpdem.filling.initial_positions import initial_positions
 from warpdem.filling.packing_neighbors import NeighborTable
-from warpdem.filling.packing_walls import MARGIN, keep_this_side, walls_of
+from warpdem.filling.packing_walls import MARGIN, PackingWall, keep_this_side, walls_of
+from warpdem.filling.rigid_moves import RigidMoves
 from warpdem.filling.size_grids import finest_cell, size_classes
 
 OVERLAP = 1e-6
@@ -88,11 +89,15 @@ class PackingRun:
         self._parts = [slice(end - len(request.radius), end) for end, request in zip(ends, fillings, strict=True)]
         self._loose = int(ends[-1])
         self._radius = np.concatenate([*(request.radius for request in fillings), held_radius])
-        points_of = [initial_positions(request) for request in fillings]
         # neighbors in space become neighbors in memory; the order within a filling is restored at the end
         cell = 2.0 * finest_cell(self._radius, size_classes(self._radius), 0.0)
-        self._order = [np.lexsort(np.floor(points / cell).T) for points in points_of]
-        self._position = np.concatenate([*(p[o] for p, o in zip(points_of, self._order, strict=True)), held_position])
+        self._order, points, self._rigid = [], [], []
+        for request in fillings:
+            order, placed, rigid = _placed(request, cell)
+            self._order.append(order)
+            points.append(placed)
+            self._rigid.append(rigid)
+        self._position = np.concatenate([*points, held_position])
         for part, order in zip(self._parts, self._order, strict=True):
             self._radius[part] = self._radius[part][order]
         self._walls = [walls_of(request, self._radius[part]) for request, part in zip(fillings, self._parts, strict=True)]
@@ -101,10 +106,23 @@ class PackingRun:
         self._fraction = sum(request.solid_fraction for request in fillings)
         self._threads = Threads(available_threads())
         skin = SKIN * float(self._radius[: self._loose].mean())
-        self._neighbours = NeighborTable(self._position, self._radius, self._loose, skin, self._threads)
+        self._neighbours = NeighborTable(
+            self._position, self._radius, self._loose, skin, self._threads, clump=self._clump_numbers()
+        )
         self._steps = 0
         self._stage = ""
         self._most_steps, self._patience = MOST_STEPS, PATIENCE
+
+    def _clump_numbers(self) -> np.ndarray | None:
+        """Number of the clump of each grain, -1 for none, shape (n,); None without clumps."""
+        if not any(self._rigid):
+            return None
+        numbers, before = np.full(len(self._radius), -1), 0
+        for part, rigid in zip(self._parts, self._rigid, strict=True):
+            if rigid is not None:
+                numbers[part] = rigid.of + before
+                before += len(rigid.centre)
+        return numbers
 
     def __enter__(self) -> "PackingRun":
         return self
@@ -112,10 +130,16 @@ class PackingRun:
     def __exit__(self, *_: object) -> None:
         self._threads.close()
 
-    def positions(self) -> list[np.ndarray]:
-        """Positions [m] of the grains of each filling, shape (n, 3), in the order in which sizes were drawn."""
-        found = []
-        for part, order in zip(self._parts, self._order, strict=True):
+    def positions(self) -> list[np.ndarray | tuple[np.ndarray, np.ndarray]]:
+        """Positions [m] of the grains of each filling, shape (n, 3), in the order in which sizes were drawn.
+
+        Of clumps, centres of mass [m], shape (c, 3), and quaternions from the principal axes to the frame axes, shape (c, 4).
+        """
+        found: list[np.ndarray | tuple[np.ndarray, np.ndarray]] = []
+        for part, order, rigid in zip(self._parts, self._order, self._rigid, strict=True):
+            if rigid is not None:
+                found.append((rigid.centre, rigid.turn))
+                continue
             points = np.empty((len(order), 3))
             points[order] = self._position[part]
             found.append(points)
@@ -186,12 +210,21 @@ class PackingRun:
     def _push_apart(self, growth: float) -> float:
         """Find the moves that part grown grains; largest overlap as a share of the smaller true radius [-], none <= 0."""
         self._move, overlap = self._neighbours.push_apart(growth * (1.0 + MARGIN))
+        for part, rigid in zip(self._parts, self._rigid, strict=True):
+            if rigid is not None:
+                self._move[part] = rigid.pushed(self._move[part])
         # at least two margins of the overlap vanish with the margins
         return float(overlap.max(initial=0.0)) * (1.0 + MARGIN) - 2.0 * MARGIN
 
     def _furthest_out(self) -> float:
         """How far a grain reaches into a wall at most, in its own radii [-]; 0 if none does."""
-        reached = (wall.reached(self._position[p]) for walls, p in zip(self._walls, self._parts, strict=True) for wall in walls)
+        reached = [wall.reached(self._position[p]) for walls, p in zip(self._walls, self._parts, strict=True) for wall in walls]
+        for request, part, rigid in zip(self._fillings, self._parts, self._rigid, strict=True):
+            if rigid is not None:  # a box moves the whole of a clump: it may be too narrow for it
+                inside = self._position[part].copy()
+                request.region.clamp(inside, self._radius[part])
+                out = np.linalg.norm(inside - self._position[part], axis=1) / self._radius[part]
+                reached.append(float(out[out > OVERLAP].max(initial=0.0)))
         return max(reached, default=0.0)
 
     def _advance(self, momentum: float) -> None:
@@ -200,24 +233,18 @@ class PackingRun:
         self._last *= momentum
         self._last += self._move
         before = loose.copy()
-        for request, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
+        for request, part, walls, rigid in zip(self._fillings, self._parts, self._walls, self._rigid, strict=True):
             if request.region.open_space is not None:
-                keep_this_side(self._last[part], walls)
-        loose += self._last
-        for request, part, walls in zip(self._fillings, self._parts, self._walls, strict=True):
-            request.region.clamp(loose[part], self._radius[part])
-            for wall in walls:
-                came_from = loose[part].copy() if len(walls) > 1 else None
-                wall.push_in(loose[part])
-                if came_from is not None:  # the other walls count on knowing of every move
-                    for other in walls:
-                        if other is not wall:
-                            other.note(loose[part] - came_from)
-            if request.region.open_space is not None:
-                strayed = ~request.region.open_space.is_near(loose[part])
-                loose[part][strayed] = before[part][strayed]
-                for wall in walls:
-                    wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
+                allowed = self._last[part] if rigid is None else self._last[part].copy()
+                keep_this_side(allowed, walls)
+                if rigid is not None:
+                    rigid.shortened(self._last[part], allowed)
+        for request, part, walls, rigid in zip(self._fillings, self._parts, self._walls, self._rigid, strict=True):
+            if rigid is None:
+                loose[part] += self._last[part]
+                _keep_grains_in(request, loose[part], before[part], self._radius[part], walls)
+            else:
+                loose[part] = _moved_and_kept_in(request, rigid, self._last[part], self._radius[part], walls)
         np.subtract(loose, before, out=self._last)
         for part, walls in zip(self._parts, self._walls, strict=True):
             for wall in walls:
@@ -227,6 +254,16 @@ class PackingRun:
 
     def _too_dense(self, left: float) -> SceneError:
         """Error that says which solid fraction is within reach: smaller grains are tried until they fit, or for long enough."""
+        if any(self._rigid):
+            asked = "; ".join(
+                f"{one.key}: asked for solid fraction {one.solid_fraction:.3f} "
+                f"({len(one.radius) if rigid is None else len(rigid.centre)} {'grains' if rigid is None else 'clumps'})"
+                for one, rigid in zip(self._fillings, self._rigid, strict=True)
+            )
+            return SceneError(
+                f"{asked}: overlaps of {left:.2g} of a radius are left (after {self._steps} steps, "
+                f"{time.perf_counter() - self._begin:.1f} s){self._stuck_in_wall()}; ask for fewer, smaller ones or more space"
+            )
         goal, (least, growth) = 1.0, SMALLER_BY
         self._most_steps = int(np.clip(SMALLER_WORK // self._loose, *SMALLER_STEPS))
         self._patience = min(PATIENCE, self._most_steps // 3)
@@ -266,3 +303,70 @@ class PackingRun:
                     where = ", ".join(f"{x:.4g}" for x in position[wall.worst(position)])
                     return f"; a grain at ({where}) m keeps reaching into {wall.name!r}, where there is too little space for it"
         return ""
+
+
+def _placed(request: Filling, cell: float) -> tuple[np.ndarray, np.ndarray, RigidMoves | None]:
+    """Order of the grains of a filling by space, random positions in that order [m], and how clumps move.
+
+    Args:
+        request: The filling.
+        cell: Edge of the cells that are gone through [m].
+    """
+    clumps = request.clumps
+    if clumps is None:
+        points = initial_positions(request)
+        order = np.lexsort(np.floor(points / cell).T)
+        return order, points[order], None
+    centre = initial_positions(replace(request, radius=clumps.reach, clumps=None))
+    by_space = np.lexsort(np.floor(centre / cell).T)
+    place = np.argsort(by_space)  # of each clump in that order
+    order = np.argsort(place[clumps.of], kind="stable")
+    sorted_clumps = replace(clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space])
+    rigid = RigidMoves(sorted_clumps, request.radius[order], centre[by_space])
+    return order, rigid.positions(), rigid
+
+
+def _keep_grains_in(
+    request: Filling, loose: np.ndarray, before: np.ndarray, radius: np.ndarray, walls: list[PackingWall]
+) -> None:
+    """Move grains (n, 3) [m] of a filling back into its region, in place."""
+    request.region.clamp(loose, radius)
+    for wall in walls:
+        came_from = loose.copy() if len(walls) > 1 else None
+        wall.push_in(loose)
+        if came_from is not None:  # the other walls count on knowing of every move
+            for other in walls:
+                if other is not wall:
+                    other.note(loose - came_from)
+    if request.region.open_space is not None:
+        strayed = ~request.region.open_space.is_near(loose)
+        loose[strayed] = before[strayed]
+        for wall in walls:
+            wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
+
+
+def _moved_and_kept_in(
+    request: Filling, rigid: RigidMoves, move: np.ndarray, radius: np.ndarray, walls: list[PackingWall]
+) -> np.ndarray:
+    """Move clumps as the rigid moves of their members say, and back into the region; positions of the members [m]."""
+    centre, turn = rigid.centre.copy(), rigid.turn.copy()
+    rigid.advance(move)
+    members = rigid.positions()
+    inside = members.copy()
+    request.region.clamp(inside, radius)
+    members += rigid.keep_in(inside - members, along_axes=True)
+    for wall in walls:
+        off = members.copy()
+        wall.push_in(off)
+        shift = rigid.keep_in(off - members, along_axes=False)
+        members += shift
+        for one in walls:
+            one.note(shift)
+    if request.region.open_space is not None:
+        strayed = ~request.region.open_space.is_near(members)
+        if strayed.any():
+            rigid.restore(strayed, centre, turn)
+            members = rigid.positions()
+            for wall in walls:
+                wall.slack[:] = np.minimum(wall.slack, 0.0)  # to be measured again
+    return members

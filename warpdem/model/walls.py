@@ -68,9 +68,9 @@ def named_diameters(scene: Scene) -> np.ndarray:
     """Diameters that the scene itself names [m]: known before anything is filled."""
     found = []
     for group in scene.grains:
-        if group.fill is not None:
+        if group.fill is not None and group.fill.diameter is not None:
             found.append(np.array([size_law(group.fill.diameter).mean_diameter]))
-        elif group.positions is not None:
+        elif group.positions is not None and group.clump is None:
             found.append(2.0 * group.explicit_radii)
     return np.concatenate(found) if found else np.zeros(0)
 

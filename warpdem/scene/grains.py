@@ -51,7 +51,17 @@ class Fill(SceneModel):
     solid_fraction: Annotated[float, Quantity("-", gt=0, le=0.74)] | None = Field(
         None, description="Volume of the grains over filled volume [-], > 0 and <= 0.74; about 0.6 can be reached."
     )
-    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    diameter: Diameter | None = Field(
+        None, description="Diameter of the grains [m], > 0, or a distribution; not with clump, which has its size."
+    )
+    size: Annotated[float, Quantity("-", gt=0)] | None = Field(
+        None, description="With clump: factor on its lengths [-], > 0, default 1."
+    )
+    orientation: Literal["random", "aligned"] | None = Field(
+        None,
+        description='With clump: "random" (default), all directions alike, or "aligned", its axes along the frame axes before '
+        "the clumps are pushed apart.",
+    )
     seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0: the same seed gives the same grains.")
 
     @model_validator(mode="after")
@@ -166,7 +176,9 @@ class Grains(SceneModel):
                 exactly_one(self, *sizes)
             self._check_lengths(self.positions)
             return self
-        stray = [key for key in (*sizes, "velocities", "spins", "ids") if getattr(self, key) is not None]
+        stray = [
+            key for key in (*sizes, "velocities", "spins", "ids", "orientations", "sizes") if getattr(self, key) is not None
+        ]
         if stray:
             source = "file" if self.file is not None else "fill"
             reason = f"belongs to positions and cannot be given with {source}"
@@ -178,13 +190,28 @@ class Grains(SceneModel):
             stray = [key for key in ("orientations", "sizes") if getattr(self, key) is not None]
             reason = "belongs to a clump: name it with clump"
         else:
-            stray = [key for key in (*sizes, "ids", "file", "fill") if getattr(self, key) is not None]
-            reason = "cannot be given with clump: give positions, and the sizes of clumps with sizes"
+            stray = [key for key in (*sizes, "ids", "file") if getattr(self, key) is not None]
+            reason = "cannot be given with clump: give positions or fill, and the sizes of clumps with sizes"
         if stray:
             raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+        self._check_fill_of_clumps()
         if self.orientations is not None and not np.all(np.square(self.orientations).sum(axis=1) > 0.0):
             row = int(np.argmin(np.square(self.orientations).sum(axis=1) > 0.0))
             raise validation_error([(("orientations", row), None, "must not be zero")])
+
+    def _check_fill_of_clumps(self) -> None:
+        if self.fill is None:
+            return
+        if self.clump is None:
+            stray = [key for key in ("size", "orientation") if getattr(self.fill, key) is not None]
+            reason = "belongs to a clump: name it with clump beside fill"
+            if self.fill.diameter is None:
+                raise validation_error([(("fill", "diameter"), None, "missing: give the diameter of the grains, or a clump")])
+        else:
+            stray = [key for key in ("diameter",) if getattr(self.fill, key) is not None]
+            reason = "cannot be given with clump: the clump has its size, and fill.size is a factor on it"
+        if stray:
+            raise validation_error([(("fill", key), getattr(self.fill, key), reason) for key in stray])
 
     def _check_lengths(self, positions: np.ndarray) -> None:
         count = len(positions)
