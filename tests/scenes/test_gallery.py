@@ -140,6 +140,18 @@ def test_screen_lets_small_grains_through():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "angle", "swing"), [((), (37.0, 41.0), (1.5, 2.6)), (("pairs.0.surface_energy=0",), (32.0, 36.0), (0.0, 1.4))]
+)
+def test_sticky_grains_stand_steeper_in_a_drum_and_fall_in_larger_avalanches(change, angle, swing):
+    sim = simulation("sticky_drum", *change)
+    end = sim.scene.time.end
+    angles = [centre_angle(s) for s in instants(sim, end, 0.005, start=0.5 * end)]
+    assert angle[0] < np.mean(angles) < angle[1]
+    assert swing[0] < np.std(angles) < swing[1]
+
+
+@pytest.mark.slow
 def test_hopper_follows_beverloos_law():
     sim = simulation("hopper")
     end, left, bulk = sim.scene.time.end, [], 0.0
