@@ -58,7 +58,7 @@ def member_inverse(inv: vec8, j: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8
 
 
 @functools.cache
-def build(structs, WallContacts, load, acceleration, integrator, orientation):
+def build(structs, WallContacts, load, acceleration, integrator, with_axes):
     """Return the functions of a clump.
 
     Args:
@@ -67,7 +67,7 @@ def build(structs, WallContacts, load, acceleration, integrator, orientation):
         load: sum over the contacts of a grain, of ``motion.build_load``.
         acceleration: of ``motion.build_acceleration``.
         integrator: (advance, reading) of ``exact_drift``.
-        orientation: how a quaternion turns with a spin and with the axes, of ``orientation.build``.
+        with_axes: how a quaternion turns with the axes, of ``orientation.build_axes``.
     """
     g = grain.build(True)
     Clumps = clump_arrays.build(True).Clumps
@@ -130,7 +130,7 @@ def build(structs, WallContacts, load, acceleration, integrator, orientation):
         momentum = g.spin(state) + torque * kick_time(row)
         p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(rate), dt)
         state = advance_record(0, c, state, a, torque, row, frames, at, dt, grains.store)
-        turn = orientation(product(turn, p), wp.vec3d(), row, dt)
+        turn = with_axes(product(turn, p), row)
         clumps.record[c] = state
         clumps.turn[c] = turn
         axes = rotation_matrix(turn)
