@@ -6,45 +6,10 @@ import numpy as np
 import pytest
 from warpdem.kernels.step.dynamic_walls import STATE
 
-from warpdem import Scene, SceneError, Simulation
-from warpdem.measure.column import Readings
+from free_scenes import MASS, PLATE, G, R, body_of, columns, run, scene
+from warpdem import SceneError, Simulation
 from warpdem.mesh.solid_body import solid_body
 from warpdem.mesh.triangle_mesh import load_mesh
-from warpdem.output.history import history_columns, history_row
-
-R, DT, G = 1e-3, 5e-6, 9.81
-MASS = 2500 * 4 / 3 * math.pi * R**3
-PLATE = {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
-FAR = [[0.0, 0.0, 0.5]]
-
-
-def scene(free, wall=PLATE, positions=FAR, velocities=None, *, e=0.5, friction=0.0, walls=(), **keys):
-    grains = {"material": "g", "radius": R, "positions": positions, "velocities_in": "laboratory"}
-    given = {
-        "gravity": [0, 0, 0],
-        "materials": {"g": {"density": 2500, "young_modulus": "50 MPa", "poisson_ratio": 0.3}},
-        "pairs": [{"materials": ["g", "g"], "restitution": e, "friction": friction}],
-        "grains": [grains | ({} if velocities is None else {"velocities": velocities})],
-        "walls": [{"name": "body", "material": "g", **wall, "free": free}, *walls],
-        "measures": {"energy": True},
-        "time": {"end": 10, "step": DT},
-    }
-    return Scene.model_validate(given | keys)
-
-
-def run(given, threads=1):
-    return Simulation(given, device="cpu", threads=threads)
-
-
-def body_of(sim):
-    return sim.schedule.dynamic[0]
-
-
-def columns(sim):
-    """The columns of the body by their names."""
-    found = history_columns(sim.scene)
-    row = zip((c.name for c in found), history_row(found, Readings(sim.view)), strict=True)
-    return {name.removeprefix("body "): value for name, value in row if name.startswith("body ")}
 
 
 def slider(mass, **keys):
@@ -280,11 +245,11 @@ def test_numbers_of_the_state_have_their_columns():
 
 
 BAD = [
-    ({"joint": "hing", "axis": [0, 0, 1]}, 'must be "slider" or "hinge"'),
+    ({"joint": "hing", "axis": [0, 0, 1]}, 'must be "slider", "hinge" or "none"'),
     ({"axis": [0, 0, 1]}, r"free.joint\n.*missing: What the wall may do"),
     ({"joint": "slider", "axis": [0, 0, 1]}, r"free.mass\n.*missing: only a closed mesh has one of its own"),
     ({"joint": "hinge", "axis": [0, 0, 1]}, r"free.inertia\n.*missing: only a closed mesh has one of its own"),
-    ({"joint": "hinge", "axis": [0, 0, 1], "inertia": 1, "center": [1, 0, 0]}, r"free.mass\n.*missing: only a closed mesh"),
+    ({"joint": "hinge", "axis": [0, 0, 1], "inertia": 1, "centre": [1, 0, 0]}, r"free.mass\n.*missing: only a closed mesh"),
     (slider(1, inertia=1), r"free.inertia = 1\n.*belongs to another kind|unknown key"),
     (slider(1, range=[1, 2]), r"free.range = \[1.0, 2.0\]\n.*around 0, where the wall begins"),
     (slider(1, motor=[[0, 1], [0, 2]]), r"free.motor\[1\]\[0\] = 0.0\n.*must be above 0, the entry before"),
@@ -315,7 +280,7 @@ def test_what_a_free_wall_cannot_have_is_refused():
         run(scene(slider(1), frame={"axis": [0, 0, 1], "rate": 1.0}))
     with pytest.raises(SceneError, match=r"walls\[0\].free: its mass of 1e-06 kg is below that of the heaviest grain"):
         run(scene(slider(1e-6)))
-    with pytest.raises(SceneError, match=r"free.stiffness: 1e\+09 lets the wall swing.*take a time.step below 6.3e-06 s"):
+    with pytest.raises(SceneError, match=r"free.stiffness: 1e\+09 N/m lets the wall swing.*take a time.step below 6.3e-06 s"):
         run(scene(slider(1, stiffness=1e9), time={"end": 1, "step": 1e-5}))
     with pytest.raises(SceneError, match=r"free.damping: 2e\+05 N s/m change its rate by 2 of itself.*below 5e-06 s"):
         run(scene(slider(1, damping=2e5), time={"end": 1, "step": 1e-5}))

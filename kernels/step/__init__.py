@@ -8,6 +8,7 @@
     motion         what acts on one grain, and how far it has gone since the lists were built
     schedule       what changes with time and is known beforehand, one row per force call
     dynamic_walls  walls whose motion follows from the load on them
+    free_bodies    those of them with six degrees of freedom, and their exact ``free_rotation``
     frame_terms    apparent accelerations, for integrators with velocities relative to the frame
     runge_kutta    what ``integrator/rk2`` and ``integrator/rk4`` share
     orientation    rotation of grains

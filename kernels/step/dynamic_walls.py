@@ -29,6 +29,8 @@ So a kick changes (1/2) M u^2 by exactly the work h (...) u_k. At t_k+1 contacts
 u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
 same bits on any number of threads. A drive that is no number holds the wall.
 
+Bodies with six degrees of freedom have no axis: ``free_bodies``.
+
 The placement that the host has written is where the wall would be at s = 0; the step moves it from there.
 """
 
@@ -39,6 +41,7 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.measure.exact_sum import WIDTH, add, rounded
 from warpdem.kernels.measure.readings import WALL_SUMS, add_wall_contact
+from warpdem.kernels.step.free_bodies import advance_body
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -55,7 +58,7 @@ from warpdem.kernels.wall.record import RESULT
 
 NUMBERS = Columns(
     (
-        ("turns", 1),  # 1 about the axis, 0 along it
+        ("turns", 1),  # 1 about the axis, 0 along it; 2 of a body with six degrees of freedom
         ("axis", 3),  # unit vector, in the axes of the wall at s = 0
         ("origin", 3),  # a point on it [m]
         ("least", 1),  # least M of a servo; of a free wall 0
@@ -102,6 +105,10 @@ class DynamicWalls:
     """Rate and load of the motor of each at the points of its curve, ascending; the last point may stand several times."""
     drive: wp.array2d(dtype=wp.float64)
     """Drive at each force call of the schedule [N or N m], of each wall; NaN holds it."""
+    bodies: wp.array2d(dtype=wp.float64)
+    """``free_bodies.BODY`` of each, if one has six degrees of freedom."""
+    motions: wp.array2d(dtype=wp.float64)
+    """``free_bodies.MOTION`` of each."""
     sums: wp.array3d(dtype=wp.int64)
     """Exact sums of each thread, SUMS of one wall after the other."""
 
@@ -193,10 +200,11 @@ def displaced(p: Placement, turns: wp.float64, axis: wp.vec3d, origin: wp.vec3d,
 
 
 @functools.cache
-def build(one, WallContacts):
+def build(one, WallContacts, bodies: bool):
     """Return ``add_loads`` of one thread, and ``advance``, which one thread calls when all have added.
 
     Args:
+        bodies: some have six degrees of freedom.
         one: namespace of ``wall.contact.build``.
         WallContacts: struct of ``wall.evaluate.build``.
     """
@@ -285,6 +293,13 @@ def build(one, WallContacts):
             if inertia == wp.float64(0.0):
                 inertia = wp.max(touched, walls.numbers[d, wp.static(NUMBERS.least)])
             along = turned(now, axis)
+            if wp.static(bodies):
+                if turns > wp.float64(1.0):
+                    placements[k + 2, motion] = advance_body(
+                        d, -force, -(moment + torque), gravity(rows[k]), now, placements[k + 2, motion], kick_time(rows[k]),
+                        dt, walls.bodies, walls.motions,
+                    )  # fmt: skip
+                    continue
             pull = gravity(rows[k]) * walls.numbers[d, wp.static(NUMBERS.mass)]
             load = wp.dot(force, along)
             weight = wp.dot(pull, along)

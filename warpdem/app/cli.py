@@ -368,6 +368,79 @@ def compare(
         quiet.print(f"wrote {write_comparison(found, (names[0], names[1]), count, out)}", markup=False)
 
 
+@app.command
+def export(
+    folder: Path,
+    out: Path,
+    /,
+    *,
+    time: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    view: Literal["laboratory", "frame"] = "laboratory",
+    overwrite: bool = False,
+) -> None:
+    """Write the frames of a run for other programs: a LAMMPS dump (LAMMPS, LIGGGHTS, Ovito), or a table of grains.
+
+    Args:
+        folder: Folder of the results.
+        out: File to write: .dump or .lammpstrj, packed with .gz; .csv; .parquet.
+        time: Only the frame nearest to this time [s].
+        start: Only frames from this time [s] on.
+        end: Only frames up to this time [s].
+        view: Absolute motion in laboratory axes, or motion relative to the frame in its axes.
+        overwrite: Allow a file that exists.
+    """
+    from warpdem.core.file_names import require_usable
+    from warpdem.core.progress import progress_bar
+    from warpdem.exchange.export import export as write
+
+    for name, path in (("FOLDER", folder), ("OUT", out)):
+        require_usable(name, path)
+    console = Console(highlight=False)
+    with progress_bar(console, not console.is_terminal, 1000) as tell:
+        count = write(folder, out, time=time, start=start, end=end, view=view, overwrite=overwrite,
+                      watch=lambda done, total: tell(1000 * done // total, f"{done} of {total} frames"))  # fmt: skip
+    console.print(f"wrote {out}: {count} frame{'s' if count != 1 else ''}", markup=False)
+
+
+@app.command
+def grains(
+    source: Path,
+    target: Path,
+    /,
+    *,
+    format_: Annotated[
+        Literal["lammps-dump", "lammps-data", "yade", "mercury"] | None, Parameter(name="--format")
+    ] = None,
+    step: int | None = None,
+    type_: Annotated[int | None, Parameter(name="--type")] = None,
+    units: Literal["si", "cgs", "mm", "um"] = "si",
+    overwrite: bool = False,
+) -> None:
+    """Make a state file for a scene (file = "grains.npz" in its grains) from grains that another program wrote.
+
+    Args:
+        source: LAMMPS or LIGGGHTS dump or data file, packed or not; text of YADE; .data file of MercuryDPM.
+        target: State file to write: .npz or .csv.
+        format_: Format of the source; told by its name or first lines if not given.
+        step: TIMESTEP of a dump, or number of the time of MercuryDPM from 0; the last one if not given.
+        type_: Only grains of this type.
+        units: Units of the source: SI, or lengths in centimetres (cgs), millimetres or micrometres, all with seconds.
+        overwrite: Allow a target that exists.
+    """
+    from warpdem.core.file_names import require_usable
+    from warpdem.exchange.state_file import write_state_file
+
+    for name, path in (("SOURCE", source), ("TARGET", target)):
+        require_usable(name, path)
+    notes = write_state_file(source, target, kind=format_, step=step, only_type=type_, unit=units, overwrite=overwrite)
+    console = Console(highlight=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"wrote {target}", markup=False)
+
+
 @app.command(name="sweep")
 def sweep_(
     scene: Path,

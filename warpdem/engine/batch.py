@@ -17,6 +17,7 @@ from warpdem.kernels.measure.flow import Plane
 from warpdem.kernels.step import barrier
 from warpdem.kernels.step import clock as clock_slots
 from warpdem.kernels.step.dynamic_walls import STATE, SUMS, DynamicWalls
+from warpdem.kernels.step.free_bodies import MOTION
 from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.step.structs import SPAN, Control, Report
 from warpdem.kernels.wall.surface import Surface
@@ -149,6 +150,7 @@ class Batch:
         """Write state and drive of the dynamic walls."""
         schedule, there = self._model.schedule, self.control.dynamic
         there.state.assign(np.stack([wall.state for wall in schedule.dynamic]))
+        there.motions.assign(np.stack([wall.motion for wall in schedule.dynamic]))
         drives = schedule.drives(first, ahead)
         if len(there.drive) == len(drives):
             there.drive.assign(drives)
@@ -161,10 +163,11 @@ class Batch:
         if not schedule.dynamic or self._block is None:
             return
         row = self._now.step_number - self._block[0] + 1
-        placements, state = self.control.placement.numpy(), self.control.dynamic.state.numpy()
+        placements, there = self.control.placement.numpy(), self.control.dynamic
+        state, motions = there.state.numpy(), there.motions.numpy()
         for number, wall in enumerate(schedule.dynamic):
             motion = schedule.wall_motion[wall.number]
-            wall.state = state[number].copy()
+            wall.state, wall.motion = state[number].copy(), motions[number].copy()
             wall.before, wall.now = placements[row - 1, motion].copy(), placements[row, motion].copy()
             self._placements[row, motion] = wall.now
 
@@ -202,6 +205,8 @@ def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     walls.numbers = wp.array(np.stack([wall.numbers for wall in schedule.dynamic]), dtype=wp.float64, device=device)
     walls.curve = wp.array(np.stack([wall.curve for wall in schedule.dynamic]), dtype=wp.vec2d, device=device)
     walls.state = wp.zeros((count, STATE.width), dtype=wp.float64, device=device)
+    walls.bodies = wp.array(np.stack([wall.body for wall in schedule.dynamic]), dtype=wp.float64, device=device)
+    walls.motions = wp.zeros((count, MOTION.width), dtype=wp.float64, device=device)
     walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
     walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)
     return walls

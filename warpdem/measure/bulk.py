@@ -12,8 +12,9 @@ up to that of the whole, and in a uniform state it does not depend on where the 
 V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by the
 volume that they have in the box, overlaps of grains twice. n is the unit vector along the branch of a contact, b how many of
 the region's grains the contact belongs to (1 or 2); the trace of the fabric tensor Phi is 1, and 1/3 on its diagonal is
-isotropic. A selection counts as if its grains were alone, but for Z and Phi, which take all their contacts. Velocities are
-relative to the frame. T takes a mean flow that varies over the region for agitation: choose the region small, or use the grid.
+isotropic. A selection counts as if its grains were alone, but for Z and Phi, which take all their contacts. Vectors are
+relative to what the region is fixed to, and in its axes. T takes a mean flow that varies over the region for agitation: choose
+the region small, or use the grid.
 Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 (contact stress), Oda 1982 (fabric).
 """
 
@@ -24,6 +25,8 @@ import numpy as np
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
 from warpdem.measure.observers import Particles
+from warpdem.measure.seen_grains import SeenGrains
+from warpdem.mesh.solid import Bounded
 from warpdem.scene.measures import Region
 
 
@@ -31,25 +34,28 @@ class Bulk:
     """The grains in a region at one time, and what is averaged over them; averages over no grain are nan.
 
     Args:
-        region: name and box, of the scene.
-        particles: the grains of a simulation.
-        network: their contacts.
+        region: name and shape, of the scene.
+        particles: the grains of a simulation, as seen from the region.
+        network: their contacts, as seen from it.
         period: length of the domain along each periodic axis [m], else 0.
         counts: whether each grain is one of the region's selection, shape (n,); None: all are.
+        shape: of a region that is no box, with its mesh if it is one.
     """
 
     def __init__(
         self,
         region: Region,
-        particles: Particles,
+        particles: Particles | SeenGrains,
         network: ContactNetwork,
         period: tuple[float, float, float] = (0.0, 0.0, 0.0),
         counts: np.ndarray | None = None,
+        shape: Bounded | None = None,
     ) -> None:
         self._particles, self._network = particles, network
         self._box = None if region.box is None else BoxShare(region.box.min, region.box.max, period)
         position = particles.position
-        self._inside = np.ones(len(position), dtype=bool) if self._box is None else self._box.holds(position)
+        here = self._box if self._box is not None else shape
+        self._inside = np.ones(len(position), dtype=bool) if here is None else here.holds(position)
         self._counts = counts
         if counts is not None:
             self._inside &= counts

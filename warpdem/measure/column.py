@@ -14,10 +14,12 @@ from warpdem.measure.bulk import Bulk
 from warpdem.measure.contact_network import read_network
 from warpdem.measure.observers import Particles
 from warpdem.measure.residence import Departed, read_departed
+from warpdem.measure.seen_grains import SeenGrains, seen_from
 from warpdem.measure.selection import selected
 from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import total_loads
 from warpdem.measure.wall_wear import WallWear, read_wear
+from warpdem.mesh.solid import Bounded, shape_of
 from warpdem.scene.measures import Region
 from warpdem.state.view import RunView
 
@@ -120,5 +122,19 @@ class Readings:
         if region.name not in self._bulk:
             model = self.view.model
             counts = selected(region.of, model.scene, self.particles) if region.of is not None else None
-            self._bulk[region.name] = Bulk(region, self.particles, self.contacts, model.domain.period, counts)
+            particles: Particles | SeenGrains = self.particles
+            network = self.contacts
+            if (carrier := model.schedule.carrier(region)) is not None:
+                particles, network = seen_from(carrier, self.view, self.particles, network)
+            self._bulk[region.name] = Bulk(region, particles, network, model.domain.period, counts, self._shape(region))
         return self._bulk[region.name]
+
+    def _shape(self, region: Region) -> Bounded | None:
+        """Shape of a region that is no box, loaded once in a run; None of a box or all grains."""
+        if region.box is not None or not region.shape_key:
+            return None
+        kept, key = self.view.kept, f"region {region.name}"
+        if key not in kept:
+            kept[key] = shape_of(self.view.model.scene, region.shape, f"measures.regions.{region.name}.{region.shape_key}")
+        shape: Bounded = kept[key]
+        return shape

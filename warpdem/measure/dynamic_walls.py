@@ -8,7 +8,9 @@ from warpdem.kernels.measure.readings import WALL_SUMS
 from warpdem.measure.column import Column, Readings
 from warpdem.measure.totals import Totals
 from warpdem.measure.wall_loads import cross
+from warpdem.model import free_bodies
 from warpdem.model.dynamic_walls import DynamicWall
+from warpdem.scene.free import FreeBody
 from warpdem.scene.servo import Servo
 from warpdem.scene.walls import Wall
 
@@ -17,6 +19,8 @@ def columns(wall: Wall) -> list[Column]:
     """The columns of a wall; none of one that does not move by its load."""
     if wall.dynamic is None:
         return []
+    if isinstance(wall.free, FreeBody):
+        return _body_columns(wall.name)
     turns = wall.dynamic.turns
     names = [("angle", "rad"), ("rate", "rad/s")] if turns else [("displacement", "m"), ("speed", "m/s")]
     of_state = [Column(f"{wall.name} {name}", unit, _state(wall.name, key)) for (name, unit), key in zip(
@@ -40,14 +44,42 @@ def energies(now: Totals, name: str) -> dict[str, float]:
     given, state = one.given, one.value
     body = now.bodies[one.number]
     center = pose.to_laboratory((body[:9].reshape(3, 3) @ one.center + body[9:12])[None])[0]
+    gravity = -one.mass * float(center @ np.array(now.view.model.scene.gravity))
+    if isinstance(given, FreeBody):
+        return {**free_bodies.energies(one), "gravity": gravity}
     assert not isinstance(given, Servo)
     return {
         "kinetic": 0.5 * one.inertia * state("predicted") ** 2,
         "spring": 0.5 * given.stiffness * (state("position") - given.rest) ** 2,
-        "gravity": -one.mass * float(center @ np.array(now.view.model.scene.gravity)),
+        "gravity": gravity,
         "driven": state("driven"),
         "lost": state("lost"),
     }
+
+
+def _body_columns(name: str) -> list[Column]:
+    """Center, its velocity and the spin of a body in the laboratory, and its energies."""
+    units = {"center": "m", "velocity": "m/s", "spin": "rad/s"}
+    found = [
+        Column(f"{name} {what} {axis}", unit, _vector(name, what, k))
+        for what, unit in units.items() for k, axis in enumerate("xyz")
+    ]  # fmt: skip
+    return [*found, *(Column(f"{name} {energy}", "J", _energy(name, energy)) for energy in ENERGIES)]
+
+
+def body_motion(now: Totals, name: str) -> dict[str, np.ndarray]:
+    """Center [m], its velocity [m/s] and the spin [rad/s] of a free wall in the laboratory, shapes (3,)."""
+    one, pose = dynamic_wall(now, name), now.pose
+    body = now.bodies[one.number]
+    center = body[:9].reshape(3, 3) @ one.center + body[9:12]
+    velocity = body[15:18] + cross(body[12:15], center)
+    return {
+        "center": pose.to_laboratory(center[None])[0], "velocity": pose.rotation @ velocity, "spin": pose.rotation @ body[12:15]
+    }  # fmt: skip
+
+
+def _vector(wall: str, what: str, axis: int) -> Callable[[Readings], float]:
+    return lambda readings: float(body_motion(readings.totals, wall)[what][axis])
 
 
 def dynamic_wall(now: Totals, name: str) -> DynamicWall:

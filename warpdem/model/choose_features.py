@@ -14,6 +14,7 @@ from warpdem.model.features import (
     MeasureFeatures,
     WallFeatures,
 )
+from warpdem.scene.free import FreeBody
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
@@ -141,6 +142,7 @@ def choose_features(
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
             dynamic=sum(w.dynamic is not None for w in scene.walls),
+            bodies=sum(isinstance(w.dynamic, FreeBody) for w in scene.walls),
         ),
         domain=DomainFeatures(
             period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed

@@ -206,7 +206,7 @@ def _built(features: Features) -> Built:
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0,
     )  # fmt: skip
-    dynamic = dynamic_walls.build(one, WallContacts) if walls.dynamic else None
+    dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
     readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
     lists = neighbors.build(

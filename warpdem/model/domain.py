@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from warpdem.core.key_path import key_text
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.packing_neighbors import worst_overlaps
@@ -153,7 +154,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out
                 axis = getattr(motion, "axis", None)
                 if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):
                     raise SceneError(f"{key}: periodic, but walls[{number}].motion turns about another axis")
-    _check_places(scene, domain)
+    _check_places(scene, domain.period)
     where = ways_out.left_by(start.position)
     if (where >= 0).any():
         first = int(np.flatnonzero(where >= 0)[0])
@@ -167,11 +168,12 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out
     _check_overlaps_of_images(scene, start, domain, largest)
 
 
-def _check_places(scene: Scene, domain: Domain) -> None:
+def _check_places(scene: Scene, period: tuple[float, float, float]) -> None:
     """Refuse regions that would cross a periodic border: grains come round there, and regions do not."""
-    if not any(domain.period):
+    if not any(period):
         return
-    for place, key in zip(domain.places, domain.keys, strict=True):
+    borders = [("borders", Placed(fixed_to=scene.borders.fixed_to))] if scene.borders else []
+    for key, place in [*borders, *((key_text(path), place) for path, place in scene.regions())]:
         if place.follows is not None:
             raise SceneError(
                 f"{scene.source}: {key}.follows = {place.follows!r}: a region that follows a wall has no periodic images: "

@@ -14,9 +14,11 @@ from warpdem.core.rigid_motion import Pose
 from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels.step.dynamic_walls import NUMBERS, STATE
-from warpdem.mesh.solid_body import solid_body
+from warpdem.kernels.step.free_bodies import BODY, MOTION
+from warpdem.mesh.solid_body import SolidBody, solid_body
 from warpdem.mesh.triangle_mesh import TriangleMesh
-from warpdem.scene.free import POINTS, Hinge, Slider
+from warpdem.model import free_bodies
+from warpdem.scene.free import POINTS, FreeBody, Hinge, Slider
 from warpdem.scene.messages import rounded_down
 from warpdem.scene.model import Scene
 from warpdem.scene.servo import Servo
@@ -65,8 +67,13 @@ class DynamicWall:
     now: np.ndarray | None = None
     """Placement at present, shape (24,)."""
 
+    body: np.ndarray = field(default_factory=lambda: np.zeros(BODY.width))
+    """``free_bodies.BODY``, of a body with six degrees of freedom."""
+    motion: np.ndarray = field(default_factory=lambda: np.zeros(MOTION.width))
+    """``free_bodies.MOTION`` of it at present."""
+
     @property
-    def given(self) -> Servo | Slider | Hinge:
+    def given(self) -> Servo | Slider | Hinge | FreeBody:
         """What the scene says of it."""
         assert self.wall.dynamic is not None
         return self.wall.dynamic
@@ -76,25 +83,29 @@ class DynamicWall:
         """``NUMBERS``, shape (numbers,)."""
         given = self.given
         common = [float(given.turns), *given.axis, *given.origin, self.least, given.most, self.inertia, self.mass, *self.center]
-        if isinstance(given, Servo):
+        if isinstance(given, Servo | FreeBody):
             return np.array([*common, 0.0, 0.0, 0.0, -np.inf, np.inf])
         return np.array([*common, given.stiffness, given.rest, given.damping, *(given.range or (-np.inf, np.inf))])
 
     @property
     def curve(self) -> np.ndarray:
         """Points of its motor curve, shape (points, 2)."""
-        return np.zeros((POINTS, 2)) if isinstance(self.given, Servo) else self.given.curve
+        return self.given.curve if isinstance(self.given, Slider | Hinge) else np.zeros((POINTS, 2))
 
     def drive(self, times: np.ndarray) -> np.ndarray:
         """Load that acts at ``times`` [s], shape (k,) [N or N m]; NaN where the wall is held."""
         return self.given.target(times) * self.area
 
     def value(self, name: str) -> float:
-        """A number of ``STATE``."""
+        """A number of ``STATE``; the correction of a body with six degrees of freedom too."""
+        if name == "correction" and isinstance(self.given, FreeBody):
+            return float(self.motion[MOTION.correction])
         return float(self.state[getattr(STATE, name)])
 
     def pose(self, count: int) -> Pose:
         """Present pose in the axes of its carrier, ``count`` times."""
+        if isinstance(self.given, FreeBody):
+            return free_bodies.pose(self, count) if self.body.any() else rigid_motion.still(count)
         axis, s, rate = rigid_motion.unit(self.given.axis), self.value("position"), self.value("predicted")
         along = np.tile(axis, (count, 1))
         none = np.zeros_like(along)
@@ -108,6 +119,8 @@ class DynamicWall:
         pose = self.pose(1)
         own = np.hstack([pose.axes[0], pose.origin[0][:, None]]).astype(float).tolist()
         listed = {name: None if v is None else v.tolist() for name, v in self._moving().items()}
+        listed |= {"velocity": self.motion[MOTION.of("seen_velocity")].tolist()}
+        listed |= {"spin": self.motion[MOTION.of("seen_spin")].tolist()}
         return {**listed, "own": own, "position": self.value("position"), "rate": self.value("predicted")}
 
     def restore(self, saved: dict[str, Any]) -> None:
@@ -116,7 +129,7 @@ class DynamicWall:
             setattr(self, name, None if saved[name] is None else np.array(saved[name]))
 
     def _moving(self) -> dict[str, np.ndarray | None]:
-        return {"state": self.state, "before": self.before, "now": self.now}
+        return {"state": self.state, "motion": self.motion, "before": self.before, "now": self.now}
 
 
 def complete_dynamic_walls(
@@ -137,29 +150,32 @@ def complete_dynamic_walls(
         if scheme != "exact_drift":
             raise SceneError(f'{key}: only with engine.integrator = "exact_drift"; it is "{scheme}"')
         heaviest, mesh, shape = float(masses.max(initial=0.0)), meshes.get(one.wall.name), one.wall.shape
-        if isinstance(one.given, (Slider, Hinge)):
+        if not isinstance(one.given, Servo):
             if one.wall.fixed_to == "frame" and schedule.frame.moves:
                 raise SceneError(
                     f'{key}: its axis would move with the frame, whose inertial forces on the wall are not computed: give the '
                     'wall fixed_to = "laboratory"'
                 )
-            _complete_free(one, one.given, mesh, scene.materials[one.wall.material].density)
-            _check_free(key, one, one.given, heaviest, scene, schedule.dt)
+            filled = scene.materials[one.wall.material].density
+            solid = None if mesh is None or mesh.open_edges else solid_body(mesh, filled)
+            if isinstance(one.given, FreeBody):
+                free_bodies.complete(one, one.given, solid)
+            else:
+                _complete_free(one, one.given, solid)
+            _check_free(key, one, heaviest, schedule.dt)
             continue
         points = mesh.vertices if mesh is not None else shape.nearest(expected.position)[0] if shape is not None else None
         assert points is not None
-        assert isinstance(one.given, Servo)
         one.area = pushed_area(one.given, mesh)
         one.least = least_mass(one.given, heaviest, points)
 
 
-def _complete_free(one: DynamicWall, given: Slider | Hinge, mesh: TriangleMesh | None, density: float) -> None:
+def _complete_free(one: DynamicWall, given: Slider | Hinge, solid: SolidBody | None) -> None:
     """Mass, center and inertia: as given, else those of the closed mesh, scaled to a mass that is given."""
     axis, origin = np.array(given.axis), np.array(given.origin)
-    solid = None if mesh is None or mesh.open_edges else solid_body(mesh, density)
     own = given.mass if given.mass is not None else solid.mass if solid is not None else 0.0
     one.mass = own
-    one.center = np.array(given.center) if given.center is not None else solid.center if solid is not None else origin
+    one.center = np.array(given.centre) if given.centre is not None else solid.center if solid is not None else origin
     if not given.turns:
         one.inertia = own
     elif given.inertia is not None:
@@ -171,7 +187,7 @@ def _complete_free(one: DynamicWall, given: Slider | Hinge, mesh: TriangleMesh |
         one.state[[STATE.rate, STATE.predicted]] = given.begins
 
 
-def _check_free(key: str, one: DynamicWall, given: Slider | Hinge, heaviest: float, scene: Scene, dt: float) -> None:
+def _check_free(key: str, one: DynamicWall, heaviest: float, dt: float) -> None:
     """Refuse a wall that the time step cannot follow.
 
     Raises:
@@ -182,17 +198,29 @@ def _check_free(key: str, one: DynamicWall, given: Slider | Hinge, heaviest: flo
             f"{key}: its mass of {one.mass:.3g} kg is below that of the heaviest grain, {heaviest:.3g} kg: the time step is "
             "made for grains; give it more mass"
         )
-    turn = dt * np.sqrt(given.stiffness / one.inertia)
+    given = one.given
+    if isinstance(given, FreeBody):
+        # of all mounts together, at the most that each may move by a force on it
+        arms = [float(np.linalg.norm(np.array(mount.point) - one.center)) for mount in given.mounts]
+        yields = [one.inertia / one.mass + arm**2 for arm in arms]
+        stiffness = sum(mount.stiffness * share for mount, share in zip(given.mounts, yields, strict=True))
+        coefficients = {"mounts": sum(mount.damping * share for mount, share in zip(given.mounts, yields, strict=True))}
+    else:
+        assert isinstance(given, Slider | Hinge)
+        rates, loads = one.curve.T
+        apart = np.diff(rates) > 0.0
+        stiffness = given.stiffness
+        steepest = float(np.abs(np.diff(loads)[apart] / np.diff(rates)[apart]).max(initial=0.0))
+        coefficients = {"damping": given.damping, "motor": steepest}
+    turn, springs = dt * np.sqrt(stiffness / one.inertia), "mounts" if isinstance(given, FreeBody) else "stiffness"
     if turn > LARGEST_TURN:
         raise SceneError(
-            f"{key}.stiffness: {given.stiffness:g} lets the wall swing by {turn:.3g} rad in a step of {dt:.3g} s; at most "
+            f"{key}.{springs}: {stiffness:.3g} {'N m' if given.turns else 'N/m'} lets the wall swing by {turn:.3g} rad in a "
+            f"step of {dt:.3g} s; at most "
             f"{LARGEST_TURN} is computed well: take a time.step below {rounded_down(dt * LARGEST_TURN / turn)} s, a softer "
             "spring, or more mass"
         )
-    rates, loads = one.curve.T
-    apart = np.diff(rates) > 0.0
-    steepest = float(np.abs(np.diff(loads)[apart] / np.diff(rates)[apart]).max(initial=0.0))
-    for name, coefficient in (("damping", given.damping), ("motor", steepest)):
+    for name, coefficient in coefficients.items():
         if (share := dt * coefficient / one.inertia) > 1.0:
             raise SceneError(
                 f"{key}.{name}: {coefficient:.3g} {'N m s' if given.turns else 'N s/m'} change its rate by {share:.3g} of "

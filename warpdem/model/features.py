@@ -109,6 +109,8 @@ class WallFeatures:
     """Surfaces of walls move along themselves."""
     dynamic: int = 0
     """Walls that move by the load on them."""
+    bodies: int = 0
+    """Those of them with six degrees of freedom."""
 
     @property
     def present(self) -> bool:

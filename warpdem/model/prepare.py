@@ -94,6 +94,9 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
     ways_out = WaysOut(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
     domain.check(scene, start, schedule.frame, features.contact.gap, ways_out)
+    for number, region in enumerate(scene.measures.regions):
+        if region.shape_key:  # a mesh that cannot be read is refused before the run
+            shape_of(scene, region.shape, f"measures.regions[{number}].{region.shape_key}")
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)

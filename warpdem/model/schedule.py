@@ -154,9 +154,13 @@ class Schedule:
         if carrier is None:
             return np.tile(velocity, (len(position), 1)), np.zeros_like(position)
         numbers, pose = self._now(carrier, time), self.pose(time)
-        spin = numbers[12:15]
-        absolute = numbers[:9].reshape(3, 3) @ velocity + numbers[15:18] + np.cross(spin, position)
-        return absolute - pose.velocity_at(position), np.tile(spin - pose.spin, (len(position), 1))
+        absolute = numbers[:9].reshape(3, 3) @ velocity + self.velocity_of(carrier, time, position)
+        return absolute - pose.velocity_at(position), np.tile(numbers[12:15] - pose.spin, (len(position), 1))
+
+    def velocity_of(self, carrier: WallMotion, time: float, position: np.ndarray) -> np.ndarray:
+        """Absolute velocity [m/s] in frame axes of the points of a region that are at positions (n, 3) [m] in the frame."""
+        numbers = self._now(carrier, time)
+        return np.asarray(numbers[15:18] + np.cross(numbers[12:15], position))
 
     def _now(self, carrier: WallMotion, time: float) -> np.ndarray:
         """The numbers of one motion at ``time`` [s], with absolute velocities, shape (24,)."""

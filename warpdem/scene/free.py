@@ -5,11 +5,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Direction, Point, SceneModel, validation_error
+from warpdem.scene.base import Direction, Point, SceneModel, Vec3, validation_error
 from warpdem.scene.servo import ForceCourse, TorqueCourse, at_times, require_increasing_course
 from warpdem.scene.units import Quantity, Vector
 
-JOINT = 'What the wall may do: slide along its axis, "slider", or turn about it, "hinge".'
+JOINT = 'What the wall may do: slide along its axis, "slider", turn about it, "hinge", or move as it can, "none".'
+Joint = Literal["slider", "hinge", "none"]
+MOUNTS = 8
+"""Largest number of mounts of a body."""
 POINTS = 16
 """Largest number of points of a motor curve."""
 
@@ -34,7 +37,7 @@ _Torque = Annotated[
 
 def _joint(value: Any) -> str:
     joint = value.get("joint") if isinstance(value, dict) else getattr(value, "joint", None)
-    return "~hinge" if joint == "hinge" else "~slider"
+    return {"hinge": "~hinge", "none": "~body"}.get(joint, "~slider") if isinstance(joint, str) else "~slider"
 
 
 class _Joint(SceneModel):
@@ -78,10 +81,15 @@ class _Joint(SceneModel):
 
     def later(self, time: float) -> Self:
         """The same from ``time`` [s] on."""
-        return self.model_copy(update={"elapsed": self.elapsed + time})
+        return self.ahead_by(self.elapsed + time)
 
-    def from_there(self, position: float, rate: float) -> Self:
-        """The same where s begins at ``position`` [m or rad] of this, with a ``rate`` [m/s or rad/s]."""
+    def ahead_by(self, time: float) -> Self:
+        """The same, whose time is ``time`` [s] at time 0."""
+        return self.model_copy(update={"elapsed": time})
+
+    def from_there(self, then: dict[str, Any]) -> Self:
+        """The same that goes on from where ``then``, of a checkpoint, says that it was, as fast."""
+        position, rate = then["position"], then["rate"]
         span, rest = getattr(self, "range", None), getattr(self, "rest", 0.0)
         moved = span and (min(span[0] - position, 0.0), max(span[1] - position, 0.0))
         return self.model_copy(update={"rate" if self.turns else "velocity": rate, "rest": rest - position, "range": moved})
@@ -113,10 +121,10 @@ class _Joint(SceneModel):
 class Slider(_Joint):
     """A wall of a mass that is free along an axis."""
 
-    joint: Literal["slider", "hinge"] = Field(description=JOINT)
+    joint: Joint = Field(description=JOINT)
     origin: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 0.0)
     inertia: ClassVar[None] = None
-    center: ClassVar[None] = None
+    centre: ClassVar[None] = None
     velocity: Annotated[float, Quantity("m/s")] = Field(0.0, description="Velocity along the axis at time 0 [m/s], default 0.")
     force: ForceCourse = Field(0.0, description="Force on the wall along the axis [N], or [[t, force], ...], default 0.")
     motor: Annotated[list[_Force], Field(min_length=1)] | None = Field(
@@ -135,13 +143,13 @@ class Slider(_Joint):
 class Hinge(_Joint):
     """A wall of a moment of inertia that is free about an axis."""
 
-    joint: Literal["slider", "hinge"] = Field(description=JOINT)
+    joint: Joint = Field(description=JOINT)
     turns: ClassVar[bool] = True
     origin: Point = Field((0.0, 0.0, 0.0), description="A point on the axis [m], default (0, 0, 0).")
     inertia: Annotated[float, Quantity("kg m2", gt=0)] | None = Field(
         None, description="Moment of inertia about the axis [kg m2], > 0; default that of the closed mesh."
     )
-    center: Point | None = Field(
+    centre: Point | None = Field(
         None, description="Center of mass [m], where gravity acts; default that of the closed mesh, or on the axis (balanced)."
     )
     rate: Annotated[float, Quantity("rad/s")] = Field(0.0, description="Angular rate at time 0 [rad/s], default 0.")
@@ -159,4 +167,78 @@ class Hinge(_Joint):
     )
 
 
-Free = Annotated[Annotated[Slider, Tag("~slider")] | Annotated[Hinge, Tag("~hinge")], Discriminator(_joint)]
+class Mount(SceneModel):
+    """A spring of no length and a damper between a point of the body and a fixed one."""
+
+    point: Point = Field(description="Point of the body [m], where it is at time 0.")
+    anchor: Point | None = Field(None, description="Fixed point that it is held at [m], default point.")
+    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness in all directions [N/m], default 0.")
+    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of the damper [N s/m], default 0.")
+
+
+class FreeBody(SceneModel):
+    """A wall that moves as a rigid body with six degrees of freedom; all keys in the axes of the wall at time 0."""
+
+    joint: Joint = Field(description=JOINT)
+    mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
+        None, description="Mass [kg], > 0; default that of the closed mesh, filled with its material."
+    )
+    centre: Point | None = Field(None, description="Center of mass [m]; default that of the closed mesh.")
+    inertia: Annotated[Vec3, Vector(Quantity("kg m2", gt=0))] | None = Field(
+        None, description="Moments of inertia about x, y and z through the center [kg m2]; default those of the mesh."
+    )
+    velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field((0.0, 0.0, 0.0), description="Of the center at time 0 [m/s].")
+    spin: Annotated[Vec3, Vector(Quantity("rad/s"))] = Field((0.0, 0.0, 0.0), description="At time 0 [rad/s], default 0.")
+    force: Annotated[Vec3, Vector(Quantity("N"))] = Field((0.0, 0.0, 0.0), description="Constant force [N], default 0.")
+    torque: Annotated[Vec3, Vector(Quantity("N m"))] = Field((0.0, 0.0, 0.0), description="Constant torque [N m], default 0.")
+    mounts: Annotated[list[Mount], Field(max_length=MOUNTS)] = Field([], description="Springs and dampers, at most 8.")
+
+    turns: ClassVar[int] = 2
+    axis: ClassVar[Vec3] = (0.0, 0.0, 0.0)
+    origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
+    most: ClassVar[float] = np.inf
+    elapsed: ClassVar[float] = 0.0
+
+    @model_validator(mode="after")
+    def _is_a_body(self) -> "FreeBody":
+        if self.inertia is not None and 2.0 * max(self.inertia) > sum(self.inertia) * (1.0 + 1e-9):
+            reason = "of no body: none of the three may exceed the sum of the others"
+            raise validation_error([(("inertia",), list(self.inertia), reason)])
+        return self
+
+    def later(self, time: float) -> "FreeBody":
+        """The same: nothing of it depends on time."""
+        return self
+
+    def ahead_by(self, time: float) -> "FreeBody":
+        """The same."""
+        return self
+
+    def from_there(self, then: dict[str, Any]) -> "FreeBody":
+        """The same that goes on from where ``then``, of a checkpoint, says that it was, as fast."""
+        own, to = np.array(then["own"]), {key: np.array(then[key]) for key in ("velocity", "spin")}
+        turn, shift = own[:, :3], own[:, 3]
+
+        def back(point: Vec3) -> Vec3:
+            x, y, z = (turn.T @ (np.array(point) - shift)).tolist()
+            return x, y, z
+
+        mounts = [one.model_copy(update={"anchor": back(one.anchor or one.point)}) for one in self.mounts]
+        turned = {key: tuple((turn.T @ vector).tolist()) for key, vector in to.items()}
+        given = {key: tuple((turn.T @ np.array(getattr(self, key))).tolist()) for key in ("force", "torque")}
+        return self.model_copy(update={"mounts": mounts, **turned, **given})
+
+    def target(self, times: np.ndarray) -> np.ndarray:
+        """Nothing acts along an axis."""
+        return np.zeros(len(times))
+
+    def speed_bound(self, points: np.ndarray, fall: float) -> float:
+        """Speed that body points, shape (n, 3), may be expected to reach [m/s]: at the start, or in a ``fall``."""
+        arm = float(np.linalg.norm(points - points.mean(axis=0), axis=1).max(initial=0.0))
+        return max(float(np.linalg.norm(self.velocity)) + float(np.linalg.norm(self.spin)) * arm, fall)
+
+
+Free = Annotated[
+    Annotated[Slider, Tag("~slider")] | Annotated[Hinge, Tag("~hinge")] | Annotated[FreeBody, Tag("~body")],
+    Discriminator(_joint),
+]

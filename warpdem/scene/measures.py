@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, model_validator
 
+from warpdem.scene import regions
 from warpdem.scene.base import Direction, Length, Name, Point, SceneModel, exactly_one
 from warpdem.scene.regions import Box
 from warpdem.scene.selection import Selection
@@ -27,26 +28,35 @@ class FlowPlane(SceneModel):
     of: Selection | None = Field(None, description=OF)
 
 
-class Region(SceneModel):
-    """A box, or all grains, over which bulk properties are averaged."""
+class Region(regions.Region):
+    """A region, or all grains, over which bulk properties are averaged.
+
+    Grains count by their centres. Solid fraction and contact stress, by the parts of spheres and branch vectors inside, are
+    measured in boxes only. Vectors are relative to what the region is fixed to, in its axes.
+    """
 
     name: Name = Field(description="Unique name: letters, digits, _ and -.")
     box: Box | None = Field(
         None,
-        description="Box in frame axes. Grains count by their centres, solid fraction and contact stress by the parts of "
-        "spheres and branch vectors in the box. Default: all grains, without the quantities that need a volume.",
+        description="Box along the axes of the region; this, cylinder, sphere or mesh. Default of them: all grains.",
     )
     of: Selection | None = Field(None, description=f"{OF} A selection has no stress.")
     fabric: StrictBool = Field(
         False, description="Whether the fabric tensor of the contacts is measured too, default false: six columns."
     )
 
+    @model_validator(mode="after")
+    def _one_shape_at_most(self) -> "Region":
+        if self.shape_key:
+            exactly_one(self, *regions.VOLUMES)
+        return self
 
-class Profile(SceneModel):
+
+class Profile(regions.Placed):
     """Slices of a box along an axis, each a region of its own."""
 
     name: Name = Field(description="Unique name: letters, digits, _ and -; the slices are NAME_0, NAME_1 ...")
-    box: Box = Field(description="Box in frame axes that is divided.")
+    box: Box = Field(description="Box along the axes of what it is fixed to, that is divided.")
     along: Literal["x", "y", "z"] = Field(description="Axis across which it is cut.")
     slices: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(description="Number of slices, 1 to 1000.")
     of: Selection | None = Field(None, description=f"{OF} A selection has no stress.")
@@ -69,6 +79,8 @@ class Profile(SceneModel):
                 box=Box(min=cut(box.min, faces[i]), max=cut(box.max, faces[i + 1])),
                 of=self.of,
                 fabric=self.fabric,
+                fixed_to=self.fixed_to,
+                follows=self.follows,
             )
             for i in range(self.slices)
         ]

@@ -134,6 +134,8 @@ class Scene(SceneModel):
         """Key path and region of each part of the scene that has one."""
         yield from ((("outlets", i), outlet) for i, outlet in enumerate(self.outlets))
         yield from ((("streams", i), stream) for i, stream in enumerate(self.streams))
+        for key in ("regions", "profiles"):
+            yield from ((("measures", key, i), region) for i, region in enumerate(getattr(self.measures, key)))
 
     def later(self, time: float) -> "Scene":
         """The scene from ``time`` [s] on: its motions are ahead by this time, its streams start and end earlier by it."""

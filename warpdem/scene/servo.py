@@ -113,6 +113,10 @@ class Servo(Timed):
         require_increasing_course(given, getattr(self, given))
         return self
 
+    def ahead_by(self, time: float) -> "Servo":
+        """The same, whose time is ``time`` [s] at time 0."""
+        return self.model_copy(update={"elapsed": time})
+
     @property
     def turns(self) -> bool:
         """Whether the wall turns about the axis."""

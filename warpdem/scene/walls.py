@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, model_validator
 
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
-from warpdem.scene.free import Free, Hinge, Slider
+from warpdem.scene.free import Free, FreeBody, Hinge, Slider
 from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.servo import Servo
 from warpdem.scene.surface_velocity import SurfaceVelocity
@@ -89,8 +89,8 @@ class Wall(SceneModel):
     )
     free: Free | None = Field(
         None,
-        description="A rigid body on a slider or a hinge that grains, gravity, a spring, a damper and a motor move. Default "
-        "none.",
+        description="A rigid body on a slider, on a hinge or free that grains, gravity, springs, dampers and a motor move. "
+        "Default none.",
     )
     torque_about: Point | None = Field(
         None,
@@ -158,14 +158,18 @@ class Wall(SceneModel):
             raise validation_error([(("motion",), None, "not with free, but for a fixed placement: what acts on it moves it")])
         if self.mesh is None or self.open:
             reason = "missing: only a closed mesh has one of its own"
-            needed = ("inertia",) if self.free.turns and self.free.center is None else ("inertia", "mass")
-            for key in needed if self.free.turns else ("mass",):
+            needed = ["mass"]
+            if isinstance(self.free, FreeBody):
+                needed = ["mass", "centre", "inertia"]
+            elif self.free.turns:
+                needed = ["inertia"] if self.free.centre is None else ["inertia", "mass"]
+            for key in needed:
                 if getattr(self.free, key) is None:
                     raise validation_error([(("free", key), None, reason)])
         return self
 
     @property
-    def dynamic(self) -> "Servo | Slider | Hinge | None":
+    def dynamic(self) -> "Servo | Slider | Hinge | FreeBody | None":
         """What moves the wall by the load on it; None for a wall that moves as it is told."""
         return self.servo if self.servo is not None else self.free
 

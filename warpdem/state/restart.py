@@ -155,7 +155,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
                 motion = _from(motion, _matrix(data["dynamic"][wall.name]["own"]))
             if wall.dynamic is not None:
                 key, before = "free" if wall.servo is None else "servo", data["motions"].get("loads", {}).get(wall.name, 0.0)
-                wall = wall.model_copy(update={key: wall.dynamic.model_copy(update={"elapsed": before + _end(data)})})
+                wall = wall.model_copy(update={key: wall.dynamic.ahead_by(before + _end(data))})
             if wall.surface_velocity is not None:
                 before = data["motions"].get("surfaces", {}).get(wall.name, 0.0)
                 surface = wall.surface_velocity.model_copy(update={"elapsed": before + _end(data)})
@@ -164,8 +164,7 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
             place = _matrix(data["places"]["walls"][wall.name])
             motion = _from(wall.motion, frame @ place if wall.fixed_to == "laboratory" else place)
         if wall.free is not None and wall.name in data.get("dynamic", {}):
-            then = data["dynamic"][wall.name]
-            wall = wall.model_copy(update={"free": wall.free.from_there(then["position"], then["rate"])})
+            wall = wall.model_copy(update={"free": wall.free.from_there(data["dynamic"][wall.name])})
         walls.append(wall.model_copy(update={"motion": motion}))
     streams = ahead.streams if "streams" in start.continues else scene.streams
     start = start.model_copy(update={"groups": data["groups"]})
