@@ -177,10 +177,14 @@ TABLE = {
     "cohesion without its law": ("pairs.0.cohesion_energy_density=5", ['only for contact.normal = "sjkr"; it is "hertz"']),
     "luding without its stiffness": (
         "contact.normal=luding",
-        ["pairs[0].stiffness", "pairs[0].unloading_stiffness", '"luding" needs an unloading stiffness [N/m], > 0'],
+        ["needs a stiffness [N/m]", "pairs[0].unloading_stiffness", "needs an unloading stiffness [N/m], > 0"],
     ),
     "jkr without its energy": ("contact.normal=jkr", ["pairs[0].surface_energy", '"jkr" needs a surface energy [J/m2], >= 0']),
     "surface energy in another unit": ("pairs.0.surface_energy='1 mN'", ["pairs[0].surface_energy", "a surface energy"]),
+    "tensile exponent between the halves": (
+        "pairs.0={materials=['glass', 'glass'], restitution=0.5, surface_energy=0.1, tensile_exponent=1.7}",
+        ["pairs[0].tensile_exponent", '"edinburgh"'],
+    ),
     "friction without law": ("contact.tangential=none", ["pairs[0].friction = 0.5", "set friction = 0"]),
     "rolling without law": ("contact.rolling=none", ["pairs[0].rolling_friction = 0.1", "set rolling_friction = 0"]),
     "pose of a plane": ("walls.0.translate=[0, 0, 1]", ["walls[0].translate", "only for a mesh"]),

@@ -50,6 +50,18 @@ def test_mill_pins_its_balls_when_the_jar_turns_fast():
     assert far < 0.1
 
 
+def test_motor_starts_the_ball_mill():
+    """Few balls: motor and balls account for its kinetic energy, and its rate is below that of an empty drum."""
+    few = "grains.0.fill={box={min=[-0.02,0.0005,-0.034],max=[0.02,0.0195,-0.02]},count=30,diameter='5 mm',seed=1}"
+    sim = simulation("ball_mill", few)
+    sim.run(until=0.06)
+    now = sim.measure()
+    drum = sim.schedule.dynamic[0]
+    kinetic = 0.5 * 1e-4 * drum.value("predicted") ** 2
+    assert drum.value("driven") - now["drum work [J]"] == pytest.approx(kinetic, rel=1e-3)
+    assert 0.5 < drum.value("predicted") / (12 * (1 - math.exp(-0.06 * 0.03 / (1e-4 * 12)))) < 0.999
+
+
 def test_bed_stays_on_the_plate_below_the_acceleration_of_gravity():
     sim = simulation("shaker", "frame.amplitude=[0,0,'2 mm']", "grains.0.fill.box.max=[0.016,0.016,0.016]")
     time, load = plate_load(sim, until=0.15, start=0.05)
@@ -103,6 +115,18 @@ def test_spinning_grains_move_outwards():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "angle", "swing"), [((), (37.0, 41.0), (1.5, 2.6)), (("pairs.0.surface_energy=0",), (32.0, 36.0), (0.0, 1.4))]
+)
+def test_sticky_grains_stand_steeper_in_a_drum_and_fall_in_larger_avalanches(change, angle, swing):
+    sim = simulation("sticky_drum", *change)
+    end = sim.scene.time.end
+    angles = [centre_angle(s) for s in instants(sim, end, 0.005, start=0.5 * end)]
+    assert angle[0] < np.mean(angles) < angle[1]
+    assert swing[0] < np.std(angles) < swing[1]
+
+
+@pytest.mark.slow
 def test_hopper_follows_beverloos_law():
     sim = simulation("hopper")
     end, left, bulk = sim.scene.time.end, [], 0.0
@@ -137,6 +161,19 @@ def test_mill_scales_with_its_rate():
     assert abs(share_of_speed(*slow, slowness=2.0) - share_of_speed("gravity=[0,0,0]")) < 0.02
     assert 0.30 < away_from_wall(until=0.3, start=0.1) < 0.45
     assert away_from_wall("frame.1.rate='900 rpm'", until=0.3, start=0.1) < 0.03
+
+
+@pytest.mark.slow
+def test_ball_mill_turns_as_motor_and_balls_agree():
+    sim = simulation("ball_mill")
+    drum, rates, works = sim.schedule.dynamic[0], [], []
+    for _ in instants(sim, until=sim.scene.time.end, interval=0.01, start=0.5):
+        rates.append(drum.value("predicted"))
+        works.append((drum.value("driven"), sim.measure()["drum work [J]"]))
+    driven, done = np.ptp(np.array(works), axis=0)
+    assert done == pytest.approx(driven, rel=0.01)
+    assert 7.0 < np.mean(rates) < 10.0
+    assert np.ptp(rates) < 0.2 * np.mean(rates)
 
 
 @pytest.mark.slow

@@ -28,7 +28,9 @@ ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "site"
 PAGES = {
     "README.md": "Overview",
+    "scenes/TUTORIAL.md": "From an STL file to a report",
     "scenes/README.md": "Scenes",
+    "scenes/COMING_FROM.md": "Coming from LIGGGHTS, LAMMPS, YADE, EDEM",
     "kernels/README.md": "Kernels",
     "kernels/API.md": "Kernels in a program of your own",
     "tests/README.md": "What is proven",

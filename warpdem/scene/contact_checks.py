@@ -62,8 +62,8 @@ def law_problems(contact: Contact, pairs: Sequence[Pair]) -> Iterator[Problem]:
             role, name = next(((r, n) for r, n in laws if getattr(contact, r) == n), laws[0])
             reads, least = getattr(contact, role) == name, "> 0" if entry.positive else ">= 0"
             if reads and getattr(pair, key) is None:
-                noun = key.replace("_", " ")
-                yield problem(key, f'missing; contact.{role} = "{name}" needs a {noun} [{entry.unit}], {least}')
+                noun = f"a{'n' * (key[0] in 'aeiou')} {key.replace('_', ' ')}"
+                yield problem(key, f'missing; contact.{role} = "{name}" needs {noun} [{entry.unit}], {least}')
             elif not reads and getattr(pair, key) != entry.default:
                 names = " or ".join(f'"{n}"' for _, n in laws)
                 yield problem(key, f'only for contact.{role} = {names}; it is "{getattr(contact, role)}"')

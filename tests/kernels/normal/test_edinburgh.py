@@ -9,7 +9,7 @@ from warpdem.kernels.normal import edinburgh, hertz
 from law_probe import Contacts
 from law_scenes import HERTZ, MASS, POISSON, RADIUS, YOUNG, contact_time, impacts, parting_speeds
 from model_probes import RTOL
-from warpdem import Simulation
+from warpdem import SceneError, Simulation
 
 GRAIN = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 REDUCED, PHASES = 0.5 * RADIUS, 8
@@ -183,3 +183,14 @@ def test_a_run_loses_what_its_budget_tells(w, f0, exponent):
             expected = math.sqrt(1.0 - share / (0.4 * HERTZ))
             np.testing.assert_allclose(of_pairs / 0.1, expected, atol=0.06 / steps)
     assert errors[240] < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [({"plasticity_ratio": 1.0}, "must be below 1"), ({"tensile_exponent": 1.7}, "must be one of 1, 1.5, 2"),
+     ({"tensile_exponent": 6}, "must be one of 1, 1.5, 2"), ({"pull_off_force": -1e-6}, ">= 0")],
+)  # fmt: skip
+def test_what_the_law_cannot_be_is_refused_by_key(given, words):
+    [key] = given
+    with pytest.raises(SceneError, match=rf"pairs\[0\]\.{key} = [^$]*{words}"):
+        impacts("edinburgh", {"surface_energy": 0.1} | given, 0.1, 1e-6)

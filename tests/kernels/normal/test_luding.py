@@ -8,7 +8,7 @@ from warpdem.kernels.normal import hooke, luding
 from law_probe import Contacts
 from law_scenes import MASS, RADIUS, impacts, parting_speeds
 from model_probes import RTOL
-from warpdem import Simulation
+from warpdem import SceneError, Simulation
 
 K1, KP, DEPTH, M = 100.0, 500.0, 2e-5, 5e-6  # stiffnesses [N/m], d_p [m], m* [kg]
 REDUCED = 0.5 * RADIUS
@@ -161,3 +161,9 @@ def test_a_run_gives_back_what_it_should_and_tells_what_was_lost(kc, e):
         assert abs(budget["integration_error"]) < (1e-3 if steps == 200 else 1e-2) * start
     assert errors[200] < 1e-3
     assert errors[200] < errors[50] / 4.0
+
+
+def test_a_contact_that_unloads_softer_than_it_loads_is_refused():
+    given = {"stiffness": 500, "unloading_stiffness": 100}
+    with pytest.raises(SceneError, match="at least the stiffness of loading.* = 500 N/m"):
+        impacts("luding", given, 0.1, 1e-6)
