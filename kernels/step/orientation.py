@@ -51,7 +51,6 @@ def build(*, turning_axes: bool):
     Args:
         turning_axes: spins are absolute and the axes they are resolved in turn.
     """
-
     with_axes = build_axes(turning_axes=turning_axes)
 
     @wp.func
