@@ -9,7 +9,7 @@ from warpdem import Scene, SceneError, Simulation
 from warpdem.measure.column import Readings
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import Instant, Room
+from warpdem.output.instant import Instant, StagingBuffer
 
 R, DT = 1e-3, 5e-6
 E_STAR = 50e6 / (2 * (1 - 0.3**2))  # of two grains; a grain and a wall of one material are alike
@@ -237,7 +237,7 @@ def test_what_was_read_stays_when_the_run_goes_on(tmp_path):
     sim = run(bed()[0])
     sim.step(500)
     now = sim.snapshot()
-    copy = Instant(sim.view, Room(sim.device))
+    copy = Instant(sim.view, StagingBuffer(sim.device))
     sim.step(500)
     then = take_snapshot(copy.view())
     np.testing.assert_array_equal(then.walls["lid"].translation, now.walls["lid"].translation)

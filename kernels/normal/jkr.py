@@ -198,8 +198,9 @@ def contact_depth(overlap, stiffness, pull_off, depth):
 
 
 def secant(overlap, stiffness, pull_off, depth):
-    """K sqrt(d_e) [N/m]."""
-    return is_held(overlap, depth) * stiffness * root(overlap / pull_off) ** 2 * (pull_off / 3.0) ** 0.5
+    """K sqrt(d_e) [N/m]: by the d_e that contacts remember, by the overlap of those that are pressed for the first time."""
+    pressed = (overlap > 0.0) * pull_off * root(overlap / pull_off) ** 4 / 3.0
+    return stiffness * np.where(depth > 0.0, depth, pressed) ** 0.5
 
 
 def slope(overlap, stiffness, pull_off, depth):

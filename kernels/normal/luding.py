@@ -111,12 +111,12 @@ def build(real):
         softness = own[wp.static(at.yield_depth)] / (own[wp.static(at.limit)] - stiffness)
         forgotten = half + wp.sqrt(half * half + (stiffness * depth + pull) * softness)
         elastic = line if line > -pull else -pull
-        deepest = deepest if line > -pull else forgotten
+        deepest = deepest if line > -pull else forgotten  # all of it, 0, beyond contact
         gamma = touching * damping
         f_n = elastic - gamma * speed
         load = f_n + pull
         load = load if load > real(0.0) else real(0.0)
-        return f_n, load, touching * stiffness, gamma, overlap, overlap_before, History(touching * deepest)
+        return f_n, load, touching * stiffness, gamma, overlap, overlap_before, History(deepest)
 
     @wp.func
     def lost(

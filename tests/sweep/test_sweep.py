@@ -247,7 +247,7 @@ def killed_until_done(command, folder, kills, seed):
         time.sleep(draw.uniform(2.0, 9.0))
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False)
 
 
 @pytest.mark.parametrize(("rows", "kills"), [(3, 2), pytest.param(24, 3, marks=pytest.mark.slow)])

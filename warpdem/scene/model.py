@@ -27,6 +27,7 @@ from warpdem.scene.base import Label, Name, Problem, SceneModel, Vec3, relocated
 from warpdem.scene.borders import Borders
 from warpdem.scene.checks import (
     Named,
+    exits,
     grain_problems,
     material_problems,
     measure_problems,
@@ -35,7 +36,6 @@ from warpdem.scene.checks import (
     region_problems,
     source_problems,
     stream_problems,
-    ways_out,
 )
 from warpdem.scene.clump_checks import clump_problems
 from warpdem.scene.clumps import Clump
@@ -270,7 +270,7 @@ class Scene(SceneModel):
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
             *measure_problems(
                 self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
-                ways_out(self.borders, self.outlets),
+                exits(self.borders, self.outlets),
             ),
             *clump_problems(self),
         ]

@@ -114,9 +114,9 @@ def test_contacts_end_and_begin_with_the_constant_pull_for_the_share_of_the_step
     ended = made.force([-0.7e-9], 0.3e-9, history=begun["history"])
     assert ended["force"][0] == pytest.approx(f0 * 0.2, rel=1e-4)
     assert not ended["history"].any() and not ended["k_n"].any()
-    far = made.force([-0.00501 * REDUCED, -1e-9], [1e-6, -1e-6], history=begun["history"])
+    far = made.force([-0.02001 * REDUCED, -1e-9], [1e-6, -1e-6], history=begun["history"])
     assert not far["force"].any()
-    assert edinburgh.gap(GRAIN, GRAIN, pair(f0=f0), REDUCED) == pytest.approx(0.005 * REDUCED, abs=0)
+    assert edinburgh.gap(GRAIN, GRAIN, pair(f0=f0), REDUCED) == pytest.approx(0.02 * REDUCED, abs=0)
     assert edinburgh.gap(GRAIN, GRAIN, pair(), REDUCED) == 0.0
 
 

@@ -57,6 +57,18 @@ def test_force_is_the_slope_of_the_energy_and_stiffness_that_of_the_force():
     assert slope[4] == pytest.approx(0.990578, rel=1e-6)
 
 
+def test_readers_have_the_stiffness_of_the_law():
+    ratio = np.array([-0.95, -0.3, 0.0, 2.0])
+    found = holding(wp.float64, ratio)
+    k = UNIT["stiffness"]
+    # readers of springs give no negative overlap: what is remembered tells
+    np.testing.assert_allclose(jkr.secant(np.maximum(ratio, 1e-100), k, 1.0, found["now"]), found["k_n"], rtol=1e-14)
+    np.testing.assert_allclose(jkr.secant(ratio[-1:], k, 1.0, 0.0), found["k_n"][-1:], rtol=1e-14)
+    assert jkr.secant(-0.3, k, 1.0, 0.0) == 0.0
+    np.testing.assert_allclose(jkr.stored(ratio, k, 1.0, found["now"]), jkr.energy(ratio, k, 1.0, 0.0), rtol=1e-14)
+    assert (jkr.stored(ratio[:3], k, 1.0, np.zeros(3)) == 0.0).all()
+
+
 def test_a_contact_begins_at_touch_holds_on_and_ends_at_the_pull_off_distance(real):
     near = 1e-3
     # before the touch, at it, pulled, beyond the end, further, and beyond all reach

@@ -103,8 +103,10 @@ def test_contacts_end_at_no_overlap_and_remember_nothing_and_friction_goes_by_th
     made = contacts(100.0)
     out = made.force([-1e-9], 1e-9, history=[[1e-5]])
     assert (out["force"][0], out["load"][0], out["k_n"][0], out["history"][0, 0]) == (0.0, 0.0, 0.0, 0.0)
-    out = made.force([2e-6, 0.5e-6], 1e-5, history=[[1e-5]])
-    pressure = np.maximum(out["force"] + 100.0 * np.array([2e-6, 0.5e-6]), 0.0)
+    d = np.array([8e-6, 5.5e-6, 0.5e-6])
+    out = made.force(d, 1e-5, history=[[1e-5]])
+    pressure = np.maximum(out["force"] + 100.0 * d, 0.0)
+    assert (pressure > 0.0).tolist() == [True, True, False]
     np.testing.assert_allclose(out["load"], pressure, rtol=1e-14, atol=1e-20)
     assert (out["k_n"] == K1).all()
 
