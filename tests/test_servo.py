@@ -372,5 +372,5 @@ def test_regions_of_the_laboratory_do_not_go_with_a_servo():
     carrier = sim.schedule.carrier(sim.scene.outlets[0])
     assert sim.schedule.place(carrier, sim.time)[1][2] + 0.1 * sim.time == pytest.approx(0.0, abs=1e-15)
     assert abs(servo_of(sim).value("position")) > 1e-6  # the floor pushes it up
-    with pytest.raises(SceneError, match="has a servo or is free, so that its load moves it"):
+    with pytest.raises(SceneError, match="has a servo or is free: its load moves it"):
         scene(COLUMN, lid, outlets=[{"name": "a", "follows": "lid", **box}])

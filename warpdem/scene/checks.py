@@ -93,7 +93,7 @@ def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[W
         if region.follows is not None and region.follows not in names:
             yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
         if region.follows in by_load:
-            reason = "has a servo or is free, so that its load moves it: a region follows only a motion that is given"
+            reason = "has a servo or is free: its load moves it, and a region follows only a motion that is given"
             yield (*key_path, "follows"), region.follows, reason
 
 
