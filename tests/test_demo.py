@@ -125,7 +125,7 @@ def test_copy_overwrites_nothing_and_knows_its_scenes(tmp_path):
     assert (folder / "disk.toml").read_text() == "mine"
     with pytest.raises(SceneError, match=r'demo "hoper": there is no such scene; did you mean "hopper"\?'):
         demo.copy("hoper", tmp_path / "other")
-    with pytest.raises(SceneError, match=r'demo "\.\./x": there is no such scene; there are ball_mill, bouncing_sphere'):
+    with pytest.raises(SceneError, match=r'demo "\.\./x": there is no such scene; there are ball_mill, belt, bouncing'):
         demo.copy("../x", tmp_path / "other")
     assert not (tmp_path / "other").exists()
     with pytest.raises(OutputError, match=r"--out .*: cannot be written \(Not a directory\)"):

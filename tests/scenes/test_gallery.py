@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import warpdem
 from outcomes import (
     centre_angle,
     cone_angle,
@@ -43,6 +44,47 @@ def test_drum_starts_alike_in_both_views():
     assert turning.extremes["wall_overlap_share"] > 0.001
     apart = np.linalg.norm(turning.particles.position_lab - resting.particles.position_lab, axis=1)
     assert apart.max() < 1e-6 * turning.particles.radius.max()
+
+
+def kiln(turns: str, seed: int = 0):
+    """The kiln, with the drum at rest in its turning frame, or turning in the laboratory."""
+    one = warpdem.load_demo("kiln")
+    data = {**one.model_dump(mode="json", exclude_unset=True), "base": one.base}
+    data["streams"][0]["seed"] = seed
+    if turns == "drum":
+        motion = data.pop("frame")
+        data["walls"] = [{**wall, "motion": motion} for wall in data["walls"]]
+    return warpdem.Simulation(warpdem.Scene.model_validate(data), device="cpu", threads=1)
+
+
+def test_kiln_starts_alike_in_both_views():
+    turning, resting = kiln("frame"), kiln("drum")
+    for sim in (turning, resting):
+        sim.run(until=0.3)
+    assert turning.inlets[0].mass == resting.inlets[0].mass > 0.0
+    assert turning.extremes["wall_overlap_share"] > 0.001
+    assert turning.particles.id.tolist() == resting.particles.id.tolist()
+    apart = np.linalg.norm(turning.particles.position_lab - resting.particles.position_lab, axis=1)
+    assert len(apart) > 5
+    assert apart.max() < 1e-6 * turning.particles.radius.max()
+
+
+@pytest.mark.slow
+def test_kiln_holds_alike_in_both_views_and_lets_out_what_is_fed():
+    held = {}
+    for turns in ("frame", "drum"):
+        mean = []
+        for seed in range(3):
+            runs = instants(kiln(turns, seed), 10.0, 0.05, start=6.0)
+            mean.append(np.mean([sim.particles.mass.sum() for sim in runs]))
+        held[turns] = np.mean(mean)
+    assert abs(held["frame"] / held["drum"] - 1.0) < 0.02
+    assert abs(held["frame"] / 0.012 / 3.8 - 1.0) < 0.3
+    sim = kiln("frame")
+    sim.run(until=10.0)
+    before = sim.left["discharge"][1]
+    sim.run(until=20.0)
+    assert abs((sim.left["discharge"][1] - before) / (10.0 * 0.012) - 1.0) < 0.03
 
 
 def test_mill_pins_its_balls_when_the_jar_turns_fast():
@@ -109,6 +151,31 @@ def test_spinning_grains_move_outwards():
     sim.run(until=0.08)
     assert np.hypot(*sim.particles.position[:, :2].T).mean() > 1.1 * start
     assert np.hypot(*sim.particles.position[:, :2].T).max() < 0.04
+
+
+def test_belt_takes_what_falls_on_it_along():
+    sim = simulation("belt", "time.step='28 us'", "engine.max_overlap=0.2")
+    sim.run(until=0.3)
+    found = sim.measure()
+    assert found["region bed grains [-]"] > 20
+    assert abs(found["region bed velocity_x [m/s]"] - 0.6) < 0.02
+
+
+def test_screw_pushes_what_lies_before_its_flight():
+    sim = simulation("screw")
+    sim.run(until=0.5)
+    p = sim.particles
+    lying = p.position[:, 2] < -0.012
+    assert lying.sum() > 40
+    assert abs(np.average(p.velocity[lying, 0], weights=p.mass[lying]) - 0.08) < 0.03
+
+
+def test_screen_lets_small_grains_through():
+    sim = simulation("screen", "time.step='25 us'", "engine.max_overlap=0.3")
+    sim.run(until=0.3)
+    found = sim.measure()
+    assert found["residence small_under grains [-]"] > 10
+    assert found["residence large_under grains [-]"] == 0
 
 
 # --- in full --------------------------------------------------------------------------------------------------------
@@ -211,6 +278,48 @@ def test_chute_in_full():
     loss, count = loss_in_chute(simulation("turning_chute"), until=0.8)
     assert count > 20
     assert 0.0 < loss < 0.03
+
+
+@pytest.mark.slow
+def test_belt_carries_a_heap_and_throws_it_as_a_parabola():
+    sim = simulation("belt")
+    rows = [(s.time, s.measure()) for s in instants(sim, 2.0, 0.01, start=1.2)]
+    (t0, first), (t1, last) = rows[0], rows[-1]
+
+    def mean(name):
+        return np.mean([row[name] for _, row in rows])
+
+    def rate(name):
+        return (last[name] - first[name]) / (t1 - t0)
+
+    assert abs(mean("region bed velocity_x [m/s]") / 0.6 - 1.0) < 0.01
+    assert abs(rate("flow middle mass [kg]") / 0.048 - 1.0) < 0.05
+    drop = mean("region head centre_z [m]") - mean("region jet centre_z [m]")
+    assert abs(drop - 0.05**2 * 9.81 / (2.0 * 0.36)) < 0.003
+    assert abs(rate("belt work [J]") / (0.048 * 0.36) - 1.0) < 0.05
+
+
+@pytest.mark.slow
+def test_screw_is_plug_flow_of_its_pitch():
+    sim = simulation("screw")
+    speed = np.mean([s.measure()["region bed velocity_x [m/s]"] for s in instants(sim, 3.0, 0.02, start=1.5)])
+    assert abs(speed / 0.08 - 1.0) < 0.04
+    found = sim.measure()
+    assert found["residence tracer grains [-]"] == sim.inlets[1].count > 60
+    assert abs(found["residence tracer mean [s]"] / 1.29 - 1.0) < 0.08
+    assert found["residence tracer deviation [s]"] < 0.25
+
+
+@pytest.mark.slow
+def test_screen_parts_two_sizes():
+    sim = simulation("screen")
+    sim.run(until=sim.scene.time.end)
+    found = sim.measure()
+    small = [found[f"residence small_{way} grains [-]"] for way in ("under", "over")]
+    assert found["residence large_under grains [-]"] == 0 and sim.left["feed_end"][0] == 0
+    assert small[0] > 100 and small[0] > 0.95 * sum(small)
+    assert found["residence large_over grains [-]"] > 20
+    assert found["residence large_over mean [s]"] < 1.5
 
 
 # --- measured by several --------------------------------------------------------------------------------------------

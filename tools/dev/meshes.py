@@ -4,6 +4,9 @@
     hourglass.stl         small hourglass in mean grain diameters: with scale = the mean diameter each bulb holds
                           5 000 grains (diameters 2/3 to 4/3 of the mean) at 65 % filling
     hourglass_paper.stl   hourglass for 160 000 grains of 0.3-0.6 mm, millimetres (scale = 0.001)
+    belt.stl              endless belt around two drums, an open sheet without thickness, millimetres; drums along y
+    screw.stl             right-handed flight around the x axis, an open sheet, millimetres
+    screen.stl            deck of bars along x, each a closed box, millimetres
     hopper.stl            flat-bottomed bin with a round hole over a closed chamber, millimetres; the hole at the origin
 
 A hourglass of other dimensions: `python tools/dev/meshes.py --out my.stl --neck-radius 2 ...`.
@@ -20,6 +23,9 @@ MESHES = Path(__file__).resolve().parents[2] / "scenes" / "meshes"
 SMALL = {"neck_radius": 4.5, "neck_length": 2.2, "half_angle": 30.0, "rim_radius": 16.2}
 PAPER = {"neck_radius": 2.025, "neck_length": 1.0, "half_angle": 30.0, "rim_radius": 23.2}
 HOPPER = {"hole_radius": 20.0, "bin_radius": 50.0, "bin_height": 120.0, "chamber_height": 50.0}
+BELT = {"distance": 200.0, "radius": 20.0, "width": 40.0, "segments": 20}
+SCREW = {"pitch": 40.0, "turns": 3, "inner": 7.5, "outer": 24.0, "segments": 32, "strips": 3}
+SCREEN = {"length": 150.0, "bars": 8, "pitch": 6.0, "thickness": 2.0, "height": 3.0}
 
 
 def revolve(radius: np.ndarray, height: np.ndarray, segments: int) -> np.ndarray:
@@ -84,6 +90,60 @@ def hopper(
     return revolve(radius, height, segments)
 
 
+def belt(distance: float, radius: float, width: float, segments: int) -> np.ndarray:
+    """Triangles (t, 3, 3) of a belt around drums at x = 0 and x = ``distance``, from y = -width/2 to width/2, wound outwards.
+
+    Args:
+        distance: Between the axes of the drums.
+        radius: Of the belt on the drums.
+        width: Along the drums.
+        segments: Facets on half a drum.
+    """
+    angle = math.pi * np.arange(segments + 1) / segments
+    head = np.stack([distance + radius * np.sin(angle), radius * np.cos(angle)], axis=1)
+    tail = np.stack([-radius * np.sin(angle), -radius * np.cos(angle)], axis=1)
+    path = np.concatenate([head, tail, head[:1]])
+    near, far = (np.column_stack([path[:, 0], np.full(len(path), y), path[:, 1]]) for y in (-0.5 * width, 0.5 * width))
+    return strip(near, far)
+
+
+def screw(pitch: float, turns: int, inner: float, outer: float, segments: int, strips: int) -> np.ndarray:
+    """Triangles (t, 3, 3) of a right-handed helical flight around x, from x = 0 to ``turns`` times ``pitch``.
+
+    Args:
+        pitch: Advance per turn.
+        turns: Number of turns.
+        inner: Inner radius.
+        outer: Outer radius.
+        segments: Per turn.
+        strips: Rows of triangles from the inner to the outer radius.
+    """
+    turn = np.arange(turns * segments + 1) / segments
+    ring = np.stack([np.zeros_like(turn), np.cos(2.0 * math.pi * turn), np.sin(2.0 * math.pi * turn)], axis=1)
+    lines = [np.outer(pitch * turn, [1.0, 0.0, 0.0]) + r * ring for r in np.linspace(inner, outer, strips + 1)]
+    return np.concatenate([strip(a, b) for a, b in itertools.pairwise(lines)])
+
+
+def strip(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Triangles (2 n, 3, 3) between two lines of n + 1 points."""
+    a, b, c, d = first[:-1], first[1:], second[1:], second[:-1]
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def screen(length: float, bars: int, pitch: float, thickness: float, height: float) -> np.ndarray:
+    """Triangles (t, 3, 3) of bars from x = 0 to ``length`` below z = 0, the second of them at y = 0, closed boxes.
+
+    Args:
+        length: Of the bars.
+        bars: Number of bars.
+        pitch: Between two of them.
+        thickness: Of a bar along y.
+        height: Of a bar along z.
+    """
+    places = [[0.0, (k - 1) * pitch - 0.5 * thickness, -height] for k in range(bars)]
+    return np.concatenate([unit_box() * [length, thickness, height] + place for place in places])
+
+
 def unit_box() -> np.ndarray:
     """Twelve triangles (12, 3, 3) of the box from (0, 0, 0) to (1, 1, 1), wound outwards."""
     faces = []
@@ -129,13 +189,14 @@ def write_stl(path: Path, triangles: np.ndarray) -> None:
     path.write_bytes(header + np.uint32(len(triangles)).tobytes() + record.tobytes())
 
 
-def make(path: Path, triangles: np.ndarray) -> None:
-    """Check, write and report one mesh."""
-    volume = check(triangles)
+def make(path: Path, triangles: np.ndarray, sheet: bool = False) -> None:
+    """Check, write and report one mesh; a ``sheet`` is open and has no volume."""
+    volume = 0.0 if sheet else check(triangles)
     write_stl(path, triangles)
     size = np.ptp(triangles.reshape(-1, 3), axis=0)
+    kind = "open" if sheet else "closed"
     print(
-        f"{path.name}: {len(triangles)} triangles, closed, size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g}, "
+        f"{path.name}: {len(triangles)} triangles, {kind}, size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g}, "
         f"volume {volume:.8g}, {path.stat().st_size / 1000:.0f} kB"
     )
 
@@ -158,6 +219,9 @@ def main() -> None:
     make(MESHES / "hourglass.stl", hourglass(**SMALL))
     make(MESHES / "hourglass_paper.stl", hourglass(**PAPER))
     make(MESHES / "hopper.stl", hopper(**HOPPER))
+    make(MESHES / "belt.stl", belt(**BELT), sheet=True)
+    make(MESHES / "screw.stl", screw(**SCREW), sheet=True)
+    make(MESHES / "screen.stl", screen(**SCREEN))
 
 
 if __name__ == "__main__":

@@ -56,13 +56,13 @@ def export(layer: Sdf.Layer, path: Path) -> None:
             raise not_written(path)
 
 
-def unused_paths(parent: str, names: list[str]) -> list[str]:
-    """Distinct paths below ``parent``; names that USD does not allow are changed."""
+def unused_paths(parent: str, names: list[str], taken: Sequence[str] = ()) -> list[str]:
+    """Distinct paths below ``parent``, none of those ``taken``; names that USD does not allow are changed."""
     paths: list[str] = []
     for name in names:
         path = stem = f"{parent}/{Tf.MakeValidIdentifier(name)}"
         count = 1
-        while path in paths:
+        while path in paths or path in taken:
             count += 1
             path = f"{stem}_{count}"
         paths.append(path)
@@ -104,7 +104,8 @@ class _Writer:
             elif isinstance(value, list) and value and isinstance(value[0], dict):
                 listed = name.removeprefix("dem:")
                 wanted = [str(entry.get("name", f"{key}_{i}")) for i, entry in enumerate(value)]
-                self.entries(value, listed, unused_paths(str(prim.GetPath()), wanted))
+                taken = [str(child.GetPath()) for child in prim.GetChildren()]  # of other lists of the same table
+                self.entries(value, listed, unused_paths(str(prim.GetPath()), wanted, taken))
             elif key == "material" and value in self.materials and prefix == "dem":
                 self.bind(prim, value)
             elif key == "material" and value in self.materials:  # of a nested table: not what the prim is made of
