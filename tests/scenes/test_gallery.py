@@ -112,6 +112,17 @@ def test_bed_stays_on_the_plate_below_the_acceleration_of_gravity():
     assert abs(load.mean() - 1.0) < 0.02
 
 
+def test_three_sticky_grains_hang_and_of_four_three_fall():
+    sim = simulation("hanging_chain")
+    start = sim.particles.position
+    sim.run(until=sim.scene.time.end)
+    fallen = start - sim.particles.position
+    assert np.abs(fallen[:3]).max() < 1e-10
+    assert abs(fallen[3, 2]) < 2e-6
+    assert ((fallen[4:, 2] > 11.9e-3) & (fallen[4:, 2] < 12.3e-3)).all()
+    assert np.ptp(fallen[4:, 2]) < 1e-5
+
+
 def test_chute_keeps_the_jacobi_integral():
     loss, count = loss_in_chute(simulation("turning_chute", "streams.0.count_rate=120"), until=0.26)
     assert count >= 5
