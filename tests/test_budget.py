@@ -226,6 +226,23 @@ def test_energy_of_a_drum_closes_to_a_thousandth_at_28_steps_per_contact(view):
     assert sim.budget.energy()["work_walls"] > 0.2 * put_in(sim, start)
 
 
+def test_energy_of_a_sticky_drum_closes_too():
+    """With adhesion to 1.2e-3 at 31 steps per contact and 5e-4 at 62; touches take their share, friction gives nothing."""
+    errors = []
+    for step in (2e-5, 1e-5):
+        data = drum(step, "laboratory").model_dump(exclude_unset=True)
+        data["contact"]["normal"], data["pairs"][0]["surface_energy"] = "jkr", 0.3
+        sim = Simulation(Scene.model_validate(data), device="cpu", threads=1)
+        start = sim.energy()
+        sim.run(until=0.12)
+        errors.append(abs(sim.budget.energy()["integration_error"]) / put_in(sim, start))
+    budget = sim.budget.energy()
+    assert errors[0] < 1.2e-3
+    assert errors[1] < 5e-4
+    assert budget["dissipated_adhesion"] > 5e-3 * put_in(sim, start)
+    assert all(value > 0.0 for name, value in budget.items() if name in ("dissipated_sliding", "dissipated_normal_damping"))
+
+
 def test_constant_rolling_torque_closes_too():
     sim = run(drum(3e-5, rolling="constant"), 0.03)
     budget = sim.budget.energy()

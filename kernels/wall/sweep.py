@@ -24,7 +24,7 @@ def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str
     width = kind._length_
     text = f"        wp::vec_t<{width}, f64> {name};\n"
     if width < lanes:
-        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[{index}[k] * {width} + f];"
+        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[(long long){index}[k] * {width} + f];"
         return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
     parts = rows.starts(width, lanes)
     return text + "".join(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import warpdem
 from outcomes import (
     centre_angle,
     cone_angle,
@@ -45,6 +46,47 @@ def test_drum_starts_alike_in_both_views():
     assert apart.max() < 1e-6 * turning.particles.radius.max()
 
 
+def kiln(turns: str, seed: int = 0):
+    """The kiln, with the drum at rest in its turning frame, or turning in the laboratory."""
+    one = warpdem.load_demo("kiln")
+    data = {**one.model_dump(mode="json", exclude_unset=True), "base": one.base}
+    data["streams"][0]["seed"] = seed
+    if turns == "drum":
+        motion = data.pop("frame")
+        data["walls"] = [{**wall, "motion": motion} for wall in data["walls"]]
+    return warpdem.Simulation(warpdem.Scene.model_validate(data), device="cpu", threads=1)
+
+
+def test_kiln_starts_alike_in_both_views():
+    turning, resting = kiln("frame"), kiln("drum")
+    for sim in (turning, resting):
+        sim.run(until=0.3)
+    assert turning.inlets[0].mass == resting.inlets[0].mass > 0.0
+    assert turning.extremes["wall_overlap_share"] > 0.001
+    assert turning.particles.id.tolist() == resting.particles.id.tolist()
+    apart = np.linalg.norm(turning.particles.position_lab - resting.particles.position_lab, axis=1)
+    assert len(apart) > 5
+    assert apart.max() < 1e-6 * turning.particles.radius.max()
+
+
+@pytest.mark.slow
+def test_kiln_holds_alike_in_both_views_and_lets_out_what_is_fed():
+    held = {}
+    for turns in ("frame", "drum"):
+        mean = []
+        for seed in range(3):
+            runs = instants(kiln(turns, seed), 10.0, 0.05, start=6.0)
+            mean.append(np.mean([sim.particles.mass.sum() for sim in runs]))
+        held[turns] = np.mean(mean)
+    assert abs(held["frame"] / held["drum"] - 1.0) < 0.02
+    assert abs(held["frame"] / 0.012 / 3.8 - 1.0) < 0.3
+    sim = kiln("frame")
+    sim.run(until=10.0)
+    before = sim.left["discharge"][1]
+    sim.run(until=20.0)
+    assert abs((sim.left["discharge"][1] - before) / (10.0 * 0.012) - 1.0) < 0.03
+
+
 def test_mill_pins_its_balls_when_the_jar_turns_fast():
     far = away_from_wall("frame.1.rate='900 rpm'", until=0.08, start=0.05)
     assert far < 0.1
@@ -68,6 +110,17 @@ def test_bed_stays_on_the_plate_below_the_acceleration_of_gravity():
     expected = 1.0 - 2e-3 * (20.0 * math.pi) ** 2 / 9.81 * np.sin(20.0 * math.pi * time)
     assert abs(load - expected).max() < 0.1
     assert abs(load.mean() - 1.0) < 0.02
+
+
+def test_three_sticky_grains_hang_and_of_four_three_fall():
+    sim = simulation("hanging_chain")
+    start = sim.particles.position
+    sim.run(until=sim.scene.time.end)
+    fallen = start - sim.particles.position
+    assert np.abs(fallen[:3]).max() < 1e-10
+    assert abs(fallen[3, 2]) < 2e-6
+    assert ((fallen[4:, 2] > 11.9e-3) & (fallen[4:, 2] < 12.3e-3)).all()
+    assert np.ptp(fallen[4:, 2]) < 1e-5
 
 
 def test_chute_keeps_the_jacobi_integral():

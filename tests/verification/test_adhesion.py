@@ -159,9 +159,10 @@ def chain(count: int) -> Scene:
 
 
 def hanging(load: float, reduced: float) -> float:
-    """Stable overlap [m] of a contact of R* ``reduced`` [m] that is pulled by ``load`` [N], or that of its largest pull."""
+    """Stable overlap [m] of a contact of R* ``reduced`` [m] that is pulled by ``load`` [N], or by as much as it holds."""
     share = reduced / (0.5 * RADIUS)
-    cube = 3.0 + math.sqrt(max(0.0, 9.0 - 9.0 * load / (PULL * share)))  # s^3: s^6 - 6 s^3 = -9 F/F_c
+    held = min(load / (PULL * share), 0.88)
+    cube = 3.0 + math.sqrt(9.0 - 9.0 * held)  # s^3: s^6 - 6 s^3 = -9 F/F_c
     s = cube ** (1.0 / 3.0)
     return PULL_OFF * share ** (1.0 / 3.0) * (s**4 - 4.0 * s) / 3.0
 
@@ -179,3 +180,52 @@ def test_a_chain_hangs_while_its_weight_is_less_than_the_pull_off_force(count):
     else:
         assert (fallen > 2.0 * RADIUS).tolist() == [False, True, True, True]
         assert fallen[1:] == pytest.approx(0.5 * 9.81 * sim.time**2, rel=0.1)
+
+
+@pytest.mark.parametrize(("share", "holds"), [(1.05, True), (0.95, False)])
+def test_friction_of_a_grain_on_a_vertical_wall_goes_by_twice_the_pull_off_force(share, holds):
+    """Nothing presses it to the wall: F = 0, so friction may carry mu 2 F_c, its weight at mu = 0.11."""
+    weight, pull = 2.0 * MASS * 9.81, 2.0 * PULL
+    wall = {"name": "wall", "material": "g", "plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}
+    rest = 1.21141372855476 * PULL_OFF * 2.0 ** (1.0 / 3.0)
+    pair = {"materials": ["g", "g"], "restitution": 0.5, "surface_energy": 0.1}
+    sim = Simulation(
+        meeting(
+            0.02, 5e-6, gravity=[0, 0, -9.81], walls=[wall],
+            contact={"normal": "jkr", "tangential": "mindlin", "rolling": "spring"},
+            pairs=[{**pair, "friction": share * weight / (2.0 * pull), "rolling_friction": 0.5}],
+            grains=[{"material": "g", "radius": RADIUS, "positions": [[RADIUS - rest, 0, 0]]}],
+        ),
+        device="cpu", threads=1,
+    )  # fmt: skip
+    sim.step(6000)
+    contacts = sim.contacts()
+    assert contacts.load[0] == pytest.approx(2.0 * pull, rel=1e-3)
+    assert contacts.overlap[0] == pytest.approx(rest, rel=1e-3)
+    fallen = -float(sim.particles.position[0, 2])
+    assert contacts.force[0, 2] == pytest.approx(min(share, 1.0) * weight, rel=1e-2)
+    assert 0.0 < fallen < 5e-6 if holds else fallen > 1e-4
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.008])
+def test_a_floor_of_triangles_is_a_plane(speed, tmp_path):
+    """Grains that rebound and that stick, on two triangles and on 3 200."""
+    vertices, faces = [], []
+    found = []
+    for cells in (0, 1, 40):
+        wall = {"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+        if cells:
+            edge = np.linspace(-5e-3, 5e-3, cells + 1)
+            vertices = [(x, y, 0.0) for x in edge for y in edge]
+            corner = [i * (cells + 1) + j for i in range(cells) for j in range(cells)]
+            faces = [t for a in corner for t in ((a, a + cells + 1, a + 1), (a + 1, a + cells + 1, a + cells + 2))]
+            path = tmp_path / f"floor{cells}.obj"
+            lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+            path.write_text("\n".join(lines + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]))
+            wall = {"name": "floor", "material": "g", "mesh": str(path), "open": True}
+        start = [[0.3e-3, 0.1e-3, RADIUS + 2.0 * PULL_OFF]]
+        grains = {"material": "g", "radius": RADIUS, "positions": start, "velocities": [[0.0, 0.0, -speed]]}
+        sim = Simulation(meeting(speed, 2e-6, wall=True, walls=[wall], grains=[grains]), device="cpu", threads=1)
+        sim.step(500)
+        found.append(sim.particles.position[0])
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0, atol=1e-13)

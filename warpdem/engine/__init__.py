@@ -17,13 +17,13 @@ Read ``program`` first: the step and the list build, every launch in its order, 
     newcomers       inserted grains are appended to the lists
     leavers, stops  grains that left the domain; states that stop a run
     pace            how many threads are used on a busy machine
-    open_below       analytic walls that a grain falls past
+    open_below      analytic walls that a grain falls past
 
 A list build, from the step that asks for it:
 
 1. ``kernels/step/motion.py: travelled``: after the last drift of a step, a grain further from its reference than half the
-   inner skin, off its path, or in an outlet
-   (where the step does not put it away itself) ends the batch (``cpu``), or the body of the graph's loop.
+   inner skin, off its path, or in an outlet (where the step does not remove it itself) ends the batch (``cpu``), or the body
+   of the graph's loop.
 2. ``kernels/lists/displacement.py: check_lists``: what has become of each grain. Without a graph the next call of
    ``RunLoop.advance`` launches it (``NeighborLists.update``) and the host decides: grains that left are taken out; the lists
    hold, the inner one is built, or both are; where it is the inner one alone, CPU threads go on with it in the same launch

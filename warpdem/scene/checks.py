@@ -88,12 +88,12 @@ def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[
 def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[Wall]) -> Iterator[Problem]:
     """Regions that follow a wall which the scene does not have, or whose motion is not known beforehand."""
     names = [wall.name for wall in walls]
-    by_load = [wall.name for wall in walls if wall.servo is not None]
+    by_load = [wall.name for wall in walls if wall.dynamic is not None]
     for key_path, region in regions:
         if region.follows is not None and region.follows not in names:
             yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
         if region.follows in by_load:
-            reason = "has a servo, by which its load moves it: a region follows only a motion that is given"
+            reason = "has a servo or is free: its load moves it, and a region follows only a motion that is given"
             yield (*key_path, "follows"), region.follows, reason
 
 
