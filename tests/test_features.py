@@ -155,10 +155,10 @@ def test_left_out_features_allocate_nothing(full):
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
     assert bare.lists.constants.shape[1] == 3
-    assert bare.lists.wall_contacts.place.numpy().shape[2] == 9
+    assert bare.lists.wall_contacts.point.numpy().shape[2] == 9
     assert full.state.record.numpy().shape[1] == 16
     assert full.lists.constants.shape[1] == 5
-    assert full.lists.wall_contacts.place.numpy().shape[::2] == (2, 12)
+    assert full.lists.wall_contacts.point.numpy().shape[::2] == (2, 12)
 
 
 def test_without_walls_there_are_no_rows():

@@ -7,7 +7,7 @@ from warpdem.kernels.lists.numbering import starts
 from warpdem import Scene, Simulation
 from warpdem.engine.flights import Flights
 from warpdem.engine.host_build import morton_order
-from warpdem.filling.size_grids import RowRoom, finest_cell, size_classes
+from warpdem.filling.size_grids import RowCapacity, finest_cell, size_classes
 
 
 def simulate(positions, radii, *, velocities=None, ids=None, skin="auto", threads=1, rolling=0.1, **changes):
@@ -190,7 +190,7 @@ def test_cells_are_as_wide_as_the_smallest_grains_reach():
 
 
 def test_room_of_rows_grows_by_class():
-    room, classes = RowRoom(12), np.array([1, 0, 1])
+    room, classes = RowCapacity(12), np.array([1, 0, 1])
     np.testing.assert_array_equal(room.starts(classes), [0, 12, 24, 36])
     assert not room.holds(classes, np.array([5, 400, 9]))
     np.testing.assert_array_equal(room.starts(classes), [0, 12, 12 + 450, 24 + 450])

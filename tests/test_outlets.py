@@ -215,7 +215,7 @@ WRONG = {
     "none": ({"name": "o"}, "give exactly one of box, cylinder, sphere, mesh, plane; found none"),
     "two": ({"name": "o", **SHAPES["box"], **SHAPES["sphere"]}, "found box and sphere"),
     "wall": ({"name": "o", **SHAPES["box"], "follows": "belt"}, r"outlets\[0\].follows = \"belt\"\n *no such wall"),
-    "servo": ({"name": "o", **SHAPES["box"], "follows": "lid"}, "has a servo, by which its load moves it"),
+    "servo": ({"name": "o", **SHAPES["box"], "follows": "lid"}, "has a servo or is free: its load moves it"),
     "both": ({"name": "o", **SHAPES["box"], "follows": "belt", "fixed_to": "laboratory"}, "cannot be given with follows"),
     "radius": ({"name": "o", "sphere": {"centre": [0, 0, 0], "radius": 0}}, r"sphere.radius = 0\n *must be > 0"),
     "file": ({"name": "o", "mesh": {"file": "none.stl"}}, r"outlets\[0\].mesh.file.*none.stl"),

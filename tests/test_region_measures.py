@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import pyvista
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation
+from warpdem.measure.snapshot import take_snapshot
+from warpdem.output.write_grid import GridWriter
 
 R = 1e-3
 GRAINS = np.random.default_rng(4).uniform(-0.01, 0.01, (300, 3))
@@ -127,3 +130,24 @@ def test_what_is_wrong_is_said(tmp_path):
     ):
         with pytest.raises(SceneError, match=message):
             simulation(tmp_path, (), {}, measures={"regions": [{"name": "r", **region}]})
+
+
+def test_a_grid_of_the_laboratory_does_not_depend_on_the_frame(tmp_path):
+    """Every field on it, from the files of two runs in other axes."""
+    grid = {"box": {"min": [-0.01, -0.01, -0.01], "max": [0.01, 0.01, 0.01]}, "cell": 0.005, "fixed_to": "laboratory"}
+    fields = []
+    for number, keys in enumerate(({}, {"frame": {"axis": [1, 2, 0], "origin": [0.02, 0, 0], "rate": 25.0}})):
+        sim = simulation(tmp_path, (), {}, measures={"grid": grid}, **keys)
+        sim.step(200)
+        sim.prepare()
+        writer = GridWriter(tmp_path / str(number), sim.scene.measures.grid, sim.domain.period)
+        writer.write(take_snapshot(sim.live))
+        data = pyvista.read(tmp_path / str(number) / "grid_000000.vti")
+        fields.append({name: np.array(data.point_data[name]) for name in data.point_data})
+    still, turning = fields
+    assert still.keys() == turning.keys()
+    assert {"velocity", "contact_stress"} <= still.keys(), list(still)
+    for name, values in still.items():
+        scale = np.nanmax(np.abs(values))
+        assert scale > 0.0
+        np.testing.assert_allclose(turning[name], values, rtol=0, atol=1e-7 * scale, err_msg=name)

@@ -11,7 +11,7 @@ from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.graph import GraphExecutor
 from warpdem.measure.observers import read_contacts
 from warpdem.measure.snapshot import take_snapshot
-from warpdem.output.instant import Instant, Room
+from warpdem.output.instant import Instant, StagingBuffer
 
 STEPS = 150
 RADIUS = 1.0e-3
@@ -130,7 +130,7 @@ def test_readers_see_the_lists_of_the_device(in_a_box):
 def test_an_instant_of_the_graph_is_read_without_the_device(in_a_box, monkeypatch):
     _, graph = in_a_box
     there, contacts = graph.snapshot(), graph.contacts()
-    still = Instant(graph.view, Room(graph.device)).view()
+    still = Instant(graph.view, StagingBuffer(graph.device)).view()
 
     launch = wp.launch
 

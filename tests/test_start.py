@@ -85,7 +85,7 @@ def test_springs_go_on(before, saved):
     # dashpots see the velocity of the instant, not one predicted for it: not the same in contacts that have just begun
     apart = np.abs(second.force - first.force).max(axis=1)
     assert np.quantile(apart, 0.7) < 2e-3 * np.abs(first.force).max()
-    assert np.abs(checkpoint_file.read(saved)["pair_memory"][:, 3:]).max() > 0
+    assert np.abs(checkpoint_file.read(saved)["pair_history"][:, 3:]).max() > 0
 
 
 def distance(first, second) -> float:

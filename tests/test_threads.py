@@ -70,12 +70,12 @@ def meetings(
                 x = wp.sin(x + wp.float32(k))
         turn[thread, 0] = r + 1 + wp.int32(x * wp.float32(0.0))
         target += threads
-        barrier.meet(counter, target, modes)
+        barrier.arrive_and_wait(counter, target, modes)
         for t in range(threads):
             if turn[t, 0] != r + 1:
                 wrong[thread] = wrong[thread] + 1
         target += threads
-        barrier.meet(counter, target, modes)
+        barrier.arrive_and_wait(counter, target, modes)
 
 
 @pytest.mark.parametrize("modes", ["all", "yields only", "spins only"])
@@ -89,7 +89,7 @@ def test_threads_meet_however_they_wait(threads, work, modes):
         pytest.skip("threads that spin on too few cores take for ever")
     rounds = 40 if work else 3000
     pool = Threads(threads)
-    counter, wrong = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (barrier.ROOM, threads))
+    counter, wrong = (wp.zeros(n, dtype=wp.int32, device="cpu") for n in (barrier.LENGTH, threads))
     turn = wp.zeros((threads, 16), dtype=wp.int32, device="cpu")
     way = wp.array(known, dtype=wp.uint64, device="cpu")
     wp.load_module(meetings.module, device="cpu")
@@ -109,7 +109,7 @@ def test_threads_meet_however_they_wait(threads, work, modes):
 @pytest.mark.skipif(not barrier.wait_modes()[2], reason="threads cannot sleep on this system")
 def test_a_thread_that_waits_long_sleeps():
     """It takes no processor time while the other one works."""
-    counter = wp.zeros(barrier.ROOM, dtype=wp.int32, device="cpu")
+    counter = wp.zeros(barrier.LENGTH, dtype=wp.int32, device="cpu")
     turn, wrong = wp.zeros((2, 16), dtype=wp.int32, device="cpu"), wp.zeros(2, dtype=wp.int32, device="cpu")
     way = wp.array(barrier.wait_modes(), dtype=wp.uint64, device="cpu")
     wp.load_module(meetings.module, device="cpu")

@@ -86,6 +86,20 @@ def test_what_cannot_be_repeated_is_told(tmp_path):
         twins.make_twins(run_of({"status": "done", "time_step": {"used": 1e-5}, "time": 1.0}), 1, SILENT)
 
 
+def test_clumps_are_no_grains_of_their_own(tmp_path):
+    """Refused: a twin made of their members would be another scene."""
+    pair = [{"centre": [0, 0, 0], "radius": 1e-3}, {"centre": [0, 0, 1e-3], "radius": 1e-3}]
+    scene = twelve_grains.scene(
+        clumps={"pair": {"spheres": pair}}, contact={}, output={"interval": 2e-3, "formats": ["vtk"], "picture": False},
+        grains=[{"material": "glass", "clump": "pair", "positions": [[0, 0, 5e-3]]}],
+        pairs=[{"materials": ["glass", "glass"], "restitution": 0.6, "friction": 0.5}],
+    )  # fmt: skip
+    twelve_grains.run(scene, tmp_path)
+    with pytest.raises(SceneError, match="twins of a run with clumps are not made"):
+        twins.make_twins(runs.read(tmp_path), 1, SILENT, "cpu", 1)
+    assert not (tmp_path / "twins").exists()
+
+
 def test_the_command_compares_and_writes_a_page(done, tmp_path, capsys):
     folder, _ = done
     other = tmp_path / "b"

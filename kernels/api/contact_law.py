@@ -143,5 +143,5 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     return Built(
         lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
         pair_load=pair_load,
-        wall_forces=wall_forces, structs=arrays, Memory=record.memory_type(remembered), Result=record.result_type(rolls),
+        wall_forces=wall_forces, structs=arrays, WallHistory=record.history_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip

@@ -77,8 +77,8 @@ class MeshWall(ListedGrains):
         wall_contacts.hit = wp.zeros(slots, dtype=contact_points.Hit, device=device)
         wall_contacts.found = wp.zeros(slots, dtype=record.Found, device=device)
         wall_contacts.result = wp.zeros(slots, dtype=self.kernels.Result, device=device)
-        wall_contacts.place_count = self.ints((2, n))
-        wall_contacts.place = wp.zeros((2, slots), dtype=self.kernels.Memory, device=device)
+        wall_contacts.point_count = self.ints((2, n))
+        wall_contacts.point = wp.zeros((2, slots), dtype=self.kernels.WallHistory, device=device)
         return wall_contacts
 
     def _make(self) -> None:

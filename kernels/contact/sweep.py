@@ -82,11 +82,11 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         by_kind = f"coefficients.data[kind.data[p * {lanes} + k]].c[f]"
         chosen = f"        for (int k = 0; k < {lanes}; ++k) for (int f = 0; f < {coefficients}; ++f) c.c[f][k] = {by_kind};\n"
     places = [f"slot_{side}.data[p * {lanes} + k]" for side, _ in sides]
-    in_reach = f"batch::{law.margin}(gi, gj) >= f64(0.0)"
+    in_reach = f"~(batch::{law.margin}(gi, gj) < f64(0.0))"  # true of what is no number: it must be seen, not passed over
     announced = ["row.data + slot_i.data[k]", "row.data + slot_j.data[k]"]
     zeros = f"row.data[{places[0]}] = row.data[{places[1]}] = {{}};"
     if pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
-        in_reach = f"({in_reach}) | (batch::{law.margin_before}(gi, gj, f64(slip_time)) >= f64(0.0))"
+        in_reach = f"({in_reach}) | ~(batch::{law.margin_before}(gi, gj, f64(slip_time)) < f64(0.0))"
         announced += [f"(const char*)(entry.data + slot_{side}.data[k]) + {at}" for side, _ in sides for at in (0, 64)]
         zeros += f" entry.data[{places[0]}] = entry.data[{places[1]}] = {{}};"
     prefetch = "".join(f"            __builtin_prefetch({address}, 1);\n" for address in announced)
@@ -109,9 +109,9 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     wp::vec_t<{coefficients}, f64> c;
     for (int f = 0; f < {coefficients}; ++f) c.c[f] = coefficients.data[0].c[f];
     {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
-    for (wp::int32 p = first; p < last; p += stride) {{
-        const wp::int32 ahead = p + {AHEAD.get(lanes, 4)} * stride < last ? p + {AHEAD.get(lanes, 4)} * stride : p;
-        for (int k = ahead * {lanes}; k < (ahead + 1) * {lanes}; ++k) {{
+    for (long long p = first; p < last; p += stride) {{  // products of it are longer than 32 bits
+        const long long ahead = p + {AHEAD.get(lanes, 4)} * stride < last ? p + {AHEAD.get(lanes, 4)} * stride : p;
+        for (long long k = ahead * {lanes}; k < (ahead + 1) * {lanes}; ++k) {{
             const char* record = (const char*)(grains.data + partner.data[k]);
             __builtin_prefetch(record);
             __builtin_prefetch(record + 64);

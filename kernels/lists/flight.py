@@ -28,7 +28,7 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.lists.displacement import Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
-from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, position_at, velocity_at
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
@@ -132,7 +132,7 @@ def build(
         """Time [s] from step ``now`` on for which two paths stay ``need`` [m] apart, at least."""
         t = (now - path[10]) * dt
         u = (now - other[10]) * dt
-        r = border.nearest(place_at(path, t) - place_at(other, u))
+        r = border.nearest(position_at(path, t) - position_at(other, u))
         w = velocity_at(path, t) - velocity_at(other, u)
         b = bend(path) - bend(other)
         zero = wp.float64(0.0)
@@ -281,7 +281,7 @@ def build(
         bent = wp.length(bend(path))
         reaching = wp.float64(1.0)
         while k < steps and look < wp.static(LOOKS):
-            x = place_at(path, (now - path[10] + wp.float64(k)) * dt)
+            x = position_at(path, (now - path[10] + wp.float64(k)) * dt)
             v = velocity_at(path, (now - path[10] + wp.float64(k)) * dt)
             speed = wp.length(v)
             reach = wp.float64(wp.static(FIRST_LOOK)) * radius * reaching + wp.float64(16.0) * speed * dt

@@ -22,7 +22,7 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.lists.displacement import FOR_THE_HOST, INNER, OUT_OF_DATE, References, Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import BLOCK, Counts, Starts, Sums, block_sums, joined, start_block
-from warpdem.kernels.step.barrier import meet
+from warpdem.kernels.step.barrier import arrive_and_wait
 from warpdem.kernels.step.structs import Control, Report
 
 CHECK, BUILD = 1, 2
@@ -119,7 +119,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             report[(thread + 1) * wp.static(SPAN)] = found
             if threads > 1:
                 target += threads
-                meet(steps.meeting, target, control.wait_modes)
+                arrive_and_wait(steps.arrivals, target, control.wait_modes)
             for t in range(threads):
                 found = found | report[(t + 1) * wp.static(SPAN)]
         chosen = mode & wp.static(BUILD)
@@ -145,7 +145,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             scratch.sums[b] = block_sums(b, wp.static(lanes), counts)
         if threads > 1:
             target += threads
-            meet(steps.meeting, target, control.wait_modes)
+            arrive_and_wait(steps.arrivals, target, control.wait_modes)
 
         before = Sums()
         total = Sums()
@@ -169,7 +169,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             at = joined(at, scratch.sums[b])
         if threads > 1:
             target += threads
-            meet(steps.meeting, target, control.wait_modes)
+            arrive_and_wait(steps.arrivals, target, control.wait_modes)
 
         partner = lists.idle_partner(grains)
         for b in range(first_block, last_block):

@@ -17,7 +17,7 @@ def in_flight(flight: wp.array(dtype=Flight), i: int) -> bool:
 
 
 @wp.func
-def place_at(path: Flight, t: wp.float64) -> wp.vec3d:
+def position_at(path: Flight, t: wp.float64) -> wp.vec3d:
     """Place on a path [m] ``t`` [s] after its first step."""
     half = wp.float64(0.5) * t * t
     return wp.vec3d(

@@ -76,10 +76,10 @@ def build(WallContacts):
         i = first + wp.tid()
         new = clock[PARITY]
         old = 1 - new
-        n = wp.min(wall_contacts.place_count[old, i], slots[i + 1] - slots[i])
-        wall_contacts.place_count[new, i] = n
+        n = wp.min(wall_contacts.point_count[old, i], slots[i + 1] - slots[i])
+        wall_contacts.point_count[new, i] = n
         for k in range(n):
-            wall_contacts.place[new, slots[i] + k] = wall_contacts.place[old, wall_contacts.first[i] + k]
+            wall_contacts.point[new, slots[i] + k] = wall_contacts.point[old, wall_contacts.first[i] + k]
 
     @kernel
     def settle_wall_contacts(
@@ -90,12 +90,12 @@ def build(WallContacts):
         new = clock[PARITY]
         old = 1 - new
         wall_contacts.first[i] = slots[i]
-        if i + 1 == wall_contacts.place_count.shape[1]:
+        if i + 1 == wall_contacts.point_count.shape[1]:
             wall_contacts.first[i + 1] = slots[i + 1]
-        n = wall_contacts.place_count[new, i]
-        wall_contacts.place_count[old, i] = n
+        n = wall_contacts.point_count[new, i]
+        wall_contacts.point_count[old, i] = n
         for k in range(n):
-            wall_contacts.place[old, slots[i] + k] = wall_contacts.place[new, slots[i] + k]
+            wall_contacts.point[old, slots[i] + k] = wall_contacts.point[new, slots[i] + k]
 
     return Built(
         ask_outer=ask_outer, check_outer_capacity=check_outer_capacity, replace_outer=replace_outer,

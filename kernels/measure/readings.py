@@ -155,8 +155,8 @@ def column_sums(
 def wall_sums(
     first: int, row: int, spread: int,
     record: wp.array2d(dtype=wp.float64),
-    grain: wp.array(dtype=wp.int32), slot: wp.array(dtype=wp.int32), place_count: wp.array2d(dtype=wp.int32),
-    place: wp.array3d(dtype=wp.float64), result: wp.array2d(dtype=wp.float64), parity: int,
+    grain: wp.array(dtype=wp.int32), slot: wp.array(dtype=wp.int32), point_count: wp.array2d(dtype=wp.int32),
+    point: wp.array3d(dtype=wp.float64), result: wp.array2d(dtype=wp.float64), parity: int,
     column: int,  # of the sums, where those of the first wall begin
     sums_out: wp.array3d(dtype=wp.int64),
 ):  # fmt: skip
@@ -166,16 +166,16 @@ def wall_sums(
     if record[i, 0] == wp.float64(wp.static(GONE)):
         return
     p = part(row, spread, r)
-    for s in range(slot[i], slot[i] + place_count[parity, i]):
+    for s in range(slot[i], slot[i] + point_count[parity, i]):
         force = wp.vec3d(
             result[s, wp.static(RESULT.force)], result[s, wp.static(RESULT.force + 1)], result[s, wp.static(RESULT.force + 2)]
         )
         normal = wp.vec3d(
-            place[parity, s, wp.static(GEOMETRY.normal)], place[parity, s, wp.static(GEOMETRY.normal + 1)],
-            place[parity, s, wp.static(GEOMETRY.normal + 2)],
+            point[parity, s, wp.static(GEOMETRY.normal)], point[parity, s, wp.static(GEOMETRY.normal + 1)],
+            point[parity, s, wp.static(GEOMETRY.normal + 2)],
         )  # fmt: skip
-        arm = record[i, wp.static(RADIUS)] - place[parity, s, wp.static(GEOMETRY.overlap)]
-        at = column + int(place[parity, s, wp.static(GEOMETRY.wall)]) * wp.static(WALL_SUMS.width)
+        arm = record[i, wp.static(RADIUS)] - point[parity, s, wp.static(GEOMETRY.overlap)]
+        at = column + int(point[parity, s, wp.static(GEOMETRY.wall)]) * wp.static(WALL_SUMS.width)
         torque = wp.vec3d()
         if result.shape[1] > wp.static(RESULT.moment):
             torque = wp.vec3d(

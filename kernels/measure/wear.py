@@ -61,10 +61,10 @@ def build(one, WallContacts, spins: bool):
     ):  # fmt: skip
         """Add what the contact points of grain ``i`` do over ``weight`` [s]; ``cutting``: [1], K of Finnie's law."""
         first = wall_contacts.first[i]
-        for s in range(first, first + wall_contacts.place_count[generation, i]):
-            place = wall_contacts.place[generation, s]
+        for s in range(first, first + wall_contacts.point_count[generation, i]):
+            point = wall_contacts.point[generation, s]
             result = wall_contacts.result[s]
-            n = one.normal_in(place)
+            n = one.normal_in(point)
             force = wp.vec3d(
                 result[wp.static(RESULT.force)], result[wp.static(RESULT.force + 1)], result[wp.static(RESULT.force + 2)]
             )
@@ -73,7 +73,7 @@ def build(one, WallContacts, spins: bool):
                 result[wp.static(RESULT.wall_velocity + 2)],
             )  # fmt: skip
             u = v - moving
-            slip = u - wp.cross(w, n) * (state[3] - place[wp.static(at.overlap)])
+            slip = u - wp.cross(w, n) * (state[3] - point[wp.static(at.overlap)])
             normal_force = wp.dot(force, n)
             normal_speed = wp.dot(slip, n)
             across = slip - n * normal_speed
@@ -85,7 +85,7 @@ def build(one, WallContacts, spins: bool):
             window_sum.add(pressed * weight, row, first_sum + wp.static(SUMS.sliding), sums_out)
             if result[wp.static(RESULT.begins)] > wp.float64(0.0):
                 along = wp.length(u - n * wp.dot(u, n))
-                cut = finnie(-wp.dot(u, n), along, cutting[0]) * mass * place[wp.static(at.weight)]
+                cut = finnie(-wp.dot(u, n), along, cutting[0]) * mass * point[wp.static(at.weight)]
                 window_sum.add(cut, row, first_sum + wp.static(SUMS.erosion), sums_out)
 
     return add

@@ -39,7 +39,7 @@ def helpers(scalar: Any, lanes: int) -> str:
         {INLINE} void store({number}* to, {lane} value) {{ *({whole}*)to = value; }}
         {INLINE} void read(const {number}* rows, int width, const wp::int32* index, {lane}* out) {{
             {lane} r[{lanes}];
-            for (int k = 0; k < {lanes}; ++k) r[k] = load(rows + index[k] * width);
+            for (int k = 0; k < {lanes}; ++k) r[k] = load(rows + (long long)index[k] * width);
             transpose(r);
             for (int k = 0; k < {lanes}; ++k) out[k] = r[k];
         }}

@@ -19,7 +19,7 @@ SPINS = 2000  # about ten microseconds
 YIELDS = 200  # about a hundred microseconds where no other process wants the core
 LONG_YIELD = 20_000  # [ns] one that takes longer gave the core to somebody else
 SLEEPERS = 16  # place of the number of sleeping threads in the array: not in the cache line of the arrivals
-ROOM = SLEEPERS + 1  # numbers in the array
+LENGTH = SLEEPERS + 1  # numbers in the array
 FUTEX = {"x86_64": 202, "aarch64": 98}  # number of the system call
 _WAIT, _WAKE, _ALL = 128, 129, 0x7FFFFFFF  # of threads of one process
 
@@ -87,11 +87,11 @@ def wait_modes() -> np.ndarray:
 #endif
 """
 )
-def meet(counter: wp.array(dtype=wp.int32), target: wp.int32, modes: wp.array(dtype=wp.uint64)):
+def arrive_and_wait(counter: wp.array(dtype=wp.int32), target: wp.int32, modes: wp.array(dtype=wp.uint64)):
     """Arrive, then wait until ``counter`` has reached ``target`` arrivals.
 
     Args:
-        counter: arrivals, and at `SLEEPERS` the threads that sleep, shape (`ROOM`,); zero before the first meeting.
+        counter: arrivals, and at `SLEEPERS` the threads that sleep, shape (`LENGTH`,); zero before the first meeting.
         target: arrivals that open the barrier.
         modes: as ``wait_modes``.
     """

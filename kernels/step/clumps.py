@@ -43,16 +43,22 @@ def spin_of(axes: wp.mat33d, momentum: wp.vec3d, rate: wp.vec4d) -> wp.vec3d:
 
 
 @wp.func
-def member_inverse(inv: vec8, axes: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8:
-    """``inverse`` of a member at ``r`` [m] from the centre, with B of these axes."""
-    x = wp.cross(spin_of(axes, wp.vec3d(wp.float64(0.0), r[2], -r[1]), rate), r)  # J (r x e) x r = [r]^T J [r] e
-    y = wp.cross(spin_of(axes, wp.vec3d(-r[2], wp.float64(0.0), r[0]), rate), r)
-    z = wp.cross(spin_of(axes, wp.vec3d(r[1], -r[0], wp.float64(0.0)), rate), r)
+def inverse_inertia(axes: wp.mat33d, rate: wp.vec4d) -> wp.mat33d:
+    """J = I^-1 in frame axes [1/(kg m2)]."""
+    return axes * wp.diag(principal_rates(rate)) * wp.transpose(axes)
+
+
+@wp.func
+def member_inverse(inv: vec8, j: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8:
+    """``inverse`` of a member at ``r`` [m] from the centre, with B of these axes; ``j``: J."""
+    x = wp.cross(j * wp.vec3d(wp.float64(0.0), r[2], -r[1]), r)  # J (r x e) x r = [r]^T J [r] e
+    y = wp.cross(j * wp.vec3d(-r[2], wp.float64(0.0), r[0]), r)
+    z = wp.cross(j * wp.vec3d(r[1], -r[0], wp.float64(0.0)), r)
     return vec8(inv[0], inv[1], rate[0] + x[0], x[1], x[2], rate[0] + y[1], y[2], rate[0] + z[2])
 
 
 @functools.cache
-def build(structs, WallContacts, load, acceleration, integrator, orientation):
+def build(structs, WallContacts, load, acceleration, integrator, with_axes):
     """Return the functions of a clump.
 
     Args:
@@ -61,7 +67,7 @@ def build(structs, WallContacts, load, acceleration, integrator, orientation):
         load: sum over the contacts of a grain, of ``motion.build_load``.
         acceleration: of ``motion.build_acceleration``.
         integrator: (advance, reading) of ``exact_drift``.
-        orientation: how a quaternion turns with a spin and with the axes, of ``orientation.build``.
+        with_axes: how a quaternion turns with the axes, of ``orientation.build_axes``.
     """
     g = grain.build(True)
     Clumps = clump_arrays.build(True).Clumps
@@ -124,7 +130,7 @@ def build(structs, WallContacts, load, acceleration, integrator, orientation):
         momentum = g.spin(state) + torque * kick_time(row)
         p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(rate), dt)
         state = advance_record(0, c, state, a, torque, row, frames, at, dt, grains.store)
-        turn = orientation(product(turn, p), wp.vec3d(), row, dt)
+        turn = with_axes(product(turn, p), row)
         clumps.record[c] = state
         clumps.turn[c] = turn
         axes = rotation_matrix(turn)
@@ -134,20 +140,22 @@ def build(structs, WallContacts, load, acceleration, integrator, orientation):
         back = wp.float64(1.0) / half
         spin = axes * rotation_vector(p) / dt
         predicted_velocity = v + g.acceleration(state) * half
-        predicted_spin = spin_of(axes, g.spin(state) + g.angular_acceleration(state) * half, rate)
+        j = inverse_inertia(axes, rate)
+        predicted_spin = j * (g.spin(state) + g.angular_acceleration(state) * half)
         angular = (predicted_spin - spin) * back
         scalar = wp.float64(2.0) * (wp.float64(1.0) + p[0])
         u = wp.vec3d(p[1], p[2], p[3])
         first = clumps.first[c]
+        per_step = wp.float64(1.0) / dt
         for m in range(first, first + clumps.count[c]):
             arm = clumps.arm[m]
             r = axes * arm
             across = wp.cross(u, arm)
             way = across * scalar - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r, in the body's axes
-            velocity = v + axes * way / dt
+            velocity = v + axes * way * per_step
             there = predicted_velocity + wp.cross(predicted_spin, r)
             grains.record[m] = g.record(q + r, grains.record[m][3], velocity, (there - velocity) * back, spin, angular)
-            grains.inverse[m] = member_inverse(grains.inverse[m], axes, r, rate)
+            grains.inverse[m] = member_inverse(grains.inverse[m], j, r, rate)
 
     return Built(
         total_load=total_load, accelerations=accelerations, motion_now=motion_now, member_motion=member_motion,

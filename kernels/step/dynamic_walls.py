@@ -223,8 +223,8 @@ def build(one, WallContacts, bodies: bool):
             if g.gone(state):
                 continue
             start = wall_contacts.first[i]
-            for slot in range(start, start + wall_contacts.place_count[parity, i]):
-                memory = wall_contacts.place[parity, slot]
+            for slot in range(start, start + wall_contacts.point_count[parity, i]):
+                memory = wall_contacts.point[parity, slot]
                 d = walls.number[int(memory[wp.static(at.wall)])]
                 if d < 0:
                     continue

@@ -13,7 +13,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, Built
-from warpdem.kernels.step.barrier import meet
+from warpdem.kernels.step.barrier import arrive_and_wait
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.structs import GRAINS, SPAN, WALL_GRAINS, Control, Report, Steps, build_call, every, range_of
 
@@ -35,10 +35,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.func
-    def meet_others(target: int, threads: int, control: Control, report: Report) -> int:
+    def wait_for_all(target: int, threads: int, control: Control, report: Report) -> int:
         """Wait until all threads are here; returns how often they have arrived since the launch, all together."""
         if threads > 1:
-            meet(report.meeting, target + threads, control.wait_modes)
+            arrive_and_wait(report.arrivals, target + threads, control.wait_modes)
         return target + threads
 
     @wp.func
@@ -46,16 +46,16 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
         thread: int, threads: int, target: int, s: int, parity: int, model: Model, grains: Grains,
         wall_contacts: WallContacts, control: Control, report: Report,
     ) -> int:  # fmt: skip
-        """Walls that move by the load on them, over the step in row ``s``; returns as ``meet_others``."""
+        """Walls that move by the load on them, over the step in row ``s``; returns as ``wait_for_all``."""
         part = range_of(thread, wp.static(WALL_GRAINS), control)
         dynamic.add_loads(
             thread, part.first, part.last, grains.record, grains.inverse, wall_contacts, control.placement, s + 1, parity,
             control.dynamic,
         )  # fmt: skip
-        added = meet_others(target, threads, control, report)
+        added = wait_for_all(target, threads, control, report)
         if thread == 0:
             dynamic.advance(threads, s, control.row, control.placement, model.dt, control.dynamic)
-        return meet_others(added, threads, control, report)
+        return wait_for_all(added, threads, control, report)
 
     @kernel
     def run(
@@ -92,14 +92,14 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
                         )  # fmt: skip
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
-                                target = meet_others(target, threads, control, report)
+                                target = wait_for_all(target, threads, control, report)
                                 forces.force_phase(
                                     thread, force_call(s, stage + 1, (steps.parity + k - 1) & 1), model, grains, contacts,
                                     wall_contacts, control, report,
                                 )  # fmt: skip
-                                target = meet_others(target, threads, control, report)
+                                target = wait_for_all(target, threads, control, report)
                     report.moved[slot] = moved
-                    target = meet_others(target, threads, control, report)
+                    target = wait_for_all(target, threads, control, report)
                     for t in range(threads):
                         stop = stop | report.moved[t * wp.static(SPAN)]
                 if thread == 0:
@@ -109,7 +109,7 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
                         thread, force_call(steps.row + k, 0, (steps.parity + k) & 1), model, grains, contacts, wall_contacts,
                         control, report,
                     )  # fmt: skip
-                    target = meet_others(target, threads, control, report)
+                    target = wait_for_all(target, threads, control, report)
                     for t in range(threads):
                         if too_deep(report.extreme, t * wp.static(SPAN), control.max_overlap):
                             stop = 1

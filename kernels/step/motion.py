@@ -12,7 +12,7 @@ import warp as wp
 from warpdem.kernels import Built, clump, grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
-from warpdem.kernels.lists.path import Flight, bend, in_flight, place_at, velocity_at
+from warpdem.kernels.lists.path import Flight, bend, in_flight, position_at, velocity_at
 from warpdem.kernels.step.region import Regions
 from warpdem.kernels.step.schedule import (
     FrameRow,
@@ -194,7 +194,7 @@ def build_travel(
     def holds(path: Flight, state: g.Record, now: wp.float64, dt: wp.float64) -> bool:
         """Whether a grain is on its path at step ``now``."""
         t = (now - path[10]) * dt
-        displacement = border.nearest(g.position(state) - place_at(path, t))
+        displacement = border.nearest(g.position(state) - position_at(path, t))
         left = path[9]
         if wp.static(ahead > 0.0):
             off = wp.length(g.velocity(state) - velocity_at(path, t)) + wp.length(bend(path)) * dt

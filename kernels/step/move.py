@@ -93,8 +93,8 @@ def build(
             grains.flight[i] = path
         if wp.static(walls):
             wall_contacts.candidates[i] = 0
-            for generation in range(wall_contacts.place_count.shape[0]):
-                wall_contacts.place_count[generation, i] = 0
+            for generation in range(wall_contacts.point_count.shape[0]):
+                wall_contacts.point_count[generation, i] = 0
         return True
 
     @wp.func

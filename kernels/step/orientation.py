@@ -27,15 +27,11 @@ def turned(q: wp.vec4d, less: wp.float64, v: wp.vec3d) -> wp.vec4d:
 
 
 @functools.cache
-def build(*, turning_axes: bool):
-    """Return ``orientation(q, spin, row, dt)``: the quaternion at the end of the step.
-
-    Args:
-        turning_axes: spins are absolute and the axes they are resolved in turn.
-    """
+def build_axes(*, turning_axes: bool):
+    """Return ``with_axes(q, row)``: the quaternion of what is at rest, at the end of the step; arguments as of ``build``."""
 
     @wp.func
-    def orientation(q: wp.vec4d, spin: wp.vec3d, row: Row, dt: wp.float64) -> wp.vec4d:
+    def with_axes(q: wp.vec4d, row: Row) -> wp.vec4d:
         p = q
         if wp.static(turning_axes):
             m = drift_turn(row)  # R - I, whose trace is -4 sin^2 of half the angle
@@ -43,6 +39,23 @@ def build(*, turning_axes: bool):
             scalar = wp.sqrt(wp.float64(1.0) + quarter)
             axis = wp.vec3d(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
             p = turned(p, quarter / (wp.float64(1.0) + scalar), axis * (wp.float64(0.25) / scalar))
+        return p
+
+    return with_axes
+
+
+@functools.cache
+def build(*, turning_axes: bool):
+    """Return ``orientation(q, spin, row, dt)``: the quaternion at the end of the step.
+
+    Args:
+        turning_axes: spins are absolute and the axes they are resolved in turn.
+    """
+    with_axes = build_axes(turning_axes=turning_axes)
+
+    @wp.func
+    def orientation(q: wp.vec4d, spin: wp.vec3d, row: Row, dt: wp.float64) -> wp.vec4d:
+        p = with_axes(q, row)
         rate = wp.length(spin)
         half = wp.float64(0.5) * dt
         share = wp.sin(half * rate) / rate

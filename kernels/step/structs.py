@@ -58,7 +58,7 @@ class Report:
     wear: wp.array3d(dtype=wp.int64)  # (threads, sums of the features, digits) what wears walls, of ``measure.wear``
     done: wp.array(dtype=wp.int32)  # (1,) steps
     removed: wp.array(dtype=wp.int32)  # (1,) 1 when a step removed a grain
-    meeting: wp.array(dtype=wp.int32)  # (barrier.ROOM,) arrivals at the barrier
+    arrivals: wp.array(dtype=wp.int32)  # (barrier.LENGTH,) arrivals at the barrier
 
 
 @wp.struct

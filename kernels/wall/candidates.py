@@ -122,8 +122,8 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                 n = add(c, 1, at, n, wall_contacts.feature)
         wall_contacts.candidates[i] = n
         if n == 0:
-            wall_contacts.place_count[0, i] = 0
-            wall_contacts.place_count[1, i] = 0
+            wall_contacts.point_count[0, i] = 0
+            wall_contacts.point_count[1, i] = 0
 
     @kernel
     def close_features(
@@ -158,12 +158,12 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             o = old_slot[i]
         n = int(0)
         if o >= 0:
-            n = wp.min(before.place_count[parity, o], now.first[i + 1] - now.first[i])
-        now.place_count[parity, i] = n
+            n = wp.min(before.point_count[parity, o], now.first[i + 1] - now.first[i])
+        now.point_count[parity, i] = n
         for k in range(n):
             s = before.first[o] + k
             d = now.first[i] + k
-            now.place[parity, d] = before.place[parity, s]
+            now.point[parity, d] = before.point[parity, s]
 
     return Built(
         near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts,

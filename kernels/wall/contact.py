@@ -63,7 +63,7 @@ def build(
     Coefficients, History, past = law.Coefficients, law.History, law.history
     at, remembers = record.columns(past.at), past.at.width
     history_at = record.GEOMETRY.width
-    Memory = record.memory_type(past.at)
+    WallHistory = record.history_type(past.at)
     Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
     losses = len(law.losses)
     Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
@@ -71,7 +71,7 @@ def build(
     parts, stored = dissipation or (None, None)
 
     @wp.func
-    def history_of(wall_contact: Memory) -> History:
+    def history_of(wall_contact: WallHistory) -> History:
         """Contact history of the law."""
         out = History()
         for f in range(wp.static(remembers)):
@@ -79,7 +79,7 @@ def build(
         return out
 
     @wp.func
-    def point_in(wall_contact: Memory) -> wp.vec3d:
+    def point_in(wall_contact: WallHistory) -> wp.vec3d:
         """Contact point in body axes of the wall [m]."""
         return wp.vec3d(
             wall_contact[wp.static(at.point)],
@@ -88,7 +88,7 @@ def build(
         )
 
     @wp.func
-    def normal_in(wall_contact: Memory) -> wp.vec3d:
+    def normal_in(wall_contact: WallHistory) -> wp.vec3d:
         """Unit vector from the wall to the grain."""
         return wp.vec3d(
             wall_contact[wp.static(at.normal)],
@@ -137,7 +137,7 @@ def build(
         return out
 
     @wp.func
-    def in_springs(before: Memory, radius: wp.float64, inv: Inverse, c: Coefficients, dt: wp.float64) -> wp.float64:
+    def in_springs(before: WallHistory, radius: wp.float64, inv: Inverse, c: Coefficients, dt: wp.float64) -> wp.float64:
         """Energy in the springs of a contact point of the step before [J]; needs ``dissipation``."""
         numbers = law.constants(c, radius, wp.float64(1.0) / inv[0], wp.float64(0.0))
         energy = stored(before[wp.static(at.overlap)], numbers, radius, inertia_of(inv), c, history_of(before), dt)
@@ -150,7 +150,7 @@ def build(
         hit: Hit,  # the contact point
         wall: wp.float64,  # number of the wall
         known: wp.float64,  # 1 if there is a contact point of the step before, ``before``; else 0
-        before: Memory,
+        before: WallHistory,
         now: Placement,  # of the wall
         then: Placement,  # where springs slip from
         c: Coefficients,
@@ -160,8 +160,8 @@ def build(
         """What is remembered of the contact point, and what it does to the grain.
 
         Returns:
-            Memory, load on the grain (force [N], torque [N m]), what RESULT holds beside feature and force, overlap over the
-            radius [-], approach speed [m/s], energy entry and power [W] of the wall's motion; the last two are zero unless
+            Its record, load on the grain (force [N], torque [N m]), what RESULT holds beside feature and force, overlap over
+            the radius [-], approach speed [m/s], energy entry and power [W] of the wall's motion; the last two are zero unless
             energies are added up.
         """
         radius = state[3]
@@ -199,7 +199,7 @@ def build(
         if wp.static(moving > 0):
             after_step = placed(now, midway)
             before_step = placed(then, midway)
-        wall_displacement = around.nearest_way(after_step - before_step)
+        wall_displacement = around.nearest_displacement(after_step - before_step)
         if wp.static(turning_frame):
             wall_displacement = wall_displacement - turn * before_step
         if wp.static(moving_frame):
@@ -244,7 +244,7 @@ def build(
         force = full_force * weight
         moment = full_moment * weight
         torque = moment - wp.cross(n, force) * distance
-        memory = Memory()
+        memory = WallHistory()
         memory[wp.static(at.wall)] = wall
         memory[wp.static(at.overlap)] = overlap
         memory[wp.static(at.weight)] = weight
@@ -266,7 +266,7 @@ def build(
     return Built(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
         normal_in=normal_in, at=at,
-        has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, Memory=Memory,
+        has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, WallHistory=WallHistory,
         looks_back=moving > 0 or conveying,
         Result=record.result_type(rolling, wear), Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
         WallEntry=WallEntry,

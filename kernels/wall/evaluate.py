@@ -38,7 +38,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         gap: as in ``pairs.build``.
     """
     g, at = grain.build(one.spins), one.at
-    Memory, Result, WallEntry = one.Memory, one.Result, one.WallEntry
+    WallHistory, Result, WallEntry = one.WallHistory, one.Result, one.WallEntry
     Model, Grains = structs.Model, structs.Grains
     moving, energies = one.moving, one.has_parts
 
@@ -58,8 +58,8 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         found: wp.array(dtype=Found)  # contact points whose law is to be evaluated; those of several grains together
         result: wp.array(dtype=Result)
         # contact points by generation: 0 and 1 in alternate steps, 2 for the stages within a step
-        place_count: wp.array2d(dtype=wp.int32)  # (generations, n)
-        place: wp.array2d(dtype=Memory)  # (generations, slots)
+        point_count: wp.array2d(dtype=wp.int32)  # (generations, n)
+        point: wp.array2d(dtype=WallHistory)  # (generations, slots)
         # per grain, when energies are added up
         entry: wp.array(dtype=WallEntry)
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
@@ -89,8 +89,8 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         point = point_of(hit)
         found = int(-1)
         nearest = radius * radius
-        for s in range(first, first + wall_contacts.place_count[old, i]):
-            wall_contact = wall_contacts.place[old, s]
+        for s in range(first, first + wall_contacts.point_count[old, i]):
+            wall_contact = wall_contacts.point[old, s]
             if int(wall_contact[wp.static(at.wall)]) == wall:
                 before = one.point_in(wall_contact)
                 square = wp.length_sq(border.nearest(before - point))
@@ -113,8 +113,8 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
     def in_springs(i: int, old: int, model: Model, grains: Grains, wall_contacts: WallContacts) -> wp.float64:
         """Energy in the springs of the contact points of the step before [J]."""
         total = wp.float64(0.0)
-        for s in range(wall_contacts.first[i], wall_contacts.first[i] + wall_contacts.place_count[old, i]):
-            before = wall_contacts.place[old, s]
+        for s in range(wall_contacts.first[i], wall_contacts.first[i] + wall_contacts.point_count[old, i]):
+            before = wall_contacts.point[old, s]
             c = model.coefficients[0]
             if wp.static(table):
                 wall = int(before[wp.static(at.wall)])
@@ -161,7 +161,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
                     wall_contacts.found[n] = Found(i, c, before, slot, f, wall, model.surface.motion[wall], row)
                     n += 1
                     slot += 1
-        wall_contacts.place_count[call.new_generation, i] = slot - first
+        wall_contacts.point_count[call.new_generation, i] = slot - first
         return n
 
     @wp.func
@@ -183,17 +183,17 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         then = now
         if wp.static(one.looks_back):
             then = placements[call.before, motion]
-        before = Memory()
+        before = WallHistory()
         known = wp.float64(0.0)
         if found[wp.static(FOUND.before)] >= 0:
-            before = wall_contacts.place[call.old_generation, found[wp.static(FOUND.before)]]
+            before = wall_contacts.point[call.old_generation, found[wp.static(FOUND.before)]]
             known = wp.float64(1.0)
         memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
             grains.record[i], grains.inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]],
             wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then,
             model.coefficients[found[wp.static(FOUND.coefficients)]], row, model.dt,
         )  # fmt: skip
-        wall_contacts.place[call.new_generation, slot] = memory
+        wall_contacts.point[call.new_generation, slot] = memory
         wall_contacts.load[i] = wall_contacts.load[i] + load
         result = Result()
         result[0] = wp.float64(found[wp.static(FOUND.feature)])

@@ -72,11 +72,11 @@ def build(closest_on_feature, border, *, repeated: bool):
         return s
 
     @wp.func
-    def nearest_way(way: wp.vec3d) -> wp.vec3d:
-        """A wall's way over a step [m], which a wall that was brought back by a period in it did not go."""
-        w = way
+    def nearest_displacement(displacement: wp.vec3d) -> wp.vec3d:
+        """Displacement of a wall over a step [m], without the period that it may have been brought back by in it."""
+        w = displacement
         if wp.static(images > 1):
-            w = border.nearest(way)
+            w = border.nearest(displacement)
         return w
 
     @wp.func
@@ -101,5 +101,5 @@ def build(closest_on_feature, border, *, repeated: bool):
 
     return Built(
         features=features, feature_of=feature_of, image_of=image_of, candidate_of=candidate_of, counts=counts, seen=seen,
-        nearest_way=nearest_way, reached=reached, images=images,
+        nearest_displacement=nearest_displacement, reached=reached, images=images,
     )  # fmt: skip

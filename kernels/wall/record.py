@@ -48,7 +48,7 @@ def columns(history: Columns) -> Columns:
     return GEOMETRY.and_(history)
 
 
-def memory_type(history: Columns):
+def history_type(history: Columns):
     """Vector that holds it."""
     return columns(history).vector(wp.float64)
 
@@ -71,10 +71,10 @@ def unpacked(history: Columns, memory: np.ndarray, result: np.ndarray) -> dict[s
 
 
 def packed(at: Columns, data: dict[str, np.ndarray], width: int) -> np.ndarray:
-    """Records of ``width`` numbers from the quantities ``place_NAME`` of a checkpoint, shape (n, width)."""
-    record = np.zeros((len(data["place_wall"]), width))
+    """Records of ``width`` numbers from the quantities ``wall_contact_NAME`` of a checkpoint, shape (n, width)."""
+    record = np.zeros((len(data["wall_contact_wall"]), width))
     for name, column in _held(at, width):
-        record[:, column] = data[f"place_{name}"]
+        record[:, column] = data[f"wall_contact_{name}"]
     return record
 
 

@@ -24,7 +24,7 @@ def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str
     width = kind._length_
     text = f"        wp::vec_t<{width}, f64> {name};\n"
     if width < lanes:
-        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[{index}[k] * {width} + f];"
+        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[(long long){index}[k] * {width} + f];"
         return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
     parts = rows.starts(width, lanes)
     return text + "".join(
@@ -47,14 +47,14 @@ def source(one, lanes: int, table: bool) -> str:
     """
     law = Translator()
     contact = law.add(one.contact).name
-    memory, result, entry = one.Memory._length_, one.Result._length_, one.WallEntry._length_
+    memory, result, entry = one.WallHistory._length_, one.Result._length_, one.WallEntry._length_
     indices = "".join(f"            {name}_of[k] = wall_contacts.found.data[at].c[{FOUND.of(name)}];\n" for name in FOUND.names)
     placement = "wp::address(placements, call.{}, 0)->c".format
     c_of_all = "" if table else same("c", one.Coefficients, "model.coefficients.data[0].c")
     c_of_each = gathered("c", one.Coefficients, "model.coefficients.data[0].c", "coefficients_of", lanes) if table else ""
     then = gathered("then", Placement, placement("before"), "motion_of", lanes) if one.looks_back else ""
     given = [
-        ("wp::address(wall_contacts.place, call.new_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
+        ("wp::address(wall_contacts.point, call.new_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
         ("wall_contacts.result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
                                        *(f"o.r2.c[{f}]" for f in range(result - FRICTION))]),
         ("loads[k]", [f"o.r1.c[{f}]" for f in range(6)]),
@@ -83,7 +83,7 @@ def source(one, lanes: int, table: bool) -> str:
 {gathered("state", one.Record, "grains.record.data[0].c", "grain_of", lanes)}\
 {gathered("inv", one.Inverse, "grains.inverse.data[0].c", "grain_of", lanes)}\
 {gathered("point", Hit, "wall_contacts.hit.data[0].c", "hit_of", lanes)}\
-{gathered("before", one.Memory, "wp::address(wall_contacts.place, call.old_generation, 0)->c", "before_of", lanes)}\
+{gathered("before", one.WallHistory, "wp::address(wall_contacts.point, call.old_generation, 0)->c", "before_of", lanes)}\
 {gathered("now", Placement, placement("now"), "motion_of", lanes)}{then}{c_of_each}\
         const auto o = batch::{contact}(
             state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, c, step, f64(model.dt));

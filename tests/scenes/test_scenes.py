@@ -53,6 +53,23 @@ def test_bouncing_sphere_reaches_the_heights_stated():
     np.testing.assert_allclose(last_flight, 1.285, rtol=0.01)
 
 
+def test_the_tennis_racket_turns_over_when_stated():
+    sim = simulation("tennis_racket.toml")
+    momentum, energy = np.linalg.norm(sim.clumps.angular_momentum), sim.energy()["rotational"]
+    before, found = 20.0, []
+    while sim.time < sim.scene.time.end - 1e-9:
+        sim.step()
+        clumps, (w, *v) = sim.clumps, sim.clumps.orientation[0]
+        spin, v = clumps.spin[0] + sim.schedule.pose(sim.time).spin, np.array(v)
+        along = (spin + 2.0 * np.cross(v, np.cross(v, spin) - w * spin))[0]  # in the axes of the clump
+        if along * before < 0.0:
+            found.append(sim.time - sim.dt * along / (along - before))
+        before = along
+    np.testing.assert_allclose(found, [1.00575549, 3.01726648], rtol=0, atol=2e-7)
+    assert np.linalg.norm(sim.clumps.angular_momentum) == pytest.approx(momentum, rel=1e-12)
+    assert sim.energy()["rotational"] == pytest.approx(energy, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", ["box_bed.toml", "hourglass.toml"])
 def test_long_scene_shortened_stays_finite(name):
     count = {"box_bed.toml": "grains.0.fill.solid_fraction=0.05", "hourglass.toml": "grains.0.fill.count=300"}[name]

@@ -15,7 +15,7 @@ def test_folders_are_numbered(tmp_path):
     ("record", "code", "status", "reason"),
     [(None, None, "waiting", ""), ("running", None, "running", ""), ("done", 0, "done", ""), ("running", -9, "crashed", "said"),
      ("running", 1, "crashed", "said"), ("stopped itself", 3, "stopped itself", "said"), (None, 2, "wrong", "said"),
-     ("interrupted", None, "interrupted", "")],
+     ("interrupted", None, "interrupted", ""), (None, 1, "crashed", "said")],
 )  # fmt: skip
 def test_status(tmp_path, record, code, status, reason):
     if record:

@@ -82,7 +82,7 @@ class Census:
         self.both += len(set(contacts.i[wall].tolist())) < wall.sum()
         self.slid += np.sum(slides & wall & (push > 0))
         self.stuck += np.sum(~slides & wall & (push > 0))
-        self.rolled = max(self.rolled, np.abs(contact_history.wall_contacts(sim.view)["place_moment"]).max(initial=0.0))
+        self.rolled = max(self.rolled, np.abs(contact_history.wall_contacts(sim.view)["wall_contact_moment"]).max(initial=0.0))
 
 
 @pytest.mark.parametrize("rolling", ["constant", "spring"])

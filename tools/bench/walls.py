@@ -77,7 +77,7 @@ def hourglasses(launches: int, folder: Path) -> list[dict]:
         sim = hourglass(mesh, wall, grains)
         sim.step(1000)
         listed = sim.view.contacts
-        places = len(listed.place_slots(sim.step_number & 1, listed.wall_grains)[0])
+        places = len(listed.point_slots(sim.step_number & 1, listed.wall_grains)[0])
         rows.append({"case": name, "triangles": len(triangles), "places": places, **phases(sim, launches)})
         runs.append(hourglass(mesh, wall, grains))
     for row, seconds in zip(rows, windows(runs), strict=True):
@@ -166,7 +166,7 @@ def analytic(launches: int, folder: Path) -> list[dict]:
                 time=dict(end=1.0, step=1e-7, max_speed=0.1),
             )), device="cpu", threads=1)  # fmt: skip
             sim.step(3)
-            places = int(sim.lists.wall_contacts.place_count.numpy()[sim.step_number & 1].sum())
+            places = int(sim.lists.wall_contacts.point_count.numpy()[sim.step_number & 1].sum())
             row[f"{kind}_places"], row[f"{kind}_ns"] = places, 1e3 * phases(sim, launches)["walls"] / places
         rows.append(row)
     return rows

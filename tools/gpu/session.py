@@ -49,7 +49,7 @@ from paper.common import SCENES
 from warpdem import Scene, Simulation
 from warpdem.engine import graph
 from warpdem.measure.snapshot import take_snapshot
-from warpdem.output.instant import Instant, Room
+from warpdem.output.instant import Instant, StagingBuffer
 
 ROOT = Path(__file__).resolve().parents[2]
 Part = Literal["compile", "agreement", "speed", "step", "hourglass", "memory", "large", "peer", "paper", "tests"]
@@ -143,7 +143,7 @@ def agreement(device: str, small: bool, folder: Path) -> dict:
     for sim in (own, two, again):
         sim.step(100 if small else 1000)
     error = np.abs(own.particles.position - two.particles.position).max() / start.state["r"].min()
-    there, instant = again.snapshot(), Instant(again.view, Room(again.device))
+    there, instant = again.snapshot(), Instant(again.view, StagingBuffer(again.device))
     again.step(100)
     aside = take_snapshot(instant.view())
     same = all(np.array_equal(getattr(there, name), getattr(aside, name)) for name in ("position", "velocity", "spin", "force"))

@@ -16,7 +16,7 @@ from warpdem.measure.totals import Totals
 from warpdem.output.background import Background
 from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import Instant, Room
+from warpdem.output.instant import Instant, StagingBuffer
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_departures
 from warpdem.simulation import Simulation
@@ -39,7 +39,8 @@ class Outputs:
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
-        self.rooms = Room(sim.device), Room(sim.device)  # of the snapshot that is written, and of the next one
+        # of the snapshot that is written, and of the next one
+        self.staging = StagingBuffer(sim.device), StagingBuffer(sim.device)
         self.columns = history_columns(sim.scene)
         header = [column.header for column in self.columns]
         self.history = HistoryWriter(folder / "history.csv", header, resume=resume)
@@ -59,14 +60,14 @@ class Outputs:
         if self.claim is not None:
             self.claim.check()
         with self.sim.clock("output"):
-            output, self.rooms = self.sim.scene.output, self.rooms[::-1]
+            output, self.staging = self.sim.scene.output, self.staging[::-1]
             measures, view = self.sim.scene.measures, self.sim.view
             network = frame and (output.contacts or measures.grid is not None)
             network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
             totals = Totals(view).made() if row else None
-            instant = Instant(view, self.rooms[0], contacts=network)
+            instant = Instant(view, self.staging[0], contacts=network)
             self.background.start(lambda: self._write(instant, observed, totals, frame))
 
     def _write(self, instant: Instant, observed: dict[str, np.ndarray], totals: Totals | None, frame: bool) -> None:

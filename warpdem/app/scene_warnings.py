@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from warpdem.core import memory
-from warpdem.engine.way_out import way_out
+from warpdem.engine.open_below import walls_open_below
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.model import needs
@@ -269,7 +269,7 @@ def _ways_out(sim: Simulation) -> Iterator[str]:
     if not len(radius) or scene.borders or scene.outlets:
         return
     smallest = 2.0 * float(radius.min())
-    if names := way_out(scene, smallest):
+    if names := walls_open_below(scene, smallest):
         yield (
             f"walls {', '.join(repr(name) for name in names)} leave an opening below for a grain of {smallest:.3g} m: "
             "grains that leave fall without end; close it with a floor, or add [borders] or [[outlets]]"

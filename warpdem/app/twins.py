@@ -50,7 +50,8 @@ def make_twins(
         Folder of each twin.
 
     Raises:
-        SceneError: the run cannot be repeated: it has phases, or starts from another, or its checkpoint is missing.
+        SceneError: the run cannot be repeated: it has phases or clumps, or starts from another, or its checkpoint is
+            missing.
         StabilityError: a twin stops itself.
     """
     if run.phases:
@@ -66,6 +67,11 @@ def make_twins(
         raise SceneError(
             f"{run.folder}: twins of a run that starts from another one are not made: they would lose the friction of its "
             "contacts; make twins of that one, start from each, and give --twin DIR"
+        )
+    if scene.clumps:
+        raise SceneError(
+            f"{run.folder}: twins of a run with clumps are not made, since their members would be grains of their own; run its "
+            "scene with other seeds, and give --twin DIR"
         )
     step = float(run.record["time_step"]["used"])
     scene = scene.model_copy(update={"time": scene.time.model_copy(update={"step": step})})

@@ -161,3 +161,27 @@ class WallMesh:
     """Corner numbers of each triangle, shape (t, 3), int32."""
     infinite: bool = False
     """Whether this is a patch of an infinite plane, cut to the part that is drawn."""
+
+
+def in_laboratory(snapshot: Snapshot) -> Snapshot:
+    """The same grains and contacts in laboratory axes, velocities and spins absolute; forces on walls stay as they are.
+
+    With R and o the frame's rotation and origin, u and w its velocity and angular velocity in its own axes:
+
+        position   R q + o
+        velocity   R (v + u + w x q),     spin   R (s + w)
+    """
+    frame, contacts = snapshot.frame, snapshot.contacts
+    turn = frame.rotation.T
+    if contacts is not None:
+        vectors = {name: getattr(contacts, name) @ turn for name in ("force", "friction_force")}
+        places = {name: frame.to_laboratory(getattr(contacts, name)) for name in ("start", "end")}
+        contacts = replace(contacts, **vectors, **places)
+    return replace(
+        snapshot,
+        position=frame.to_laboratory(snapshot.position),
+        velocity=(snapshot.velocity + frame.velocity_at(snapshot.position)) @ turn,
+        spin=(snapshot.spin + frame.spin) @ turn,
+        force=snapshot.force @ turn,
+        contacts=contacts,
+    )

@@ -17,13 +17,13 @@ Read ``program`` first: the step and the list build, every launch in its order, 
     newcomers       inserted grains are appended to the lists
     leavers, stops  grains that left the domain; states that stop a run
     pace            how many threads are used on a busy machine
-    way_out         analytic walls that a grain falls past
+    open_below      analytic walls that a grain falls past
 
 A list build, from the step that asks for it:
 
 1. ``kernels/step/motion.py: travelled``: after the last drift of a step, a grain further from its reference than half the
-   inner skin, off its path, or in an outlet
-   (where the step does not put it away itself) ends the batch (``cpu``), or the body of the graph's loop.
+   inner skin, off its path, or in an outlet (where the step does not remove it itself) ends the batch (``cpu``), or the body
+   of the graph's loop.
 2. ``kernels/lists/displacement.py: check_lists``: what has become of each grain. Without a graph the next call of
    ``RunLoop.advance`` launches it (``NeighborLists.update``) and the host decides: grains that left are taken out; the lists
    hold, the inner one is built, or both are; where it is the inner one alone, CPU threads go on with it in the same launch
@@ -35,8 +35,8 @@ A list build, from the step that asks for it:
    ``wall/candidates.near_features``, which counts, ``numbering``;
    ``outer_fits``: the host gives the arrays their length, a graph asks the host where they are too short; ``find_neighbors``
    again where rows were counted first, ``neighbors.carry_contacts`` where there is an old list, ``replace_outer``,
-   ``near_features`` again, which writes, ``move_wall_contacts`` (by the host ``wall/candidates.carry_places``, in a graph two
-   kernels of ``lists/rebuild.py``), ``displacement.save_reference``.
+   ``near_features`` again, which writes, ``move_wall_contacts`` (by the host ``wall/candidates.carry_wall_contacts``, in a
+   graph two kernels of ``lists/rebuild.py``), ``displacement.save_reference``.
 4. Inner list (``program.ListBuild.build_inner``): ``neighbors.select_contacts``, ``wall/candidates.close_features``,
    ``numbering``; ``inner_fits``, as above; ``neighbors.clear_contacts``, ``fill_contacts``, which carries the contact history
    over, ``adopt_history``, ``displacement.save_reference``. On a CPU all of it is ``kernels/lists/inner.py``, a launch per

@@ -81,7 +81,7 @@ class Batch:
         report.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)
         control.field = wp.array(field_numbers(scene), dtype=Numbers, device=device)
-        control.outlet = model.ways_out.on_device(device)
+        control.outlet = model.exits.on_device(device)
         # what leaves is put out of the domain by the step itself, unless it stops the run or a budget asks for its state
         removes_in_step = [not (stops or model.features.measures.sums) for stops in model.domain.stops]
         control.removes_in_step = wp.array(np.array(removes_in_step, dtype=np.int32), dtype=wp.int32, device=device)
@@ -98,7 +98,7 @@ class Batch:
             control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         report.done = wp.zeros(1, dtype=wp.int32, device=device)
-        report.meeting = wp.zeros(barrier.ROOM, dtype=wp.int32, device=device)
+        report.arrivals = wp.zeros(barrier.LENGTH, dtype=wp.int32, device=device)
         control.wait_modes = wp.array(barrier.wait_modes(), dtype=wp.uint64, device=device)
         self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)
         self.placements = wp.zeros(max(len(model.schedule.motions), 1), dtype=Placement, device=device)

@@ -167,11 +167,11 @@ class ContactLists:
         result = wall_record.result_type(features.contact.moments, features.measures.wear)
         contacts.result = wp.zeros(slots, dtype=result, device=device)
         generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
-        contacts.place_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
+        contacts.point_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
         if features.measures.energy:
             contacts.entry = wp.zeros(grains, dtype=wall_entry_type(features.measures.losses), device=device)
             contacts.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
-        contacts.place = wp.zeros((generations, slots), dtype=wall_record.memory_type(features.contact.history), device=device)
+        contacts.point = wp.zeros((generations, slots), dtype=wall_record.history_type(features.contact.history), device=device)
         return contacts
 
     # -- reading --------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ class CpuExecutor:
         thread_ranges, moved = control.thread_ranges.numpy(), report.moved.numpy()
         batches = lists.totals[0] // model.features.backend.lanes
         thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.slots, lists.row_count)])
-        report.meeting.numpy()[:] = 0
+        report.arrivals.numpy()[:] = 0
         moved[:] = 0
         steps.row, steps.count, steps.parity = batch.row()[0], count, self._clock.step_number & 1
         steps.forces_first, steps.hold, steps.max_displacement = int(forces_first), int(hold), lists.max_displacement

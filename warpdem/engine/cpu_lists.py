@@ -30,7 +30,7 @@ class ThreadedBuild(HostBuild):
         self._threads, self._scratch = threads, Scratch()
         self._report = storage.pool.zeros(SPAN * (1 + batch.control.thread_ranges.shape[0]), wp.int32)
         self._read = self._report.numpy()  # the same memory
-        self._meeting, self._work = batch.report.meeting.numpy(), model.kernels.inner.Work()
+        self._arrivals, self._work = batch.report.arrivals.numpy(), model.kernels.inner.Work()
         self._no_wall_contacts, no_feature = model.kernels.WallContacts(), storage.pool.zeros(0, wp.int32)
         lists.near_feature = no_feature
         self._sized_for, self._sized_walls = (-1, -1), None
@@ -72,7 +72,7 @@ class ThreadedBuild(HostBuild):
         a, b, m, n, structs = self.lists, self.batch, self.model, self.state.slots, self.program.structs
         found = self.storage.pool.buffer("found", (n,), wp.int32)
         put(self._scratch, listed=a.listed, sums=b.scratch(n).sums, found=found, report=self._report)
-        self._meeting[:] = 0
+        self._arrivals[:] = 0
         put(
             self._work, mode=mode, schedule_row=b.row()[0], inner_skin=inner_skin, unused_slot=a.row.shape[0] - 1,
             near_feature=a.near_feature, old_history=a.history,

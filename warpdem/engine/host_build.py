@@ -18,7 +18,7 @@ from warpdem.engine.contact_lists import ContactLists, NewOuterList
 from warpdem.engine.list_structs import put
 from warpdem.engine.program import ListBuild
 from warpdem.engine.stops import too_long_a_list
-from warpdem.filling.size_grids import RowRoom, finest_cell, grids_for, size_classes
+from warpdem.filling.size_grids import RowCapacity, finest_cell, grids_for, size_classes
 from warpdem.kernels import grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.clock import TOTALS
@@ -122,7 +122,7 @@ class HostBuild:
         self.model, self.state, self.lists, self.batch, self.storage = model, state, lists, batch, storage
         self.launch = launch
         self.program = ListBuild(model, state, lists, batch, launch, self)
-        self._row_capacity = RowRoom(LEAST_CAPACITY)
+        self._row_capacity = RowCapacity(LEAST_CAPACITY)
         self._classes = np.zeros(0, dtype=np.int64)
         self._nothing = storage.pool.zeros(0, wp.int32)
         self._builds_in_order, self._side, self._entries = 0, 0, 0
@@ -266,7 +266,7 @@ class HostBuild:
         if old is None or (old.candidates.shape[0], old.feature.shape[0]) != (grains, slots):
             return self.lists.new_wall_contacts(grains, slots)
         old.candidates.zero_()
-        old.place_count.zero_()
+        old.point_count.zero_()
         return old
 
     # -- inner list -----------------------------------------------------------------------------

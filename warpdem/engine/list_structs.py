@@ -43,7 +43,7 @@ class ListStructs:
     def grains(self) -> Any:
         """``ListedGrains``."""
         s = self._state
-        put(self._grains, record=s.record, inverse=s.inverse, material=s.kind, id=s.id)
+        put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id)
         return put(self._grains, clump=s.clumps.of_grain) if s.clumps is not None else self._grains
 
     def outer(self) -> Any:

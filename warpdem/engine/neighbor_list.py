@@ -233,7 +233,7 @@ class NeighborLists(ContactLists):
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that was inserted just now is in no list
         if self.wall_contacts is not None and len(gone):
-            for array in (self.wall_contacts.candidates, self.wall_contacts.place_count):
+            for array in (self.wall_contacts.candidates, self.wall_contacts.point_count):
                 with changed(array) as values:
                     values[..., gone] = 0
 

@@ -148,11 +148,11 @@ class Newcomers:
         lists.near_feature = grown(lists.near_feature, int(begin[-1]))
         contacts.first.numpy()[new[0] : n + 1] = begin
         contacts.candidates.numpy()[new] = 0
-        contacts.place_count.numpy()[:, new] = 0
+        contacts.point_count.numpy()[:, new] = 0
         self._launch_for(new, near, 1, *shared, contacts.first, count, lists.near_feature)
 
 
-WALL_ROWS = {"first": 0, "candidates": 0, "load": 0, "place_count": 1}
+WALL_ROWS = {"first": 0, "candidates": 0, "load": 0, "point_count": 1}
 """Arrays of the wall contacts that are as long as there are grains, by the axis of the grains."""
-WALL_SLOTS = {"feature": 0, "hit_state": 0, "hit_mask": 0, "hit": 0, "found": 0, "result": 0, "place": 1}
+WALL_SLOTS = {"feature": 0, "hit_state": 0, "hit_mask": 0, "hit": 0, "found": 0, "result": 0, "point": 1}
 """Those that are as long as there are slots."""

@@ -48,7 +48,7 @@ class Structs:
         model, features, state, lists = self._model, self._model.features, self._state, self._lists
         grains, n, device = self._grains, self._state.slots, self._model.device
         put(
-            grains, record=state.record, inverse=state.inverse, material=state.kind, reference=lists.reference,
+            grains, record=state.record, inverse=state.inverse, material=state.material, reference=lists.reference,
             row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
             entry=self._view("entry", lists.entry, model.kernels.pairs.Entry),
         )  # fmt: skip

@@ -9,9 +9,11 @@ from warpdem.errors import SceneError
 from warpdem.filling.fill_region import FillRegion, closed_region, is_cup, open_region, sample_points, with_free_volume
 from warpdem.filling.placed_walls import PlacedWall, assign_sides, is_closed, straddle_notes
 from warpdem.mesh.shells import cavities, corners_in_file
+from warpdem.mesh.solid import MeshSolid, facets, shape_of
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.grains import Fill
 from warpdem.scene.model import Scene
+from warpdem.scene.regions import VOLUMES
 
 SIDES = 4000
 """Points of a region by which is told which closed meshes hold it."""
@@ -54,12 +56,13 @@ def choose_fill_space(
         SceneError: Nothing is left, the grains would run out, or it is not clear which of several spaces is meant.
     """
     if asked.wall is None:
-        assert asked.box is not None  # the scene says where
-        space = closed_region(None, (asked.box.min, asked.box.max), key, asked.height, up)
+        box = None if asked.box is None else (asked.box.min, asked.box.max)
+        space = closed_region(_facets(scene, asked, key), box, key, asked.height, up)
+        shape_key = next(name for name in VOLUMES if getattr(asked, name) is not None)
         near, far = ([w for w in walls if w.is_near(space.bounds, 0.0) == is_near] for is_near in (True, False))
         points = sample_points(space, SIDES)
         sided, vessels = assign_sides(near, points, is_body=body_test(scene, up))
-        notes = straddle_notes(sided, points, f"{key.split(': ')[-1]}.box")
+        notes = straddle_notes(sided, points, f"{key.split(': ')[-1]}.{shape_key}")
         return FillSpace(with_free_volume(space, sided, key), [*sided, *far], tuple(vessels), tuple(notes))
     mesh = meshes[asked.wall]
     box = None if asked.region is None else (asked.region.min, asked.region.max)
@@ -74,6 +77,16 @@ def choose_fill_space(
     point = None if asked.point is None else np.asarray(asked.point, float)
     space = open_region(mesh, [*own, *others], box, least, key, asked.height, up, point)
     return FillSpace(space, [*own, *others], tuple(vessels), note)
+
+
+def _facets(scene: Scene, asked: Fill, key: str) -> TriangleMesh | None:
+    """Surface of the region to fill: of a mesh its own, of a cylinder or sphere triangles with their corners on it; no box."""
+    if asked.mesh is not None:
+        solid = shape_of(scene, asked.mesh, f"{key.split(': ')[-1]}.mesh")
+        assert isinstance(solid, MeshSolid)
+        return solid.mesh
+    shape = asked.cylinder or asked.sphere
+    return None if shape is None else facets(shape)
 
 
 def _bound(

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.threads import Threads, available_threads
-from warpdem.filling.size_grids import RowRoom, grids_for, size_classes
+from warpdem.filling.size_grids import RowCapacity, grids_for, size_classes
 from warpdem.kernels import packing as kernels
 
 
@@ -41,7 +41,7 @@ class NeighborTable:
     ):  # fmt: skip
         self._position, self._loose, self._skin, self._threads = position, loose, skin, threads
         self._radii, self._classes = radius, size_classes(radius)
-        self._capacity = RowRoom(capacity) if capacity else None
+        self._capacity = RowCapacity(capacity) if capacity else None
         self._points = wp.zeros(len(position), dtype=wp.vec3d, device="cpu")
         self._radius: wp.array[wp.float64] = wp.array(radius, dtype=wp.float64, device="cpu")
         numbers = np.zeros(0, dtype=np.int32) if clump is None else clump.astype(np.int32)

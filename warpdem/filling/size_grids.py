@@ -38,7 +38,7 @@ def grid_cells(position: np.ndarray, cell: float) -> tuple[int, int, int]:
     return nx, ny, nz
 
 
-class RowRoom:
+class RowCapacity:
     """Room for the row of neighbours of each grain, the same in a class of sizes: rows are as long as their grains are large.
 
     Args:

@@ -34,7 +34,7 @@ class ContactColumns:
         self._view, self._lists, self._since = view, listed or view.contacts, since
         self._law, self._state, self._reader = view.model.features.contact, view.state, reader
         self._find_pairs(reader)
-        self._find_places()
+        self._find_wall_contacts()
 
     def _find_pairs(self, reader: Reader) -> None:
         """Lanes and overlap of the touching pairs."""
@@ -80,16 +80,16 @@ class ContactColumns:
     def _pair_normal(self) -> np.ndarray:
         return self._normals.numpy()[self._lane] if self.pairs else np.zeros((0, 3))
 
-    def _find_places(self) -> None:
+    def _find_wall_contacts(self) -> None:
         """Memory slot of the grain, history and results of each contact point at a wall."""
         lists, law = self._lists, self._law
-        self._g, self._place = np.zeros(0, dtype=np.int64), {}
+        self._g, self._points = np.zeros(0, dtype=np.int64), {}
         if len(self._state) and self._view.model.walls is not None and lists.row_count:
             parity = (self._view.clock.step_number - self._since) & 1
-            slot, self._g = lists.place_slots(parity, lists.wall_grains)
-            self._place = lists.places(parity, slot)
+            slot, self._g = lists.point_slots(parity, lists.wall_grains)
+            self._points = lists.contact_points(parity, slot)
         # of how many pairs, and whether there are contacts at walls
-        self.pairs, self._walls = len(self._lane), bool(self._place)
+        self.pairs, self._walls = len(self._lane), bool(self._points)
         self._law = law
 
     def __len__(self) -> int:
@@ -122,7 +122,7 @@ class ContactColumns:
 
     def _at_walls(self, name: str) -> np.ndarray:
         """A quantity of the contact points at walls, zero where the law has none, shape (c,) or (c, 3)."""
-        return self._place[name] if name in self._place else np.zeros((len(self._g), 3))
+        return self._points[name] if name in self._points else np.zeros((len(self._g), 3))
 
     @cached_property
     def _wall_rows(self) -> np.ndarray:
@@ -131,8 +131,8 @@ class ContactColumns:
         if not law.table:
             return run.coefficient_table[:1]
         assert run.walls is not None
-        kind = self._state.kind.numpy()[self._g]
-        return run.coefficient_table[kind * law.materials + run.walls.material[self._place["wall"]]]
+        kind = self._state.material.numpy()[self._g]
+        return run.coefficient_table[kind * law.materials + run.walls.material[self._points["wall"]]]
 
     @cached_property
     def _wall_own(self) -> dict[str, np.ndarray]:
@@ -150,26 +150,26 @@ class ContactColumns:
     @cached_property
     def j(self) -> np.ndarray:
         """Id of the partner, or -1 - w for wall w."""
-        return self._joined(self._ids[self._b], -1 - self._place["wall"] if self._walls else self._g)
+        return self._joined(self._ids[self._b], -1 - self._points["wall"] if self._walls else self._g)
 
     @cached_property
     def overlap(self) -> np.ndarray:
         """Overlap [m]."""
-        return self._joined(self._pair_overlap, self._place.get("overlap", self._g))
+        return self._joined(self._pair_overlap, self._points.get("overlap", self._g))
 
     @cached_property
     def normal(self) -> np.ndarray:
         """From j to i."""
-        return self._joined(self._pair_normal, self._place.get("normal", self._g))
+        return self._joined(self._pair_normal, self._points.get("normal", self._g))
 
     @cached_property
     def force(self) -> np.ndarray:
         """On i [N]."""
         if not self.pairs:
-            return self._place["force"] if self._walls else np.zeros((0, 3))
+            return self._points["force"] if self._walls else np.zeros((0, 3))
         assert self._lists.row is not None and self._lists.slot_i is not None
         pairs = self._lists.row.numpy()[self._lists.slot_i.numpy().ravel()[self._lane], :3]
-        return self._joined(pairs, self._place.get("force", self._g))
+        return self._joined(pairs, self._points.get("force", self._g))
 
     @cached_property
     def spring(self) -> np.ndarray:
@@ -195,7 +195,7 @@ class ContactColumns:
     @cached_property
     def twist(self) -> np.ndarray:
         """Twisting spring [rad]."""
-        return self._joined(self._history(TWIST), self._place.get(TWIST, np.zeros(len(self._g))))
+        return self._joined(self._history(TWIST), self._points.get(TWIST, np.zeros(len(self._g))))
 
     @cached_property
     def point(self) -> np.ndarray:
@@ -204,7 +204,7 @@ class ContactColumns:
         pairs = a[:, :3] - self._pair_normal * (a[:, 3] - 0.5 * self._pair_overlap)[:, None]
         if not self._walls:
             return pairs
-        return self._joined(pairs, g[:, :3] - self._place["normal"] * (g[:, 3] - overlap[self.pairs :])[:, None])
+        return self._joined(pairs, g[:, :3] - self._points["normal"] * (g[:, 3] - overlap[self.pairs :])[:, None])
 
     @cached_property
     def share(self) -> np.ndarray:
@@ -222,7 +222,7 @@ class ContactColumns:
     @cached_property
     def weight(self) -> np.ndarray:
         """Fraction of a full contact [-]."""
-        return self._joined(np.ones(self.pairs), self._place.get("weight", self._g))
+        return self._joined(np.ones(self.pairs), self._points.get("weight", self._g))
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -230,16 +230,16 @@ class ContactColumns:
         pairs = self._constant("stiffness")
         if not self._walls:
             return pairs
-        # the law is linear in its constant: a place that carries part of a force has that part of it
+        # the law is linear in its constant: a contact point that carries part of a force has that part of it
         base = self._wall_rows[:, self._law.coefficients.stiffness]
-        return self._joined(pairs, stiffness(self._law.normal, base, self._record[self._g, 3]) * self._place["weight"])
+        return self._joined(pairs, stiffness(self._law.normal, base, self._record[self._g, 3]) * self._points["weight"])
 
     @cached_property
     def load(self) -> np.ndarray:
         """Coulomb load of the force call [N]."""
         if LOAD not in self._law.history:  # of a law without numbers of its own
             return np.maximum(np.einsum("ij,ij->i", self.force, self.normal), 0.0)
-        at_walls = self._place[LOAD] * self._place["weight"] if self._walls else np.zeros(0)
+        at_walls = self._points[LOAD] * self._points["weight"] if self._walls else np.zeros(0)
         return self._joined(self._history(LOAD), at_walls)
 
     @cached_property
@@ -251,7 +251,7 @@ class ContactColumns:
             for name in self._law.own_constants
         }
         history = {
-            name: self._joined(self._history(name), self._place.get(name, none)) for name in self._law.own_history
+            name: self._joined(self._history(name), self._points.get(name, none)) for name in self._law.own_history
         }
         return constants | history
 
@@ -261,7 +261,7 @@ class ContactColumns:
         table, law = self._view.model.coefficient_table, self._law
         if not law.table:
             return np.broadcast_to(table[:1], (len(self), table.shape[1]))
-        kind = self._state.kind.numpy()
+        kind = self._state.material.numpy()
         pairs = table[kind[self._a] * law.materials + kind[self._b]]
         return self._joined(pairs, self._wall_rows if self._walls else self._g)
 

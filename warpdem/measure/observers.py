@@ -44,7 +44,7 @@ class Particles:
     @property
     def type(self) -> np.ndarray:
         """Material index in the order of the scene, shape (n,), int32."""
-        return self._state.kind.numpy()[self._state.rank]
+        return self._state.material.numpy()[self._state.rank]
 
     @property
     def group(self) -> np.ndarray:
@@ -224,7 +224,7 @@ def coefficients_of(view: RunView, contacts: Contacts) -> np.ndarray:
     table = run.coefficient_table
     if not run.features.contact.table:
         return np.broadcast_to(table[:1], (len(contacts.i), table.shape[1]))
-    ids, kind = state.id.numpy()[state.rank], state.kind.numpy()[state.rank]
+    ids, kind = state.id.numpy()[state.rank], state.material.numpy()[state.rank]
     first = kind[np.searchsorted(ids, contacts.i)]
     material = run.walls.material if run.walls is not None else np.zeros(0, dtype=int)
     other = np.where(

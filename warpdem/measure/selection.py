@@ -54,7 +54,7 @@ class Slots:
 
     def __init__(self, state: State, slots: np.ndarray | slice = slice(None)) -> None:
         self.group = state.group[slots]
-        self.type = state.kind.numpy()[slots]
+        self.type = state.material.numpy()[slots]
         self.radius = state.record.numpy()[slots, grain.RADIUS]
 
 

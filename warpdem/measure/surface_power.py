@@ -24,5 +24,5 @@ def contact_points(view: RunView) -> tuple[dict[str, np.ndarray], np.ndarray]:
     lists, state, parity = view.contacts, view.state, view.clock.step_number & 1
     assert view.model.walls is not None
     g = lists.wall_grains if len(state) else np.zeros(0, dtype=np.int32)
-    slot, _ = lists.place_slots(parity, g[np.argsort(state.id.numpy()[g])])
-    return lists.places(parity, slot), view.model.walls.wall_of
+    slot, _ = lists.point_slots(parity, g[np.argsort(state.id.numpy()[g])])
+    return lists.contact_points(parity, slot), view.model.walls.wall_of

@@ -115,8 +115,8 @@ class Totals:
         """Add the loads on the walls to ``sums``, from that column on."""
         view, reader, of = self.view, reader_of(self.view), self.listed.walls
         if self._walls and self.listed.row_count:
-            place, result = reader.plain("place", of.place), reader.plain("result", of.result)
-            points = of.grain, of.first, of.place_count, place, result, view.clock.step_number & 1
+            point, result = reader.plain("point", of.point), reader.plain("result", of.result)
+            points = of.grain, of.first, of.point_count, point, result, view.clock.step_number & 1
             record = reader.plain("record", view.state.record)
             reader.add(kernels.wall_sums, self.listed.row_count, record, *points, column, sums)
 

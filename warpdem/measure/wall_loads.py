@@ -89,9 +89,9 @@ def _add_triangles(view: RunView, loads: dict[str, WallLoad]) -> None:
 
     Summed in order of grain id, so that they do not depend on the order of the lists.
     """
-    model, (place, wall_of) = view.model, contact_points(view)
-    force = _sums(-place["force"], place["feature"], len(wall_of))
-    push = _sums(np.einsum("ij,ij->i", place["force"], place["normal"])[:, None], place["feature"], len(wall_of))[:, 0]
+    model, (point, wall_of) = view.model, contact_points(view)
+    force = _sums(-point["force"], point["feature"], len(wall_of))
+    push = _sums(np.einsum("ij,ij->i", point["force"], point["normal"])[:, None], point["feature"], len(wall_of))[:, 0]
     for number, wall in enumerate(model.scene.walls):
         if (mesh := model.meshes.get(wall.name)) is not None:
             own = np.flatnonzero(wall_of == number)

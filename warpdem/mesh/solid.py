@@ -4,12 +4,24 @@ from collections.abc import Callable
 
 import numpy as np
 
-from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed, signed_distance
+from warpdem.mesh.triangle_mesh import TriangleMesh, build_mesh, load_mesh, require_closed, signed_distance
 from warpdem.scene.model import Scene
-from warpdem.scene.regions import Box, CylinderRegion, DiskFace, MeshFace, MeshRegion, PlaneRegion, Shape, SphereRegion
+from warpdem.scene.regions import (
+    Box,
+    CylinderRegion,
+    DiskFace,
+    MeshFace,
+    MeshRegion,
+    PlaneRegion,
+    Shape,
+    SphereRegion,
+    across,
+)
 
 ROUNDS = 50
 """Rounds in which random points are drawn until one is deep enough [-]."""
+FACETS = 96
+"""Facets of a cylinder or sphere around its axis [-]."""
 AT_ONCE = 64
 """Points that are drawn in a round at least [-]."""
 
@@ -113,6 +125,26 @@ def _deep_enough(
         points[first[0]] = drawn[good][first[1]]
         open_still = np.setdiff1d(open_still, first[0])
     return points
+
+
+def facets(shape: CylinderRegion | SphereRegion) -> TriangleMesh:
+    """A closed mesh with its corners on a cylinder of a length, or on a sphere; its volume is smaller by up to 0.2 %."""
+    turn = 2.0 * np.pi * np.arange(FACETS) / FACETS
+    if isinstance(shape, CylinderRegion):
+        assert shape.length is not None  # a filling has an end
+        (first, second), axis, origin = across(np.array(shape.axis)), np.array(shape.axis), np.array(shape.point)
+        level = np.array([[0.0, 0.0], [0.0, shape.radius], [shape.length, shape.radius], [shape.length, 0.0]])
+    else:
+        first, second, axis = np.eye(3)
+        origin, rise = np.array(shape.centre), np.pi * np.arange(FACETS // 2 + 1) / (FACETS // 2)
+        level = shape.radius * np.stack([-np.cos(rise), np.sin(rise)], axis=1)
+        level[[0, -1], 1] = 0.0
+    radial = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
+    ring = origin + level[:, None, :1] * axis + level[:, None, 1:] * radial  # (levels, FACETS, 3)
+    below, above = ring[:-1], ring[1:]
+    one, other = np.roll(below, -1, axis=1), np.roll(above, -1, axis=1)
+    triangles = np.concatenate([np.stack([below, one, other], axis=2), np.stack([below, other, above], axis=2)])
+    return build_mesh(triangles.reshape(-1, 3, 3), name="region")
 
 
 Bounded = Box | CylinderRegion | SphereRegion | MeshSolid

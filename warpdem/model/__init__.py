@@ -6,7 +6,7 @@
     coefficients          numbers that the scene gives its models
     compiled              the kernels of these features
     model                 the result, with all below
-    domain, ways_out      borders and outlets of the scene, and where they stand
+    domain, exits      borders and outlets of the scene, and where they stand
     walls, wall_images    walls on the device, and at their periodic images
     schedule              tables of all that changes with time and is known beforehand
     time_step             limits of the time step, and the step chosen

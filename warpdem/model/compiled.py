@@ -192,12 +192,12 @@ def _built(features: Features) -> Built:
     load = motion.build_load(backend.real, **spins, walls=walls.present)
     acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE, clumps=laws.clumps)
     integrator = scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
-    turned = orientation.build(turning_axes=turns)
-    grain_turned = turned if measures.orientation else None
+    grain_turned = orientation.build(turning_axes=turns) if measures.orientation else None
     flowing = flow.build(moving_frame=frame.moves) if measures.flows else None
     bodies = None
     if laws.clumps:
-        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, turned)
+        with_axes = orientation.build_axes(turning_axes=turns)
+        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes)
         bodies = clump_phase.build(
             arrays, WallContacts, rigid, load, travel, grain_turned, sums, flowing, walls=walls.present
         )

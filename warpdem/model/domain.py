@@ -10,7 +10,7 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.kernels.step.region import BOX, CYLINDER, MESH, SPHERE
-from warpdem.model.ways_out import WaysOut
+from warpdem.model.exits import Exits
 from warpdem.scene.borders import Border
 from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement, Translation
@@ -106,7 +106,7 @@ class Domain:
         return way - np.where(period > 0, turns * period, 0.0)
 
 
-def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out: WaysOut) -> None:
+def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: Exits) -> None:
     """Refuse borders that cannot be, and grains that start beyond them.
 
     Args:
@@ -114,7 +114,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out
         start: grains at the start.
         frame: motions of the frame.
         gap: how far beyond contact the normal law acts [m].
-        ways_out: regions in which grains leave.
+        exits: regions in which grains leave.
 
     Raises:
         SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
@@ -155,7 +155,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, ways_out
                 if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):
                     raise SceneError(f"{key}: periodic, but walls[{number}].motion turns about another axis")
     _check_places(scene, domain.period)
-    where = ways_out.left_by(start.position)
+    where = exits.left_by(start.position)
     if (where >= 0).any():
         first = int(np.flatnonzero(where >= 0)[0])
         place = ", ".join(f"{x:.4g}" for x in start.position[first])

@@ -10,11 +10,11 @@ from warpdem.kernels import Built
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.digests import Given
 from warpdem.model.domain import Domain
+from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.schedule import Schedule
 from warpdem.model.time_step import Limits
 from warpdem.model.walls import Walls
-from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 
 
@@ -32,7 +32,7 @@ class Model:
     """Mesh walls by name."""
     domain: Domain
     """Borders and outlets."""
-    ways_out: WaysOut
+    exits: Exits
     """The regions of these in which grains leave, where they stand."""
     expected: InitialGrains
     """Grains at the start, and of each stream those that represent it: what limits and cutoffs are made for."""

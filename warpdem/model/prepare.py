@@ -18,6 +18,7 @@ from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
 from warpdem.model.dynamic_walls import complete_dynamic_walls
+from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
 from warpdem.model.model import Model
@@ -25,7 +26,6 @@ from warpdem.model.past import Past
 from warpdem.model.schedule import Schedule
 from warpdem.model.wall_images import wall_images
 from warpdem.model.walls import Walls, load_meshes, mesh_notes, named_diameters, size_warnings
-from warpdem.model.ways_out import WaysOut
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.regions import Placed
@@ -92,8 +92,8 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
     )
     features = as_the_law_allows(features)
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
-    ways_out = WaysOut(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
-    domain.check(scene, start, schedule.frame, features.contact.gap, ways_out)
+    exits = Exits(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
+    domain.check(scene, start, schedule.frame, features.contact.gap, exits)
     for number, region in enumerate(scene.measures.regions):
         if region.shape_key:  # a mesh that cannot be read is refused before the run
             shape_of(scene, region.shape, f"measures.regions[{number}].{region.shape_key}")
@@ -112,7 +112,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         device=device,
         meshes=meshes,
         domain=borders,
-        ways_out=ways_out,
+        exits=exits,
         expected=expected,
         schedule=schedule,
         features=features,

@@ -19,7 +19,7 @@ from warpdem.state.view import RunView
 POLL = 1.0e-3  # [s] between two looks whether a copy is done
 
 
-class Room:
+class StagingBuffer:
     """Host memory for the arrays of one instant, kept for those to come: page-locking it takes longer than a copy.
 
     Args:
@@ -101,7 +101,7 @@ class Instant:
         contacts: whether the contacts between grains are copied too.
     """
 
-    def __init__(self, live: RunView, room: Room, contacts: bool = True) -> None:
+    def __init__(self, live: RunView, room: StagingBuffer, contacts: bool = True) -> None:
         room.wait()
         self._room = room
         read = live.reader.read()  # first: the motion of clumps is a part of what is copied

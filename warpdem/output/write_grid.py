@@ -1,11 +1,11 @@
-"""Coarse-grained fields as VTK image data: ``grid_000000.vti`` ... with ``grid.pvd``, in frame axes."""
+"""Coarse-grained fields as VTK image data: ``grid_000000.vti`` ... with ``grid.pvd``, in frame or laboratory axes."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from warpdem.core.snapshot import Snapshot
+from warpdem.core.snapshot import Snapshot, in_laboratory
 from warpdem.measure.coarse_grain import Lattice, coarse_grained
 from warpdem.output.pvd_index import Entry, read_index, write_index
 from warpdem.output.vtk_files import add_array, save
@@ -28,7 +28,7 @@ class GridWriter:
         self._folder, self._period = Path(folder), period
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lattice = Lattice.across(grid.box.min, grid.box.max, grid.cell)
-        self._width = grid.width or 2.0 * grid.cell
+        self._width, self._in_laboratory = grid.width or 2.0 * grid.cell, grid.fixed_to == "laboratory"
         index = self._folder / INDEX
         self._entries = read_index(index) if resume and index.exists() else []
         self._started = False
@@ -43,7 +43,8 @@ class GridWriter:
         data.SetDimensions(*self._lattice.shape)
         data.SetOrigin(*self._lattice.origin)
         data.SetSpacing(*[self._lattice.cell] * 3)
-        for name, values in coarse_grained(snapshot, self._lattice, self._width, self._period).items():
+        seen = in_laboratory(snapshot) if self._in_laboratory else snapshot
+        for name, values in coarse_grained(seen, self._lattice, self._width, self._period).items():
             add_array(data.GetPointData(), name, values)
         add_array(data.GetFieldData(), "time", np.array([float(snapshot.time)]))
         name = f"grid_{len(self._entries):06d}.vti"

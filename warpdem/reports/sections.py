@@ -63,7 +63,8 @@ def scene(record: Mapping[str, Any]) -> list[Node]:
     out += _rows_of("Walls", given.get("walls", ()))
     for key, title in (("grains", "Grains at the start"), ("streams", "Streams"), ("outlets", "Outlets"), ("fields", "Fields")):
         out += _rows_of(title, given.get(key, ()))
-    rest = {key: given.get(key) for key in ("gravity", "contact", "frame", "borders", "time", "output", "engine", "measures")}
+    named = ("gravity", "contact", "clumps", "frame", "borders", "time", "output", "engine", "measures")
+    rest = {key: given.get(key) for key in named}
     shown = [[key, _short(value)] for key, value in rest.items() if value]
     out += [table("Other tables of the scene, in SI units", ["key", "value"], shown, "wide")] if shown else []
     whole = json.dumps(given, indent=1)

@@ -88,12 +88,12 @@ def grain_problems(groups: Sequence[Grains], walls: Sequence[Wall]) -> Iterator[
 def region_problems(regions: Iterable[tuple[KeyPath, Placed]], walls: Sequence[Wall]) -> Iterator[Problem]:
     """Regions that follow a wall which the scene does not have, or whose motion is not known beforehand."""
     names = [wall.name for wall in walls]
-    by_load = [wall.name for wall in walls if wall.servo is not None]
+    by_load = [wall.name for wall in walls if wall.dynamic is not None]
     for key_path, region in regions:
         if region.follows is not None and region.follows not in names:
             yield (*key_path, "follows"), region.follows, f"no such wall; the scene has {quoted(names)}"
         if region.follows in by_load:
-            reason = "has a servo, by which its load moves it: a region follows only a motion that is given"
+            reason = "has a servo or is free: its load moves it, and a region follows only a motion that is given"
             yield (*key_path, "follows"), region.follows, reason
 
 
@@ -134,7 +134,7 @@ def _meet(stream: Stream, outlet: Outlet) -> bool:
 
 
 def measure_problems(
-    measures: Measures, integrator: str, groups: list[str] | None, materials: list[str], ways_out: Sequence[str]
+    measures: Measures, integrator: str, groups: list[str] | None, materials: list[str], exits: Sequence[str]
 ) -> Iterator[Problem]:
     """Measures that the integrator cannot make, names given twice, and groups, materials and outlets that are not there.
 
@@ -143,7 +143,7 @@ def measure_problems(
         integrator: its name.
         groups: names of the scene's groups; None where they are not known yet.
         materials: names of its materials.
-        ways_out: names of its outlets and of the borders through which grains leave.
+        exits: names of its outlets and of the borders through which grains leave.
     """
     for key in ("energy", "momentum"):
         if getattr(measures, key) and integrator != "exact_drift":
@@ -154,8 +154,8 @@ def measure_problems(
     if measures.flow and stages > 1:
         yield ("measures", "flow"), None, f'not with engine.integrator = "{integrator}", whose steps have stages'
     for i, one in enumerate(measures.residence):
-        if one.outlet is not None and one.outlet not in ways_out:
-            reason = f"grains do not leave there; they do through {', '.join(ways_out) or 'nothing: the scene has no outlet'}"
+        if one.outlet is not None and one.outlet not in exits:
+            reason = f"grains do not leave there; they do through {', '.join(exits) or 'nothing: the scene has no outlet'}"
             yield ("measures", "residence", i, "outlet"), one.outlet, reason
     for key in ("flow", "regions", "profiles", "mixing", "residence"):
         names = [part.name for part in getattr(measures, key)]
@@ -180,7 +180,7 @@ def class_problems(measures: Measures, groups: list[str] | None, materials: list
             yield from selection_problems(("measures", key, i, word), getattr(part, word), groups, materials)
 
 
-def ways_out(borders: Borders | None, outlets: Sequence[Outlet]) -> list[str]:
+def exits(borders: Borders | None, outlets: Sequence[Outlet]) -> list[str]:
     """Names of the borders through which grains leave, such as "x max", and of the outlets."""
     out = []
     for axis in "xyz":

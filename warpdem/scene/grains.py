@@ -18,21 +18,26 @@ from warpdem.scene.base import (
     exactly_one,
     validation_error,
 )
-from warpdem.scene.regions import Box
+from warpdem.scene.regions import VOLUMES, Box, CylinderRegion, MeshRegion, SphereRegion
 from warpdem.scene.size_distribution import Diameter
 from warpdem.scene.units import Array, Quantity
 
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 
 class Fill(SceneModel):
-    """Grains at random positions, dense and without overlap, inside a mesh wall or a box.
+    """Grains at random positions, dense and without overlap, inside a mesh wall or a region.
 
     The number of grains follows from count, mass, or solid fraction in the volume that walls leave free. Fillings do not
     overlap walls, each other, or grains given by positions or files.
     """
 
-    wall: str | None = Field(None, description="Name of the mesh wall to fill; either this or box.")
-    box: Box | None = Field(None, description="Box to fill; either this or wall.")
+    wall: str | None = Field(None, description="Name of the mesh wall to fill; this, or box, cylinder, sphere or mesh.")
+    box: Box | None = Field(None, description="Box to fill; this, wall or another region.")
+    cylinder: CylinderRegion | None = Field(
+        None, description="Cylinder to fill, of a length, in 96 facets; this, wall or another region."
+    )
+    sphere: SphereRegion | None = Field(None, description="Sphere to fill, in 96 facets; this, wall or another region.")
+    mesh: MeshRegion | None = Field(None, description="Inside of a closed mesh that is no wall; this, wall or another region.")
     region: Box | None = Field(None, description="With wall: fill only the part of its inside that lies in this box.")
     point: Point | None = Field(
         None, description="With wall: a point inside the space to fill [m], if the mesh bounds several spaces."
@@ -66,14 +71,16 @@ class Fill(SceneModel):
 
     @model_validator(mode="after")
     def _keys_agree(self) -> "Fill":
-        exactly_one(self, "wall", "box")
+        exactly_one(self, "wall", *VOLUMES)
+        if self.cylinder is not None and self.cylinder.length is None:
+            raise validation_error([(("cylinder", "length"), None, "missing: a filling has an end")])
         amounts = ("count", "mass", "solid_fraction")
         if self.height is None or any(getattr(self, key) is not None for key in amounts):
             exactly_one(self, *amounts)
         if self.point is not None and self.wall is None:
-            raise validation_error([(("point",), None, "selects a space of a wall; a box is filled completely")])
+            raise validation_error([(("point",), None, "selects a space of a wall; a region is filled completely")])
         if self.region is not None and self.wall is None:
-            raise validation_error([(("region",), None, "clips the inside of a wall; for a box give the smaller box itself")])
+            raise validation_error([(("region",), None, "clips the inside of a wall; else give the smaller region itself")])
         return self
 
 

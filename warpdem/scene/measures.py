@@ -120,7 +120,10 @@ class Mixing(SceneModel):
 class Grid(SceneModel):
     """The grid of the coarse-grained fields."""
 
-    box: Box = Field(description="Box in frame axes that the grid spans.")
+    box: Box = Field(description="Box along the axes of what it is fixed to, that the grid spans.")
+    fixed_to: Literal["frame", "laboratory"] = Field(
+        "frame", description='What the grid is fixed to, and whose axes its vectors are in: "frame" (default) or "laboratory".'
+    )
     cell: Length = Field(description="Spacing of the grid points [m], > 0.")
     width: Length | None = Field(
         None, description="Radius of the averaging kernel [m], > 0, default 2 cell; some 1.5 to 3 grain diameters."

@@ -27,6 +27,7 @@ from warpdem.scene.base import Label, Name, Problem, SceneModel, Vec3, relocated
 from warpdem.scene.borders import Borders
 from warpdem.scene.checks import (
     Named,
+    exits,
     grain_problems,
     material_problems,
     measure_problems,
@@ -35,7 +36,6 @@ from warpdem.scene.checks import (
     region_problems,
     source_problems,
     stream_problems,
-    ways_out,
 )
 from warpdem.scene.clump_checks import clump_problems
 from warpdem.scene.clumps import Clump
@@ -118,7 +118,8 @@ class Scene(SceneModel):
         for name, clump in self.clumps.items():
             yield from ((("clumps", name, key), file) for key in ("file", "mesh") if (file := getattr(clump, key)) is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
-        for key_path, region in self.regions():
+        fills = ((("grains", i, "fill"), group.fill) for i, group in enumerate(self.grains))
+        for key_path, region in (*self.regions(), *fills):
             for key in ("mesh", "face"):
                 if isinstance(mesh := getattr(region, key, None), MeshFile):
                     yield (*key_path, key, "file"), mesh.file
@@ -270,7 +271,7 @@ class Scene(SceneModel):
             *own_law_problems(self.contact, self.pairs, self.materials, {"base": self.base, "access": self.access}),
             *measure_problems(
                 self.measures, self.engine.integrator, None if self.start else self.groups, list(self.materials),
-                ways_out(self.borders, self.outlets),
+                exits(self.borders, self.outlets),
             ),
             *clump_problems(self),
         ]

@@ -97,7 +97,7 @@ def save(run: Run, path: str | Path) -> None:
     about = {
         **_about(view),
         "left": run.left,
-        "feeders": run.streams.state(),
+        "streams": run.streams.state(),
         "next_id": view.state.next_id,
         "budget": view.totals.state() if view.totals is not None else None,
         "guards": run.guards.state(),
@@ -204,7 +204,7 @@ def restore(run: Run, data: dict[str, Any]) -> None:
         one.restore(data["dynamic"][one.wall.name])
     run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
-    run.streams.restore(data["feeders"])
+    run.streams.restore(data["streams"])
     if view.departures is not None:
         view.departures.restore(data)
     if view.totals is not None:

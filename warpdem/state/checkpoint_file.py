@@ -18,6 +18,11 @@ from warpdem.errors import SceneError
 from warpdem.state.blocks import FileSink, Rows, each_block
 
 FORMAT = "warpdem checkpoint 5"
+HOLDS = {
+    "record", "inverse", "id", "material", "group", "velocity", "spin", "extreme", "pair", "scene_hash", "files", "places",
+    "step", "dt", "left", "streams", "next_id", "budget", "guards",
+}  # fmt: skip
+"""Arrays of any checkpoint, and keys of its ``about``: a file that was saved under other names is one of another version."""
 
 
 def write(path: Path, scene: str, about: str, arrays: dict[str, Rows | np.ndarray]) -> None:
@@ -95,7 +100,13 @@ def read(path: str | Path) -> dict[str, Any]:
             arrays = {name: file[name][()] for name in file}
             if digest != _digest(scene + about, arrays):
                 raise SceneError(f"{path}: damaged: its content is not what was written")
-            return {**arrays, **json.loads(about), "scene": json.loads(scene), "path": path}
+            data = {**arrays, **json.loads(about)}
+            if missing := sorted(HOLDS - data.keys()):
+                raise SceneError(
+                    f"{path}: a checkpoint of another version: it holds no {', '.join(missing)}; go on with the version "
+                    "that saved it"
+                )
+            return {**data, "scene": json.loads(scene), "path": path}
     except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
         raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
 

@@ -25,7 +25,7 @@ def read(view: RunView) -> dict[str, Rows | np.ndarray]:
 
 
 def springs_width(at: Columns) -> int:
-    """Numbers of the springs, which stand first in the contact history ``at`` and in ``pair_memory`` of a checkpoint."""
+    """Numbers of the springs, which stand first in the contact history ``at`` and in ``pair_history`` of a checkpoint."""
     return sum(size for name, size in at.sizes if name in VECTORS)
 
 
@@ -37,7 +37,7 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     own = [name for name in at.names if name not in VECTORS]
     if not contacts.contact_count:
         none: dict[str, Rows | np.ndarray] = {"pair": np.zeros((0, 2), dtype=np.int64)}
-        none |= {"pair_memory": np.zeros((0, max(springs, 1)))}
+        none |= {"pair_history": np.zeros((0, max(springs, 1)))}
         none |= {f"pair_share_{side}": np.zeros((0, force_width)) for side in "ij"}
         none |= {f"pair_own_{name}": np.zeros(0) for name in own}
         entries = {f"pair_entry_{side}": np.zeros((0, features.measures.entry_width)) for side in "ij"}
@@ -59,7 +59,7 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
 
     unsprung = np.zeros((count, 1), dtype=history.dtype)
     out: dict[str, Rows | np.ndarray] = {"pair": Rows((count, 2), ids.dtype, pair)}
-    out["pair_memory"] = Rows((count, springs), history.dtype, remembered(slice(springs))) if springs else unsprung
+    out["pair_history"] = Rows((count, springs), history.dtype, remembered(slice(springs))) if springs else unsprung
     slots = (("i", contacts.slot_i.numpy().ravel()), ("j", contacts.slot_j.numpy().ravel()))
     out |= {f"pair_share_{side}": in_slots(contacts.row.numpy(), slot) for side, slot in slots}
     out |= {f"pair_own_{name}": Rows((count,), history.dtype, remembered(at.of(name))) for name in own}
@@ -76,9 +76,10 @@ def wall_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     if walls is None:
         return {}
     parity, g = view.clock.step_number & 1, contacts.wall_grains
-    slot, holder = contacts.place_slots(parity, g)
-    out: dict[str, Rows | np.ndarray] = {f"place_{k}": values for k, values in contacts.places(parity, slot).items()}
-    out["place_grain"] = state.id.numpy()[holder]
+    slot, holder = contacts.point_slots(parity, g)
+    points = contacts.contact_points(parity, slot)
+    out: dict[str, Rows | np.ndarray] = {f"wall_contact_{name}": values for name, values in points.items()}
+    out["wall_contact_grain"] = state.id.numpy()[holder]
     load, candidates = walls.load.numpy(), walls.candidates.numpy()
 
     def wall_load(part: slice) -> np.ndarray:
@@ -94,8 +95,8 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Take over the contact history, for the first rebuild to carry it to the grains that touch.
 
     Args:
-        data: ids of the grains in their order (``id``), ``pair``, its springs ``pair_memory`` and the law's own scalars
-            ``pair_own_*``, and where there are walls the ``place_*`` of a checkpoint.
+        data: ids of the grains in their order (``id``), ``pair``, its springs ``pair_history`` and the law's own scalars
+            ``pair_own_*``, and where there are walls the ``wall_contact_*`` of a checkpoint.
     """
     features, n = lists.model.features, len(lists.state)
     at = features.contact.history
@@ -103,10 +104,11 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     # gives the one, and the other begins at zero
     for name in {LOAD, TWIST} & {*at.names}:
         data = {f"pair_own_{name}": np.zeros(len(data["pair"])), **data}
-        data = {f"place_{name}": np.zeros(len(data["place_grain"])), **data} if "place_grain" in data else data
+        if "wall_contact_grain" in data:
+            data = {f"wall_contact_{name}": np.zeros(len(data["wall_contact_grain"])), **data}
     pair, memory = data["pair"], np.zeros((len(data["pair"]), max(at.width, 1)))
     springs = springs_width(at)
-    memory[:, :springs] = data["pair_memory"][:, :springs]
+    memory[:, :springs] = data["pair_history"][:, :springs]
     for name in at.names:
         if name not in VECTORS:
             memory[:, at.of(name)] = data[f"pair_own_{name}"]
@@ -117,8 +119,8 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     padded = np.concatenate([memory, np.zeros((-len(memory) % features.backend.lanes, memory.shape[1]))])
     batches = padded.reshape(-1, features.backend.lanes, memory.shape[1]).transpose(0, 2, 1)
     lists.history = lists.pool.upload(batches, lists.real)
-    if features.walls.present and "place_grain" in data:
-        _put_places(lists, data, n)
+    if features.walls.present and "wall_contact_grain" in data:
+        _put_wall_contacts(lists, data, n)
 
 
 def restore(lists: "NeighborLists", data: dict[str, Any]) -> None:
@@ -131,18 +133,18 @@ def restore(lists: "NeighborLists", data: dict[str, Any]) -> None:
     _put_forces(lists, data)
 
 
-def _put_places(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
+def _put_wall_contacts(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
     """Slots that hold the wall contacts of a checkpoint, for the rebuild to carry over."""
-    grains = np.searchsorted(data["id"], data["place_grain"])
+    grains = np.searchsorted(data["id"], data["wall_contact_grain"])
     order = np.argsort(grains, kind="stable")
     count = np.bincount(grains, minlength=n).astype(np.int32)
     walls = lists.new_wall_contacts(n, len(grains))
     walls.first = lists.pool.upload(starts(count), wp.int32)
-    walls.place_count = lists.pool.upload(np.stack([count, count]), wp.int32)
-    memory = walls.place.numpy()
+    walls.point_count = lists.pool.upload(np.stack([count, count]), wp.int32)
+    memory = walls.point.numpy()
     at = wall_record.columns(lists.model.features.contact.history)
     memory[lists.force_parity] = wall_record.packed(at, data, memory.shape[-1])[order]
-    walls.place.assign(memory)
+    walls.point.assign(memory)
     lists.wall_contacts = walls
 
 
@@ -169,8 +171,8 @@ def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
         values = np.zeros_like(data[f"wall_{name}"])
         values[state.rank] = data[f"wall_{name}"]
         getattr(lists.wall_contacts, name).assign(values)
-    slot, holder = contacts.place_slots(lists.force_parity, contacts.wall_grains)
-    order = np.argsort(data["place_grain"], kind="stable")
+    slot, holder = contacts.point_slots(lists.force_parity, contacts.wall_grains)
+    order = np.argsort(data["wall_contact_grain"], kind="stable")
     mine = np.argsort(state.id.numpy()[holder], kind="stable")
     result = lists.wall_contacts.result.numpy()
     result[slot[mine]] = wall_record.packed(wall_record.RESULT, data, result.shape[-1])[order]

@@ -26,7 +26,7 @@ class Departures:
         assert state.came is not None
         count = len(slots)
         found = {
-            "id": state.id.numpy()[slots], "group": state.group[slots], "type": state.kind.numpy()[slots],
+            "id": state.id.numpy()[slots], "group": state.group[slots], "type": state.material.numpy()[slots],
             "radius": state.record.numpy()[slots, grain.RADIUS], "way_out": np.full(count, way_out),
             "came": state.came[slots], "left": np.full(count, step),
         }  # fmt: skip

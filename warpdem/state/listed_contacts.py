@@ -14,7 +14,7 @@ from warpdem.state.particles import State
 
 CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "row", "history")
 """Arrays of contacts between grains that a copy holds."""
-WALL_ARRAYS = ("first", "grain", "place_count", "place", "result")
+WALL_ARRAYS = ("first", "grain", "point_count", "point", "result")
 """Arrays of contacts with walls that a copy holds."""
 
 
@@ -67,20 +67,20 @@ class ListedContacts:
         """Memory slots of the grains that have wall candidates, shape (row_count,)."""
         return self.walls.grain.numpy()[: self.row_count] if self.row_count else np.zeros(0, dtype=np.int32)
 
-    def place_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def point_slots(self, parity: int, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slots of the wall contact points of the grains in memory slots ``g``, and the grain of each.
 
         Args:
             parity: parity of the step of the force call that found them.
             g: memory slots, shape (k,).
         """
-        count = self.walls.place_count.numpy()[parity, g]
+        count = self.walls.point_count.numpy()[parity, g]
         slot = np.repeat(self.walls.first.numpy()[g] - np.cumsum(count) + count, count) + np.arange(count.sum())
         return slot, np.repeat(g, count)
 
-    def places(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
+    def contact_points(self, parity: int, slot: np.ndarray) -> dict[str, np.ndarray]:
         """Wall contact points in ``slot``: history and results of the last force call, by the names of ``wall.record``."""
-        history, result = self.walls.place.numpy()[parity, slot], self.walls.result.numpy()[slot]
+        history, result = self.walls.point.numpy()[parity, slot], self.walls.result.numpy()[slot]
         return wall_record.unpacked(self.history_columns, history, result)
 
     def copied(self, state: State, take: Callable[[str, wp.array], wp.array], pairs: bool) -> "ListedContacts":

@@ -43,7 +43,7 @@ class State:
         record: moving state, shape (n,), see ``kernels.grain``.
         inverse: 1/m [1/kg] and 1/I [1/(kg m2)], shape (n,) of two numbers.
         id: grain ids, shape (n,), int64.
-        kind: material index, shape (n,), int32.
+        material: material index, shape (n,), int32.
         group: number of the group, shape (n,), int32, on the host: only results show it.
         came: step at which each grain was inserted, shape (n,), int64, on the host; None where nobody asks for it.
         next_id: least id that no grain has had so far.
@@ -80,7 +80,7 @@ class State:
             inverse = member_inverse(inverse, start.clumps, start.radius)
         self.inverse: wp.array = wp.array(inverse, dtype=self._Inverse, device=device)
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
-        self.kind: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
+        self.material: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
         self.group = np.asarray(start.group, dtype=np.int32)
         self.came: np.ndarray | None = None
         self.orientation: wp.array | None = None
@@ -141,7 +141,7 @@ class State:
     @property
     def names(self) -> list[str]:
         """Names of the device arrays."""
-        return ["record", "inverse", "id", "kind"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
+        return ["record", "inverse", "id", "material"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, in memory order: in ascending order of id, as ``rank`` gives it, ``restore`` takes them back."""

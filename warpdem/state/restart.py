@@ -66,7 +66,7 @@ def read(scene: Scene) -> Past:
     except SceneError as error:
         raise SceneError(f"{key}: {error}") from None
     names = list(data["scene"]["materials"])
-    present = [names[kind] for kind in np.unique(data["kind"])]
+    present = [names[kind] for kind in np.unique(data["material"])]
     missing = [name for name in present if name not in scene.materials]
     if missing:
         raise SceneError(
@@ -86,7 +86,7 @@ def read(scene: Scene) -> Past:
         memory["orientation"] = data["orientation"]
     going = "streams" in _start(scene).continues
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
-    inlets = {here: data["feeders"][there] for here, there in enumerate(numbers)} if going else {}
+    inlets = {here: data["streams"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
     return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
 
@@ -121,7 +121,7 @@ def _check_clumps(scene: Scene, data: dict[str, Any], key: str) -> None:
             raise SceneError(f"{scene.source}: clumps.{name}: is not what it was in {data['path']}, where the clumps come from")
     if list(here)[: len(names)] != names:
         raise SceneError(f"{scene.source}: clumps: those of {data['path']} come first, in its order: {', '.join(names)}")
-    members = np.unique(data["kind"][data["clump_of_grain"] >= 0])
+    members = np.unique(data["material"][data["clump_of_grain"] >= 0])
     for name in (list(data["scene"]["materials"])[kind] for kind in members):
         before, now = data["scene"]["materials"][name]["density"], scene.materials[name].density
         if before != now:
@@ -301,7 +301,7 @@ def _grains(scene: Scene, data: dict[str, Any], material: list[int]) -> InitialG
     clumps = from_checkpoint(data, spin, velocity) if "clump_of_grain" in data else None
     return InitialGrains(
         id=data["id"],
-        type=np.array(material, dtype=np.int32)[data["kind"]],
+        type=np.array(material, dtype=np.int32)[data["material"]],
         group=np.array([scene.groups.index(name) for name in data["groups"]], dtype=np.int32)[data["group"]],
         radius=data["record"][:, grain.RADIUS],
         position=position,
@@ -317,7 +317,7 @@ def _grains(scene: Scene, data: dict[str, Any], material: list[int]) -> InitialG
 def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict[str, np.ndarray], list[str]]:
     """Memory of contacts for ``Lists.remember``, numbered as the walls of ``scene``, and what was dropped in words."""
     was, now, notes = data["scene"]["contact"], scene.contact, []
-    springs, given = Columns(tuple((name, 3) for name in VECTORS)), data["pair_memory"].shape[1]
+    springs, given = Columns(tuple((name, 3) for name in VECTORS)), data["pair_history"].shape[1]
     held = {
         "spring": now.tangential == was["tangential"],
         "angle": (now.rolling, now.torsion) == (was["rolling"], was["torsion"]),
@@ -326,7 +326,7 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
     pairs = np.zeros((len(data["pair"]), springs.width))
     for name in springs.names:
         if held[name]:
-            pairs[:, springs.of(name)] = data["pair_memory"][:, springs.of(name)]
+            pairs[:, springs.of(name)] = data["pair_history"][:, springs.of(name)]
     normal = model("normal", scene.located(now.normal))
     own = {name: now.normal == was["normal"] and f"pair_own_{name}" in data for name in own_history(normal).names}
     own[TWIST] = now.twisting == was.get("twisting") and f"pair_own_{TWIST}" in data
@@ -334,22 +334,22 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
     lost = [f"contact.{role}" for role in roles if getattr(now, role) != was.get(role, "none") != "none"]
     if lost:
         notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
-    out = {"id": data["id"], "pair": data["pair"], "pair_memory": pairs}
+    out = {"id": data["id"], "pair": data["pair"], "pair_history": pairs}
     out |= {f"pair_own_{k}": data[f"pair_own_{k}"] if same else np.zeros(len(pairs)) for k, same in own.items()}
-    if "place_wall" not in data:
+    if "wall_contact_wall" not in data:
         return out, notes
     number, dropped = _wall_numbers(scene, data)
-    keep = number[data["place_wall"]] >= 0
+    keep = number[data["wall_contact_wall"]] >= 0
     if dropped:
         notes.append(f"start: springs at {', '.join(dropped)} begin at zero: not in this scene, or of another geometry")
     for name in ("grain", "wall", "overlap", "weight", "point", "normal"):
-        out[f"place_{name}"] = data[f"place_{name}"][keep]
-    out["place_point"] = _in_new_axes(scene, data, redrawn, out["place_wall"], out["place_point"])
-    out["place_wall"] = number[out["place_wall"]]
+        out[f"wall_contact_{name}"] = data[f"wall_contact_{name}"][keep]
+    out["wall_contact_point"] = _in_new_axes(scene, data, redrawn, out["wall_contact_wall"], out["wall_contact_point"])
+    out["wall_contact_wall"] = number[out["wall_contact_wall"]]
     for name in springs.names:
-        out[f"place_{name}"] = data[f"place_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
+        out[f"wall_contact_{name}"] = data[f"wall_contact_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
     for name, same in own.items():
-        out[f"place_{name}"] = data[f"place_{name}"][keep] if same else np.zeros(keep.sum())
+        out[f"wall_contact_{name}"] = data[f"wall_contact_{name}"][keep] if same else np.zeros(keep.sum())
     return out, notes
 
 
@@ -375,7 +375,7 @@ def _wall_numbers(scene: Scene, data: dict[str, Any]) -> tuple[np.ndarray, list[
     for k, wall in enumerate(data["scene"]["walls"]):
         number, kind = here.get(wall["name"], (-1, None))
         numbers.append(number if kind == _kind(wall) else -1)
-        if numbers[-1] < 0 and (data["place_wall"] == k).any():
+        if numbers[-1] < 0 and (data["wall_contact_wall"] == k).any():
             dropped.append(f"wall {wall['name']}")
     return np.array(numbers, dtype=np.int64), dropped
 

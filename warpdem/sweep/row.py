@@ -31,7 +31,7 @@ def status_of(folder: Path) -> str:
     if code == 2:
         return "wrong"
     status = str(record.get("status", "waiting"))
-    if code is not None and code not in (0, 130) and status == "running":
+    if code not in (None, 0, 130) and status in ("running", "waiting"):
         return "crashed"  # it was killed, or ended by a fault of the program
     return status
 

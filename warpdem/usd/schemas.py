@@ -247,8 +247,8 @@ def _rules() -> Iterator[Rule]:
         "Physics*Joint PhysxPhysics*Joint PhysicsArticulationRootAPI PhysicsDriveAPI* PhysxMimicJointAPI* NewtonMimicAPI* "
         "PhysxTendon* MjcActuator* MjcTendon* MjcEquality* NewtonActuator* PhysxVehicle* PhysxCharacterController*",
         "refused",
-        "joints, drives and tendons are not supported. A wall moves by time samples of its transform, or by the "
-        f"velocities of a kinematic body; {REMOVE}",
+        "joints, drives and tendons are not supported. A wall moves by time samples of its transform, by the velocities of a "
+        f"kinematic body, or as a free wall by dem:free:joint and the other keys of walls[].free; {REMOVE}",
         lambda prim: not prim.is_off("physics:jointEnabled") and not prim.is_off("physxArticulation:articulationEnabled"),
     )
     # deformable bodies, and particles of other programs

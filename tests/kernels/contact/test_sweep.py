@@ -15,7 +15,7 @@ from warpdem.kernels.tangential import mindlin, mindlin_displacement
 
 from lane_probes import assert_same_bits
 from switches import switched
-from warpdem import Simulation
+from warpdem import Scene, Simulation
 from warpdem.model import compiled, lanes
 from warpdem.model.choose_features import choose_features
 from warpdem.scene.file import scene_from_dict
@@ -245,3 +245,26 @@ def test_lanes_go_by_processor_and_size(monkeypatch):
     assert lanes.simd_lanes(lanes.IN_CACHE + 1, "mixed") == 8
     monkeypatch.setattr(lanes, "wide_registers", lambda: False)
     assert [lanes.simd_lanes(100, precision) for precision in ("double", "mixed")] == [4, 4]
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_a_state_that_is_no_number_is_not_passed_over(lanes, monkeypatch):
+    """Batches out of reach are passed over without their law; forces from a position that is no number are none either."""
+    of = Scene.model_validate({
+        "materials": {"g": {"density": 2500.0, "young_modulus": 1e7, "poisson_ratio": 0.3}},
+        "contact": {"tangential": "none"}, "pairs": [{"materials": ["g", "g"], "restitution": 0.5}],
+        "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 0], [0.001999, 0, 0]]}],
+        "time": {"end": 1.0, "step": "2 us", "max_speed": 1.0},
+    })  # fmt: skip
+    chosen = choose_features
+    monkeypatch.setattr(
+        "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
+    )
+    sim = Simulation(of, device="cpu", threads=1)
+    sim.prepare()
+    assert np.isfinite(sim.lists.row.numpy()[:2]).all()
+    record = sim.state.record.numpy().copy()
+    record[1, 0] = np.nan
+    sim.state.record.assign(record)
+    sim.engine.advance(0, True)
+    assert np.isnan(sim.lists.row.numpy()[:2, 0]).all()

@@ -11,8 +11,8 @@ from warpdem.kernels.step.schedule import Placement
 from warpdem import Scene
 from warpdem.mesh.solid import shape_of
 from warpdem.model.domain import Domain
+from warpdem.model.exits import Exits
 from warpdem.model.schedule import Schedule
-from warpdem.model.ways_out import WaysOut
 
 FEW = 4000
 OUTLETS = {
@@ -53,8 +53,8 @@ def test_the_kernel_finds_what_the_host_finds(device, tmp_path, place):
     domain, schedule = Domain(scene), Schedule(scene)
     schedule.dt = 1e-3
     shapes = [shape_of(scene, shape, key) for shape, key in zip(domain.shapes, domain.keys, strict=True)]
-    ways_out = WaysOut(shapes, domain.places, domain.keys, schedule)
-    regions, step = ways_out.on_device(wp.get_device(device)), 400
+    exits = Exits(shapes, domain.places, domain.keys, schedule)
+    regions, step = exits.on_device(wp.get_device(device)), 400
     region_of = region.build(count=1, kinds=domain.kinds, placed=domain.placed)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)

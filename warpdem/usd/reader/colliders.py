@@ -45,7 +45,8 @@ def collider(
         return content
     if not body.kinematicBody:
         raise Refused(
-            f"{desc.rigidBody} is a rigid body that moves by forces, which walls cannot; set physics:kinematicEnabled = true"
+            f"{desc.rigidBody} is a rigid body that moves by forces, which is not read as a free wall; set "
+            "physics:kinematicEnabled = true, and give the collider dem:free:joint with the other keys of walls[].free"
         )
     moved, cache = prim.GetStage().GetPrimAtPath(desc.rigidBody), UsdGeom.XformCache(0.0)
     rigid = UsdPhysics.RigidBodyAPI(moved)

@@ -12,7 +12,7 @@ from warpdem.model.schedule import Schedule
 from warpdem.scene.regions import Box, CylinderRegion, Placed, PlaneRegion
 
 
-class WaysOut:
+class Exits:
     """Regions in which grains leave the domain.
 
     Args:

@@ -11,7 +11,7 @@ from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 LEVEL = 1.0e-9  # sine of an angle below which a direction counts as level, or as along another
 
 
-def way_out(scene: Scene, smallest: float) -> list[str]:
+def walls_open_below(scene: Scene, smallest: float) -> list[str]:
     """Names of the walls that a grain of diameter ``smallest`` [m] falls past, all of the scene; none if one of them holds it.
 
     Known are the walls that hold by themselves whatever falls: a plane that is no ceiling and no side wall, a sphere or a cone
