@@ -108,6 +108,16 @@ def test_a_body_of_revolution_turns_exactly_at_any_step(moments):
     assert np.abs(coarse - np.eye(3)).max() > 0.1
 
 
+def test_a_contact_finds_members_where_they_were():
+    """Their velocity over a step is the chord of their path, at |W| dt = 0.2 too: slip and overlap of the step before."""
+    sim = flying(MOMENTS, SPIN, 0.1)
+    sim.step(3)
+    before = sim.particles.position
+    sim.step(1)
+    record = sim.state.record.numpy()[sim.state.rank]
+    np.testing.assert_allclose(record[:, 0:3] - 0.1 * record[:, 4:7], before, rtol=0, atol=1e-14)
+
+
 def test_angular_momentum_stays_for_a_million_steps_in_turning_axes():
     sim = flying(MOMENTS, SPIN, 2.0**-7, {"rate": 16.0})
     before = np.linalg.norm(sim.clumps.angular_momentum)

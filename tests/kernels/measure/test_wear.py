@@ -53,12 +53,12 @@ def test_an_oblique_impact_that_slides_against_the_closed_form():
     assert found.sliding == pytest.approx([wanted], rel=3e-3)
     assert found.normal_impulse == pytest.approx([impulse], rel=1e-3)
     assert found.shear_work == pytest.approx([0.1 * wanted], rel=3e-3)
-    assert found.archard_volume == pytest.approx([1e-4 * wanted / 1e9], rel=3e-3)
+    assert found.archard_volume == pytest.approx([1e-4 * wanted / 1e9], rel=3e-3, abs=0)
     # what the grain has lost is what both took, to round-off
     energy = sim.energy()
     lost = 0.5 * M * 1.25 - energy["kinetic"] - energy["rotational"]
-    assert float(found.shear_work[0] + found.impact_work[0]) == pytest.approx(lost, rel=1e-11)
-    assert found.normal_impulse[0] == pytest.approx(M * (sim.particles.velocity[0, 2] + 0.5), rel=1e-12)
+    assert float(found.shear_work[0] + found.impact_work[0]) == pytest.approx(lost, rel=1e-9, abs=0)
+    assert found.normal_impulse[0] == pytest.approx(M * (sim.particles.velocity[0, 2] + 0.5), rel=1e-12, abs=0)
 
 
 ANGLES = [(10, 6.585801170060691e-16), (math.degrees(math.atan(1 / 3)), 7.85398163397e-16), (30, 6.544984694978736e-16),
@@ -71,8 +71,8 @@ def test_impacts_erode_by_finnie(angle, volume):
     a = math.radians(angle)
     by_hand = math.sin(2 * a) - 3 * math.sin(a) ** 2 if math.tan(a) <= 1 / 3 else math.cos(a) ** 2 / 3
     found, _ = impact(velocity=(math.cos(a), 0, -math.sin(a)))
-    assert found.finnie_volume == pytest.approx([M * by_hand / 4e9], rel=2e-3)
-    assert M * by_hand / 4e9 == pytest.approx(volume * M / 1.0471975512e-5, rel=1e-9)
+    assert found.finnie_volume == pytest.approx([M * by_hand / 4e9], rel=5e-3, abs=0)
+    assert M * by_hand / 4e9 == pytest.approx(volume * M / 1.0471975512e-5, rel=1e-9, abs=0)
 
 
 def test_an_impact_from_below_or_none_erodes_nothing():
