@@ -1,0 +1,206 @@
+"""Commands that take a scene. Arguments to calls; no physics."""
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from warpdem.app.cli_options import AllowPaths, At, Picture, Plugins, Settings
+from warpdem.app.cli_results import write_report
+
+
+def run(
+    scene: Path,
+    *,
+    out: Path | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    precision: Literal["double", "mixed"] | None = None,
+    until: float | None = None,
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+    picture: Picture = None,
+    report: bool = False,
+    resume: bool = False,
+    overwrite: bool = False,
+    quiet: bool = False,
+) -> None:
+    """Run a scene and write its results.
+
+    Args:
+        scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
+        out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
+            for a result stage.
+        device: cpu or cuda:0; a GPU if there is one.
+        threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
+        precision: Precision of the contact law instead of the scene's.
+        until: End at this time [s] instead of the scene's.
+        report: Write report.html at the end, as warpdem report does.
+        resume: Continue from the checkpoint in the folder.
+        overwrite: Allow a folder that holds results.
+        quiet: Print errors only.
+    """
+    from warpdem.app.phases import run as run_all
+    from warpdem.app.run_folder import default_folder, named_folder
+    from warpdem.core.file_names import require_usable
+    from warpdem.core.run_lock import FolderLocked
+    from warpdem.scene.file import load_scene
+
+    require_usable("--out", out)
+    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
+                        allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
+    try:
+        while True:
+            folder = out or (named_folder(scene) if resume else default_folder(scene))
+            try:
+                run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
+                        quiet=quiet, picture=picture)  # fmt: skip
+                if report:
+                    write_report(folder, None, picture is not False, quiet)
+                break
+            except FolderLocked as taken:
+                if out or resume or taken.folder != folder:
+                    raise  # else another run has just taken the folder that was free: the next one
+    except KeyboardInterrupt as stop:
+        if not stop.args:  # nothing was run yet
+            raise
+        given = {"device": device, "threads": threads, "precision": precision, "until": until, "at": at}
+        options = [f"--{name}={value}" for name, value in given.items() if value is not None]
+        options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
+                    for word in (f"--{name}", str(path))]  # fmt: skip
+        options += ["--report"] if report else []
+        options += [] if picture is None else ["--picture" if picture else "--no-picture"]
+        options += ["--set", *set_] if set_ else []
+        command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
+        raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
+
+
+def check(
+    scene: Path,
+    *,
+    json_: Annotated[bool, Parameter(name="--json")] = False,
+    device: str | None = None,
+    threads: int | None = None,
+    probe: bool = True,
+    at: At = None,
+    set_: Settings = [],  # noqa: B006
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+) -> None:
+    """Validate a scene; print the plan, the time step and its limits, memory and an estimate of the run time.
+
+    Args:
+        scene: Scene file, as in run.
+        json_: Print JSON.
+        device: As in run.
+        threads: As in run.
+        probe: Measure a few steps for the estimate.
+    """
+    from warpdem.app.check import describe, print_description
+    from warpdem.app.run import SETTING_UP
+    from warpdem.core.progress import report_if_long
+    from warpdem.model import needs
+    from warpdem.scene.file import load_scene
+    from warpdem.simulation import Simulation
+
+    loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    for k in range(len(loaded.phases)):
+        needs.check_grid(loaded.phase(k))
+    first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
+    later = [phase.name for phase in loaded.phases[1:]]
+    console = Console(highlight=False)
+    with report_if_long(SETTING_UP, console, quiet=json_):
+        sim = Simulation(first, device=device, threads=threads)
+    data = describe(sim, probe, later, None if json_ else console)
+    if json_:
+        sys.stdout.write(json.dumps(data, indent=2) + "\n")
+    else:
+        print_description(data, console)
+
+
+def convert(
+    source: Path,
+    target: Path,
+    *,
+    at: At = None,
+    plugin: Plugins = [],  # noqa: B006
+    allow_path: AllowPaths = [],  # noqa: B006
+    overwrite: bool = False,
+) -> None:
+    """Write a scene file in another format: TOML from USD, USD from TOML.
+
+    Args:
+        source: Scene file, as in run.
+        target: File to write: .toml, .usda, .usdc or .usd.
+        overwrite: Allow a target that exists.
+    """
+    from warpdem.core.file_names import require_usable
+    from warpdem.scene.convert import convert as write
+
+    require_usable("TARGET", target)
+    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    console = Console(highlight=False)
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"wrote {target}", markup=False)
+
+
+def schema(*, plugin: Plugins = []) -> None:  # noqa: B006
+    """Print the JSON schema of a scene file, for editors; with --plugin, with the keys of your own contact laws."""
+    from warpdem.scene.schema import scene_schema
+
+    sys.stdout.write(json.dumps(scene_schema(plugin), indent=2) + "\n")
+
+
+def demo(
+    name: str | None = None,
+    *,
+    about: bool = False,
+    out: Path | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    precision: Literal["double", "mixed"] | None = None,
+    until: float | None = None,
+    set_: Settings = [],  # noqa: B006
+    picture: Picture = None,
+    quiet: bool = False,
+) -> None:
+    """List the scenes that come with warpdem, or copy one to a folder of its own and run it there.
+
+    The copy and its results stay together, in NAME/NAME.toml and NAME/results; run puts its results in out/NAME.
+
+    Args:
+        name: Scene to copy and run; lists them all if not given.
+        about: Only tell what the scene shows, what must come out, and how long it takes.
+        out: Folder to make for the scene, its meshes and, in results, what comes out; NAME if not given.
+        device: As in run.
+        threads: As in run.
+        precision: As in run.
+        until: As in run.
+        quiet: As in run.
+    """
+    from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.core.file_names import require_usable
+    from warpdem.core.start_warp import start_warp
+
+    require_usable("--out", out)
+    console = Console(highlight=False)
+    if name is None:
+        print_gallery(console)
+        return
+    if about:
+        print_about(name, console)
+        return
+    folder = out or Path(name)
+    start_warp()  # what cannot run at all leaves no copy
+    scene = copy(name, folder)
+    run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
+        picture=picture, quiet=quiet)  # fmt: skip
+    if not quiet:
+        print_outcome(scene, bool(set_ or until or precision), console)
