@@ -45,7 +45,7 @@ PAIR = {
         "-", 0.5, 'Contact plasticity ratio 1 - k1/k2 [-], >= 0 and < 1, default 0.5; only with normal = "edinburgh".'
     ),
     "tensile_exponent": PairKey(
-        "-", 1.5, 'Power of the adhesion branch [-], 1 to 5 in halves, default 1.5; only with normal = "edinburgh".',
+        "-", 1.5, 'Power of the adhesion branch [-], > 0: 1 to 5 in halves, default 1.5; only with normal = "edinburgh".',
         positive=True,
     ),
     "tangential_stiffness_ratio": hooke.PAIR["tangential_stiffness_ratio"],

@@ -39,7 +39,7 @@ LEAST_HARDENING = 1.0e-9  # k_p/k1 - 1 at least: an elastic contact yields at no
 PAIR = {
     **hooke.PAIR,
     "unloading_stiffness": PairKey(
-        "N/m", None, 'Stiffness of unloading, at most [N/m], >= stiffness; only with normal = "luding".', positive=True
+        "N/m", None, 'Stiffness of unloading, at most [N/m], > 0, >= stiffness; only with normal = "luding".', positive=True
     ),
     "plasticity_depth": PairKey(
         "-", 0.05, 'Depth at which a contact yields no further over 2 R* [-], > 0, default 0.05; only with normal = "luding".',

@@ -126,15 +126,15 @@ class Slider(_Joint):
     inertia: ClassVar[None] = None
     centre: ClassVar[None] = None
     velocity: Annotated[float, Quantity("m/s")] = Field(0.0, description="Velocity along the axis at time 0 [m/s], default 0.")
-    force: ForceCourse = Field(0.0, description="Force on the wall along the axis [N], or [[t, force], ...], default 0.")
+    force: ForceCourse = Field(0.0, description="Force on the wall along the axis [N], or [[t [s], >= 0, force [N]], ...]; 0.")
     motor: Annotated[list[_Force], Field(min_length=1)] | None = Field(
         None,
         description="Motor: force on the wall by its velocity, [[velocity [m/s], force [N]], ...], straight between, constant "
         "beyond; default none.",
     )
-    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness of a spring [N/m], default 0.")
+    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness of a spring [N/m], >= 0.")
     rest: Annotated[float, Quantity("m")] = Field(0.0, description="Displacement where the spring is at rest [m], default 0.")
-    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of a damper [N s/m], default 0.")
+    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of a damper [kg/s], >= 0.")
     range: Annotated[tuple[float, float], Vector(Quantity("m"), length=2)] | None = Field(
         None, description="Lowest and highest displacement [m], where the wall stops dead; default none."
     )
@@ -153,15 +153,15 @@ class Hinge(_Joint):
         None, description="Center of mass [m], where gravity acts; default that of the closed mesh, or on the axis (balanced)."
     )
     rate: Annotated[float, Quantity("rad/s")] = Field(0.0, description="Angular rate at time 0 [rad/s], default 0.")
-    torque: TorqueCourse = Field(0.0, description="Torque on the wall about the axis [N m], or [[t, torque], ...], default 0.")
+    torque: TorqueCourse = Field(0.0, description="Torque about the axis [N m], or [[t [s], >= 0, torque [N m]], ...]; 0.")
     motor: Annotated[list[_Torque], Field(min_length=1)] | None = Field(
         None,
         description="Motor: torque on the wall by its rate, [[rate [rad/s], torque [N m]], ...], straight between, constant "
         "beyond; default none.",
     )
-    stiffness: Annotated[float, Quantity("N m", ge=0)] = Field(0.0, description="Stiffness of a spring [N m/rad], default 0.")
+    stiffness: Annotated[float, Quantity("N m", ge=0)] = Field(0.0, description="Stiffness of a spring, per rad [N m], >= 0.")
     rest: Annotated[float, Quantity("rad")] = Field(0.0, description="Angle at which the spring is at rest [rad], default 0.")
-    damping: Annotated[float, Quantity("N m s", ge=0)] = Field(0.0, description="Coefficient of a damper [N m s], default 0.")
+    damping: Annotated[float, Quantity("N m s", ge=0)] = Field(0.0, description="Coefficient of a damper [N m s], >= 0.")
     range: Annotated[tuple[float, float], Vector(Quantity("rad"), length=2)] | None = Field(
         None, description="Lowest and highest angle [rad], where the wall stops dead; default none."
     )
@@ -172,8 +172,8 @@ class Mount(SceneModel):
 
     point: Point = Field(description="Point of the body [m], where it is at time 0.")
     anchor: Point | None = Field(None, description="Fixed point that it is held at [m], default point.")
-    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness in all directions [N/m], default 0.")
-    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of the damper [N s/m], default 0.")
+    stiffness: Annotated[float, Quantity("N/m", ge=0)] = Field(0.0, description="Stiffness in all directions [N/m], >= 0.")
+    damping: Annotated[float, Quantity("kg/s", ge=0)] = Field(0.0, description="Coefficient of the damper [kg/s], >= 0.")
 
 
 class FreeBody(SceneModel):
@@ -185,7 +185,7 @@ class FreeBody(SceneModel):
     )
     centre: Point | None = Field(None, description="Center of mass [m]; default that of the closed mesh.")
     inertia: Annotated[Vec3, Vector(Quantity("kg m2", gt=0))] | None = Field(
-        None, description="Moments of inertia about x, y and z through the center [kg m2]; default those of the mesh."
+        None, description="Moments of inertia about x, y and z through the center [kg m2], > 0; default: of the mesh."
     )
     velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field((0.0, 0.0, 0.0), description="Of the center at time 0 [m/s].")
     spin: Annotated[Vec3, Vector(Quantity("rad/s"))] = Field((0.0, 0.0, 0.0), description="At time 0 [rad/s], default 0.")

@@ -152,11 +152,11 @@ class Grains(SceneModel):
     )
     orientations: Annotated[np.ndarray, Array(Quantity("-"), columns=4)] | None = Field(
         None,
-        description="With clump: quaternions (w, x, y, z) from the axes of the clump to the frame axes, shape (n, 4), default "
-        "(1, 0, 0, 0).",
+        description="With clump: quaternions (w, x, y, z) [-] from the axes of the clump to the frame axes, shape (n, 4), "
+        "default (1, 0, 0, 0).",
     )
     sizes: Annotated[np.ndarray, Array(Quantity("-", gt=0))] | None = Field(
-        None, description="With clump: factor on the lengths of the clump, > 0, shape (n,), default 1."
+        None, description="With clump: factor on the lengths of the clump [-], > 0, shape (n,), default 1."
     )
     file: FileName | None = Field(
         None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."

@@ -78,10 +78,10 @@ class Servo(Timed):
     )
     origin: Point = Field((0.0, 0.0, 0.0), description="With torque: a point on the axis [m], default (0, 0, 0).")
     force: ForceCourse | None = Field(
-        None, description="Force on the grains along the axis [N], or [[t, force], ...] in time; this, pressure or torque."
+        None, description="Force on the grains along the axis [N], or [[t [s], >= 0, force], ...]; this, pressure or torque."
     )
     pressure: PressureCourse | None = Field(
-        None, description="Pressure on the grains along the axis [Pa], or [[t, pressure], ...] in time: a force over area."
+        None, description="Pressure on the grains along the axis [Pa], or [[t [s], >= 0, pressure], ...]: a force over area."
     )
     area: Annotated[float, Quantity("m2", gt=0)] | None = Field(
         None,
@@ -89,7 +89,7 @@ class Servo(Timed):
         "needs it.",
     )
     torque: TorqueCourse | None = Field(
-        None, description="Torque on the grains about the axis [N m], or [[t, torque], ...] in time."
+        None, description="Torque on the grains about the axis [N m], or [[t [s], >= 0, torque [N m]], ...]."
     )
     max_speed: Annotated[Speed, Quantity("m/s", gt=0)] | None = Field(
         None, description="With force or pressure, needed: largest speed [m/s], > 0. The wall comes to the grains with it."

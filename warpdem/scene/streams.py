@@ -83,11 +83,11 @@ class Stream(Region):
     )
     mass_rate: MassRate | None = Field(  # type: ignore[valid-type]
         None,
-        description="Mass per time [kg/s], > 0; or a table [[time, rate], ...], rates >= 0 at times of the run, straight lines "
-        "between them, constant before and after. This or count_rate, or only a total.",
+        description="Mass per time [kg/s], > 0; or a table [[time [s], rate], ...], rates >= 0 at times of the run, straight "
+        "lines between them, constant before and after. This or count_rate, or only a total.",
     )
     count_rate: CountRate | None = Field(  # type: ignore[valid-type]
-        None, description="Grains per time [1/s], > 0, or a table as of mass_rate."
+        None, description="Grains per time [1/s], > 0, or a table [[time [s], rate >= 0], ...] as of mass_rate."
     )
     mass: Annotated[float, Quantity("kg", gt=0)] | None = Field(
         None,
