@@ -26,6 +26,7 @@ from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import LEAST_OVERLAP, normal_secant, normal_slope
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
 from warpdem.measure.totals import Totals
+from warpdem.model.impact import lessening
 from warpdem.state.contact_history import positions
 from warpdem.state.view import RunView
 
@@ -51,6 +52,8 @@ class Springs:
     """From j to i, shape (c, 3)."""
     stiffness: np.ndarray
     """Along the normal and across [N/m], shape (2, c)."""
+    lessening: np.ndarray
+    """Slopes that the dashpots are made up for by [N/m], shape (2, c): below ``stiffness`` where a law unloads more steeply."""
     damping: np.ndarray
     """Of the law, along the normal and across [N s/m], shape (2, c)."""
     mass: np.ndarray
@@ -60,14 +63,14 @@ class Springs:
 
     def acting(self, dt: float) -> np.ndarray:
         """Damping coefficients that act at time step ``dt`` [s], shape (2, c)."""
-        lessened = 1.0 + self.stiffness * dt**2 / (2.0 * self.mass)
+        lessened = 1.0 + self.lessening * dt**2 / (2.0 * self.mass)
         return self.damping / np.maximum(lessened, self.damping * dt / (CAPS * self.mass))
 
     def subset(self, which: np.ndarray) -> "Springs":
         """The contacts ``which``."""
         return Springs(
-            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.damping[:, which],
-            self.mass[:, which], self.arm[:, which],
+            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.lessening[:, which],
+            self.damping[:, which], self.mass[:, which], self.arm[:, which],
         )  # fmt: skip
 
 
@@ -94,7 +97,8 @@ def _springs(
     dashpot = table[:, at.damping] * np.sqrt(k * reduced)
     friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
-    out = Springs(i, j, contacts.normal, np.stack([slope, friction * table[:, at.shear] * k]),
+    shear = friction * table[:, at.shear] * k
+    out = Springs(i, j, contacts.normal, np.stack([slope, shear]), np.stack([lessening(normal, slope, k), shear]),
                   np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]),
                   np.stack([reduced, ROLLING_MASS * reduced]), arm)  # fmt: skip
     touching = contacts.overlap > 0.0
