@@ -149,7 +149,7 @@ class _Writer:
         if prim.GetName() != name:
             self.attribute(prim, "dem:name", name)
         for pair in self.tables.get("pairs", []):
-            if pair["materials"] == [name, name]:
+            if pair["materials"] == [name, name] and pair.get("contact", True):
                 physics.CreateRestitutionAttr(pair["restitution"])
                 physics.CreateDynamicFrictionAttr(pair.get("friction", 0.0))
         self.table(prim, table)
