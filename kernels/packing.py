@@ -41,6 +41,8 @@ def list_neighbours(
     position: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
     clump: wp.array[wp.int32],  # of each grain, of ``clump``: members of one are no neighbours; of size 0 without clumps
+    material: wp.array[wp.int32],  # of each grain
+    through: wp.array2d[wp.int32],  # 1 of two materials that pass through each other; of size 0: there are none
     skin: wp.float64,
     start: wp.array[wp.int32],  # of the room for each grain's row in the table
     # written: neighbours within r_i + r_j + skin, how many there are (also when there is no room for them),
@@ -72,6 +74,8 @@ def list_neighbours(
                         near = square < (touch + skin) * (touch + skin) and j != i
                         if near and clump.shape[0] > 0:
                             near = not of_clumps.same_clump(clump, i, j)
+                        if near and through.shape[0] > 0:
+                            near = through[material[i], material[j]] == 0
                         if near:
                             if count < start[i + 1] - start[i]:
                                 neighbour_out[start[i] + count] = j

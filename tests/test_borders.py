@@ -117,8 +117,8 @@ def test_a_frame_may_turn_about_a_periodic_axis_only(device):
 
 
 def test_too_short_a_period_is_refused():
-    short = {"x": {"min": 0, "max": 8 * R, "kind": "periodic"}}
-    with pytest.raises(SceneError, match=r"borders\.x: its length of 0\.008 m is below 4\.4 diameters"):
+    short = {"x": {"min": 0, "max": 4 * R, "kind": "periodic"}}
+    with pytest.raises(SceneError, match=r"borders\.x: its length of 0\.004 m is below 2\.05 diameters"):
         simulated([[R, R, R]], borders=short)
 
 

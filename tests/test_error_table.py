@@ -148,7 +148,7 @@ TABLE = {
     "id twice": ("grains.0.ids=[1, 1, 2]", ["grains[0].ids = [1, 1, 2]", "unique; 1 is given 2 times"]),
     "point of a box": (
         "grains=[{material='glass', fill={box={min=[0, 0, 0], max=[1, 1, 1]}, point=[0, 0, 0], count=1, diameter='2 mm'}}]",
-        ["grains[0].fill.point", "a box is filled completely"],
+        ["grains[0].fill.point", "a region is filled completely"],
     ),
     "stream behind a wall": (
         stream("mass_rate=1", low="[0, 0, -0.02]", high="[0.01, 0.01, -0.01]"),

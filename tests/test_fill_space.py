@@ -162,6 +162,12 @@ def test_the_cavity_of_a_tank_is_filled_and_its_metal_only_if_asked(tmp_path):
     assert grains.vessels == ("tank",)
 
 
+def test_too_many_grains_are_refused_with_where_the_space_is(tmp_path):
+    words = r"in 0\.000125 m3, .* reaches from \(-0\.025, -0\.025, -0\.025\) to \(0\.025, .*fill\.point says which"
+    with pytest.raises(SceneError, match=words):
+        loaded(tmp_path, {"tank": TANK}, {"wall": "tank", "count": 20_000})
+
+
 def test_a_loose_body_in_a_vessel_is_no_cavity(tmp_path):
     """Its skin is wound like that of the vessel in the file; once mended it looks like that of a cavity."""
     loose = np.concatenate([VESSEL, box([-0.01, -0.01, 0.02], [0.01, 0.01, 0.04])])
@@ -186,6 +192,19 @@ def test_a_cup_of_solid_walls_is_filled_from_its_floor(tmp_path):
     metal = {"wall": "cup", "count": 50, "diameter": 1e-3, "point": [0.0315, 0, 0.03]}
     _, meshes, grains = loaded(tmp_path, {"cup": CUP}, metal)
     assert (signed_distance(meshes["cup"], grains.position)[0] < 0).all()
+
+
+@pytest.mark.parametrize("gravity", [[0, 0, 0], [0, 0, -9.81]], ids=["weightless", "heavy"])
+def test_a_tube_with_lids_in_one_file_is_filled_between_them(tmp_path, gravity):
+    """Bodies that share corners bound no skin of their own around the space that they shut in."""
+    lids = [lathe([(0, z), (0.055, z), (0.055, z + 0.005), (0, z + 0.005)], 32) for z in (-0.035, 0.03)]
+    tube = lathe([(0.05, 0.03), (0.05, -0.03), (0.055, -0.03), (0.055, 0.03), (0.05, 0.03)], 32)
+    fill = {"wall": "drum", "solid_fraction": 0.1, "diameter": 6e-3}
+    for more in ({}, {"point": [0, 0, 0]}):
+        _, _, grains = loaded(tmp_path, {"drum": np.concatenate([tube, *lids])}, fill | more, gravity=gravity)
+        volume = disk(0.05, 32) * 0.06
+        np.testing.assert_allclose(len(grains) * GRAIN * 8.0, 0.1 * volume, rtol=6e-3)
+        assert (np.hypot(*grains.position[:, :2].T) < 0.05).all() and (np.abs(grains.position[:, 2]) < 0.03).all()
 
 
 GATE = {"plane": {"point": [0, 0, 0.001], "normal": [0, 0, 1]}}

@@ -51,6 +51,28 @@ def test_energy_that_falls_swings_or_comes_in_is_no_alarm(make_scene):
     assert not sim.noticed
 
 
+def test_energy_of_rounding_is_no_alarm_and_a_little_more_is(make_scene):
+    """Grains that touch, at rest in the laboratory, in a turning frame: their velocities are what rounding leaves of w x r."""
+    def turning():
+        at = [[2e-3 * k - 0.05, 2e-3 * j, 0.0] for k in range(3) for j in range(3)]
+        still = [[7.0 * y, -7.0 * x, 0.0] for x, y, _ in at]
+        spins = [[0.0, 0.0, -7.0]] * 9
+        frame = {"axis": [0, 0, 1], "rate": 7.0}
+        sim = simulate(make_scene, at, velocities=still, spins=spins, step=1e-6, frame=frame)
+        sim.guards.look()
+        return sim
+
+    sim = turning()
+    for _ in range(30):
+        sim.step(10)
+        sim.guards.look()
+    assert not sim.noticed
+    sim = turning()
+    put(sim, 4, 6, sim.state.record.numpy()[sim.state.rank[4], 6] + 1e-9)  # m/s
+    with pytest.raises(StabilityError, match=r"e-2\d J appeared from nowhere"):
+        sim.guards.look()
+
+
 def test_what_brings_energy_in_is_known(make_scene):
     above = [[x, y, z + 2e-3] for x, y, z in PRESSED]
     still, spring = {"positions": above, "step": 1e-6}, {"model": "harmonic", "parameters": {"stiffness": 1.0}}

@@ -19,7 +19,7 @@ from warpdem.scene.size_distribution import DiameterDistribution
 from warpdem.scene.wall_shapes import Plane
 from warpdem.scene.walls import Wall
 
-REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass")
+REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass", clump=None)
 
 
 def explicit(positions, radii, **more):
@@ -34,7 +34,7 @@ def explicit(positions, radii, **more):
 
 
 def filled(**fields):
-    keys = ("wall", "box", "region", "point", "height", "count", "mass", "solid_fraction")
+    keys = ("wall", "box", "cylinder", "sphere", "mesh", "region", "point", "height", "count", "mass", "solid_fraction")
     asked = {**dict.fromkeys(keys), "seed": 0, **fields}
     return SimpleNamespace(**{**vars(REST), "fill": SimpleNamespace(**asked)})
 
@@ -44,6 +44,7 @@ def make_scene(*groups, walls=(), frame=None, base="."):
         materials={"steel": None, "glass": SimpleNamespace(density=2500.0)},
         gravity=(0.0, 0.0, -9.81),
         grains=list(groups),
+        clumps={},
         walls=list(walls),
         frame=frame,
         source="scene.toml",

@@ -100,3 +100,20 @@ def test_an_inner_skin_that_points_the_wrong_way_is_told():
     assert mesh.flipped == 12
     assert "12 triangles of wrong winding flipped" in mesh.notes[0]
     np.testing.assert_array_equal(signed_distance(mesh, [[0, 0, 0], [0.97, 0, 0]])[0] < 0.0, [False, True])
+
+
+@pytest.mark.parametrize("lid", [0.05, 0.0525, 0.055, 0.06], ids=["inner edge", "amid", "outer edge", "beyond"])
+def test_a_tube_with_lids_on_its_ends_is_wound_as_its_file(lid):
+    """Points on a face that two bodies share are neither in nor out of the other: none of them tells that it is inverted."""
+    tube = trimesh.creation.annulus(r_min=0.05, r_max=0.055, height=0.06, sections=32)
+    disk = trimesh.creation.cylinder(radius=lid, height=0.005, sections=32)
+    up = np.array([0.0, 0.0, 0.0325])
+    parts = [np.array(tube.triangles), disk.triangles + up, disk.triangles - up]
+    parts = [part.astype(np.float32).astype(float) for part in parts]
+    points = np.random.default_rng(2).uniform(-1.0, 1.0, (4000, 3)) * [0.065, 0.065, 0.04]
+    expected = np.any([signed_distance(build_mesh(part), points)[0] < 0.0 for part in parts], axis=0)
+    for order in ([0, 1, 2], [2, 0, 1]):
+        mesh = checked(*(parts[k] for k in order))
+        assert mesh.flipped == 0
+        np.testing.assert_allclose(mesh.volume, tube.volume + 2.0 * disk.volume, rtol=1e-5)
+        np.testing.assert_array_equal(signed_distance(mesh, points)[0] < 0.0, expected)

@@ -69,9 +69,8 @@ def test_keys_that_messages_name_exist():
 
 
 def test_options_that_messages_name_exist():
-    commands = (cli.run, cli.check, cli.convert, cli.render, cli.demo, cli.plot, cli.report_, cli.compare)
-    commands += (cli.sweep_, cli.export, cli.grains)
-    there = {name.strip("_").replace("_", "-") for command in commands for name in inspect.signature(command).parameters}
+    parameters = [name for command in cli.COMMANDS.values() for name in inspect.signature(command).parameters]
+    there = {name.strip("_").replace("_", "-") for name in parameters}
     there |= {field.name.replace("_", "-") for field in fields(PictureStyle)}
     there |= {f"no-{name}" for name in ("picture", "probe")}
     named = {(place, option) for place, text in texts().items() for option in OPTION.findall(text)}

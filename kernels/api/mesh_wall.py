@@ -85,7 +85,8 @@ class MeshWall(ListedGrains):
         g, beside, n = self.grains, self.kernels.beside, len(self.grains)
         count, nothing, tree = self.ints(n), self.ints(0), wp.array([self._tree.id], dtype=wp.uint64, device=g.device)
         placements = self._placement.flatten()
-        shared = [g.record, 0.5 * self.skin, self.surface, tree, self.ints(1), self.ints(1), placements]
+        seen = g.record, g.material, self.ints((0, 0))  # every material touches
+        shared = [*seen, 0.5 * self.skin, self.surface, tree, self.ints(1), self.ints(1), placements]
         self.launch(beside.near_features, n, [0, 0, *shared, nothing, count, nothing])
         host = starts(count.numpy())
         first, near = wp.array(host, dtype=wp.int32, device=g.device), self.ints(int(host[-1]))

@@ -73,11 +73,11 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         old_history: wp.array3d(dtype=lists.real)  # (batches, numbers, lanes) of the list before
 
     @wp.func
-    def clear_rest(begin: int, count: int, partner: int, unused_slot: int, contacts: ListedContacts):
+    def clear_rest(begin: int, count: int, pair: wp.vec2i, unused_slot: int, contacts: ListedContacts):
         """Clear the lanes behind ``count`` contacts from lane ``begin`` on, up to the end of their last batch."""
         last = begin + (count + wp.static(lanes - 1)) // wp.static(lanes) * wp.static(lanes)
         for lane in range(begin + count, last):
-            lists.clear_lane(lane // wp.static(lanes), lane % wp.static(lanes), partner, unused_slot, contacts)
+            lists.clear_lane(lane // wp.static(lanes), lane % wp.static(lanes), pair, unused_slot, contacts)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     def build_inner(
@@ -171,7 +171,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             target += threads
             arrive_and_wait(steps.arrivals, target, control.wait_modes)
 
-        partner = lists.idle_partner(grains)
+        pair = lists.idle_pair(grains, rows)
         for b in range(first_block, last_block):
             touching = int(0)
             near = int(0)
@@ -185,7 +185,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
                 )
                 touching += counts.touching[i]
                 near += counts.near[i]
-            clear_rest(starts.touching[b * wp.static(BLOCK)], touching, partner, work.unused_slot, contacts)
-            clear_rest(starts.near[b * wp.static(BLOCK)], near, partner, work.unused_slot, contacts)
+            clear_rest(starts.touching[b * wp.static(BLOCK)], touching, pair, work.unused_slot, contacts)
+            clear_rest(starts.near[b * wp.static(BLOCK)], near, pair, work.unused_slot, contacts)
 
     return Built(build_inner=build_inner, Work=Work)

@@ -33,12 +33,12 @@ class NeighborRows:
 @functools.cache
 def build(
     real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
-    gap: float, keep_constants: bool, clumps: bool = False,
+    gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
-    them where ``keep_constants``, else computed when they are read.
+    them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
     """
     g = grain.build(spins)
     Coefficients = law.Coefficients
@@ -125,6 +125,8 @@ def build(
         grains: wp.array(dtype=g.Record),
         id: wp.array(dtype=wp.int64),
         clump: wp.array(dtype=wp.int32),  # of size 0 without clumps
+        material: wp.array(dtype=wp.int32),
+        through: wp.array2d(dtype=wp.int32),  # 1 of two materials that pass through each other; of size 0 without any
         skin: wp.float64,
         start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
@@ -158,6 +160,8 @@ def build(
                                     near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(clumps):
                                         near = near and not of_clumps.same_clump(clump, i, j)
+                                    if wp.static(apart):
+                                        near = near and through[material[i], material[j]] == 0
                                     if wp.static(border.images > 1):  # a cell may be seen from several images
                                         seen = place - there
                                         near = near and wp.dot(seen, seen) < wp.float64(1.01) * far * far
@@ -270,20 +274,29 @@ def build(
             )
 
     @wp.func
-    def idle_partner(grains: ListedGrains) -> int:
-        """Grain that lanes without a contact pair with grain 0: another one, and no member of the same clump."""
+    def idle_pair(grains: ListedGrains, rows: NeighborRows) -> wp.vec2i:
+        """Grains that lanes without a contact hold: grain 0 and another one, no member of the same clump.
+
+        Where materials pass through each other, two of the outer list: others may be in the same place.
+        """
         last = grains.record.shape[0] - 1
+        owner = int(0)
         partner = wp.min(1, last)
         if wp.static(clumps):
             while partner < last and of_clumps.same_clump(grains.clump, 0, partner):
                 partner += 1
-        return partner
+        if wp.static(apart):
+            while owner < last and rows.count[owner] == 0:
+                owner += 1
+            if rows.count[owner] > 0:
+                partner = rows.slot[rows.start[owner]]
+        return wp.vec2i(owner, partner)
 
     @wp.func
-    def clear_lane(p: int, k: int, partner: int, unused_slot: int, contacts_out: ListedContacts):
+    def clear_lane(p: int, k: int, pair: wp.vec2i, unused_slot: int, contacts_out: ListedContacts):
         """No contact in lane ``k`` of batch ``p``: a pair of grains with no stiffness."""
-        contacts_out.owner[p, k] = 0
-        contacts_out.partner[p, k] = partner
+        contacts_out.owner[p, k] = pair[0]
+        contacts_out.partner[p, k] = pair[1]
         contacts_out.slot_i[p, k] = unused_slot
         contacts_out.slot_j[p, k] = unused_slot
         if wp.static(table):
@@ -296,14 +309,15 @@ def build(
     def clear_contacts(
         first: int,
         grains: ListedGrains,
+        rows: NeighborRows,
         unused_slot: int,  # force slot that belongs to no grain
         contacts_out: ListedContacts,
     ):
         """Batches of no contact: those that fill the last one of a class stay such."""
         p = first + wp.tid()
-        partner = idle_partner(grains)
+        pair = idle_pair(grains, rows)
         for k in range(wp.static(lanes)):
-            clear_lane(p, k, partner, unused_slot, contacts_out)
+            clear_lane(p, k, pair, unused_slot, contacts_out)
 
     @wp.func
     def fill_row(
@@ -385,7 +399,7 @@ def build(
         contact_constants=contact_constants,
         select_row=select_row,
         clear_lane=clear_lane,
-        idle_partner=idle_partner,
+        idle_pair=idle_pair,
         fill_row=fill_row,
         ListedGrains=ListedGrains,
         Coefficients=Coefficients,

@@ -4,13 +4,15 @@ r"""What wears walls, added up at their contact points step by step: per feature
     shear work       -sum F_t . v_t dt                                                 [J]
     impact work      -sum F_n v_n dt                                                   [J]
     sliding          sum max(F_n, 0) |v_t| dt                                          [J]
-    erosion          sum m u^2 f(a) over beginning contacts,                           [J]
+    erosion          sum m u^2 f(a) over touches,                                      [J]
                      f = sin 2a - (6/K) sin^2 a where tan a <= K/6, else (K/6) cos^2 a
 
 v is the velocity of the grain relative to the wall at the contact point, v_n along the normal; V_k and W_k of the instant, as
 in ``budget``, so that shear and impact work are what friction and normal force take from the relative motion, to round-off. u
 is the velocity of the grain's centre relative to the wall at first touch and a its angle to the wall: 0 for one that grazes. A
-contact point that takes over the history of another one does not begin; one that separates when it begins erodes nothing.
+touch begins where the overlap grows above 0: a law that reaches beyond it (a tail, a neck, a bridge) pulls without eroding, and
+a grain that bounces within that reach touches each time. A contact point that takes over the history of another one, with an
+overlap, does not begin; one that separates when it begins erodes nothing.
 
 From these: mean pressure = normal impulse/(time area); depth by Archard's law k sliding/(H area), k the wear coefficient and H
 the hardness; depth by Finnie's law for ductile walls erosion/(psi K p area), K the ratio of normal to tangential force while

@@ -3,8 +3,10 @@ r"""Sums that do not depend on the order of their numbers, in four words: for ma
     x = +-(d_0 + d_1 2^-32 + d_2 2^-64 + d_3 2^-96),   0 <= d_k < 2^32 whole
 
 Each digit is added to a whole number of its own (int64), so that sums are exact and rows that several threads add to may be
-added to each other. What is below 2^-96 (1.3e-29) of a number is cut off before it is added. A number that is no number, or not
-below 2^31, makes its sum one that is no number. A tenth of the memory of ``exact_sum``, which takes every float64.
+added to each other. What a whole number beyond 2^62 holds above its digit is carried into the one before it, which leaves the
+sum as it is: any number of numbers may be added. A sum beyond 2^62 becomes one that is no number. What is below 2^-96 (1.3e-29)
+of a number is cut off before it is added. A number that is no number, or not below 2^31, makes its sum one that is no number. A
+tenth of the memory of ``exact_sum``, which takes every float64.
 """
 
 import numpy as np
@@ -16,6 +18,9 @@ NOT_FINITE = DIGITS
 WIDTH = DIGITS + 1
 LARGEST = 2147483648.0  # 2^31
 BASE = 4294967296.0  # 2^32
+LOW = 0xFFFFFFFF
+FULL = 1 << 62
+"""Size of a whole number from which on it is carried: as far from an overflow as 2^30 additions of other GPU threads."""
 
 
 @wp.func
@@ -30,25 +35,42 @@ def add(value: wp.float64, row: int, column: int, sums_out: wp.array3d(dtype=wp.
             for k in range(wp.static(DIGITS)):
                 digit = wp.floor(left)
                 left = (left - digit) * wp.float64(wp.static(BASE))  # exact: powers of two, and a difference without rounding
-                wp.atomic_add(sums_out, row, column, k, sign * wp.int64(digit))
+                part = sign * wp.int64(digit)
+                now = wp.atomic_add(sums_out, row, column, k, part) + part
+                if wp.abs(now) > wp.int64(wp.static(FULL)):
+                    if k == 0:
+                        wp.atomic_add(sums_out, row, column, wp.static(NOT_FINITE), wp.int64(1))
+                    else:  # by the one thread that finds it as it left it; where none does, a later addition carries
+                        rest = now & wp.int64(wp.static(LOW))
+                        if wp.atomic_cas(sums_out, row, column, k, now, rest) == now:
+                            wp.atomic_add(sums_out, row, column, k - 1, now >> wp.int64(32))
     else:
         wp.atomic_add(sums_out, row, column, wp.static(NOT_FINITE), wp.int64(1))
 
 
+def carried(rows: np.ndarray) -> np.ndarray:
+    """The same sums, shape (..., WIDTH), with digits below the first >= 0 and < 2^32."""
+    out = np.array(rows, dtype=np.int64)
+    for k in range(DIGITS - 1, 0, -1):
+        out[..., k - 1] += out[..., k] >> 32
+        out[..., k] &= LOW
+    return out
+
+
 def joined(rows: np.ndarray) -> np.ndarray:
     """One row of digits for all ``rows`` (rows, columns, WIDTH): shape (columns, WIDTH), digits below the first >= 0."""
-    total = rows.sum(axis=0)
-    for k in range(DIGITS - 1, 0, -1):
-        total[:, k - 1] += total[:, k] >> 32
-        total[:, k] &= 0xFFFFFFFF
-    return np.asarray(total)
+    digits = carried(rows)  # each row by itself: whole numbers of several, near 2^62, would overflow
+    total = carried(digits.sum(axis=0))
+    about = digits[..., 0].astype(np.float64).sum(axis=0)
+    total[np.abs(about) > FULL, NOT_FINITE] += 1
+    return total
 
 
 def rounded(rows: np.ndarray) -> np.ndarray:
     """What has been added up by all ``rows`` (rows, columns, WIDTH), float64, shape (columns,)."""
     total = joined(rows)
     negative = total[:, 0] < 0  # whose digits count up from below: turned into those of its size
-    total[negative, :DIGITS] = joined(-total[None, negative])[:, :DIGITS]
+    total[negative, :DIGITS] = carried(-total[negative])[:, :DIGITS]
     value = np.zeros(len(total))
     for k in range(DIGITS - 1, -1, -1):
         value = value / BASE + total[:, k]

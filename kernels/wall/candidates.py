@@ -15,11 +15,12 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool):
+def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool,
+          apart: bool = False):  # fmt: skip
     """Return the kernels for walls with ``meshes`` and with analytic ``shapes``.
 
     ``around``: of ``images.build``; ``border``: of ``border.build``; ``gap`` as in ``pairs.build``. Where grains may ``leave``
-    the domain, those that have are beside no wall.
+    the domain, those that have are beside no wall; ``apart``: some materials pass through each other.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -40,6 +41,8 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
         first: int,
         fill: int,  # 0 counts, 1 fills
         grains: wp.array(dtype=g.Record),
+        material: wp.array(dtype=wp.int32),
+        through: wp.array2d(dtype=wp.int32),  # as of ``neighbors.find_neighbors``
         travel: wp.float64,
         surface: Surface,
         mesh: wp.array(dtype=wp.uint64),
@@ -65,6 +68,9 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             at = start[i]
         if wp.static(meshes):
             for m in range(mesh.shape[0]):
+                if wp.static(apart):
+                    if through[material[i], surface.material[mesh_wall[m]]] == 1:
+                        continue
                 placement = placements[surface.motion[mesh_wall[m]]]
                 for image in range(wp.static(around.images)):
                     if around.counts(surface, mesh_wall[m], image):
@@ -90,6 +96,9 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             for k in range(surface.planes + surface.revolutions + surface.spheres):
                 f = surface.triangles + k
                 wall = surface.wall[f]
+                if wp.static(apart):
+                    if through[material[i], surface.material[wall]] == 1:
+                        continue
                 placement = placements[surface.motion[wall]]
                 for image in range(wp.static(around.images)):
                     if around.counts(surface, wall, image):

@@ -260,7 +260,10 @@ def build(
         if wp.static(wear):
             for d in range(3):
                 rest[3 + d] = v_wall[d]
-            rest[6] = wp.float64(1.0) - known
+            begins = wp.float64(0.0)
+            if overlap > wp.float64(0.0) and (known == wp.float64(0.0) or overlap_before <= wp.float64(0.0)):
+                begins = wp.float64(1.0)
+            rest[6] = begins
         return memory, load, rest, overlap / radius, -wp.dot(velocity, n), entry, power
 
     return Built(

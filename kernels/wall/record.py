@@ -23,7 +23,7 @@ RESULT = Columns(
         ("force", 3),  # on the grain [N]
         ("moment", 3),  # rolling torque on the grain [N m]; only with a rolling model, or where wear is added up
         ("wall_velocity", 3),  # of the wall's material there [m/s]; where wear is added up
-        ("begins", 1),  # 1 in the first step of a contact, else 0; where wear is added up
+        ("begins", 1),  # 1 in the first step of a touch, else 0; where wear is added up
     )
 )
 FOUND = scalars(

@@ -47,8 +47,9 @@ def arrays(sim: Simulation) -> dict[str, int]:
             for number, value in enumerate(thing):
                 visit(value, f"{name}.{number}")
         elif type(thing).__module__.startswith("warpdem."):
-            for key, value in getattr(thing, "__dict__", {}).items():
-                visit(value, key if thing is sim else f"{name}.{key}")
+            attributes = getattr(thing, "__dict__", {})
+            for key in sorted(attributes, key=lambda key: key.startswith("_")):  # public names first: an array has one
+                visit(attributes[key], key if thing is sim else f"{name}.{key}")
 
     visit(sim, "")
     return dict(sorted(found.items(), key=lambda entry: -entry[1]))

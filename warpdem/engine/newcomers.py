@@ -101,11 +101,15 @@ class Newcomers:
             if period := model.domain.period[k]:
                 separation -= period * np.rint(separation / period)
             close = close[np.abs(separation) <= half[k]]
+        apart = model.scene.apart if model.features.contact.apart else None
+        kind = self.state.material.numpy()
         out = [np.zeros((0, 2), dtype=np.int64)]
         for i in new[here[new]]:
             separation = model.domain.nearest(position[i] - position[close])
             far = (radius[i] + radius[close] + beyond) * (1.0 + 1.0e-12)
             near = close[(np.einsum("ij,ij->i", separation, separation) < far * far) & (close != i)]
+            if apart is not None:
+                near = near[~apart[kind[i], kind[near]]]
             out.append(np.stack([np.full(len(near), i), near], axis=1))
         return np.concatenate(out)
 
@@ -135,7 +139,8 @@ class Newcomers:
         assert walls is not None
         contacts, n, used = lists.wall_contacts, int(new[-1]) + 1, int(lists.wall_contacts.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
-        shared = self.state.record, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        grains = self.state.record, self.state.material, self.model.apart
+        shared = *grains, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
         count = self.pool.zeros(n, wp.int32)
         self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])

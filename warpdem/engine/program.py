@@ -170,7 +170,7 @@ class ListBuild:
         """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
         a = self.lists
         clump = self.state.clumps.of_grain if self.state.clumps is not None else self.batch.scratch(self.n).nothing
-        shared = a.grids, self.state.record, self.state.id, clump, a.skin
+        shared = a.grids, self.state.record, self.state.id, clump, self.state.material, self.model.apart, a.skin
         self.launch(self.kernels.lists.find_neighbors, self.n, *shared, start, a.new.count, a.new.slot)
 
     def _near_features(self, write: int) -> None:
@@ -178,7 +178,8 @@ class ListBuild:
         a, walls, nothing = self.lists, self.model.walls, self.batch.scratch(self.n).nothing
         assert walls is not None
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
-        shared = self.state.record, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        grains = self.state.record, self.state.material, self.model.apart
+        shared = *grains, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
         self.launch(self.kernels.walls.near_features, self.n, write, *shared, first, a.new.feature_count, feature)
 
     # -- inner list -----------------------------------------------------------------------------
@@ -199,7 +200,7 @@ class ListBuild:
     def _write_inner(self) -> None:
         a, k, m, structs = self.lists, self.kernels.lists, self.model, self.structs
         unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
-        self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), unused_slot, contacts)
+        self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), structs.outer(), unused_slot, contacts)
         law = m.features.contact.materials, m.coefficients
         lists = structs.outer(), a.listed, structs.starts(), a.history
         self.launch(k.fill_contacts, self.n, structs.grains(), *law, *lists, contacts)

@@ -165,16 +165,18 @@ def open_region(
 
 
 def is_cup(mesh: TriangleMesh, up: Direction) -> bool:
-    """Whether a closed mesh of one skin holds more between its walls than it has inside, as a cup of solid walls."""
-    if not any(up):
-        return False
-    axes = _level_axes(_direction(up, ""))
+    """Whether a closed mesh holds more between its walls than it has inside, as a cup of solid walls or a tube with lids.
+
+    Without gravity, where ``up`` is zero, only what is shut in on all sides is held.
+    """
+    heavy = any(up)
+    axes = _level_axes(_direction(up, "")) if heavy else np.eye(3)
     box = build_mesh(mesh.corners, (axes, np.zeros(3)), mesh.name).bounds
     size = float((box[1] - box[0]).prod())
     if abs(mesh.volume) > CUP * size:
         return False
     wall = PlacedWall(mesh.name, mesh, 1, np.eye(3), np.zeros(3))
-    leaks = np.array([[True, True, True], [True, True, False]])
+    leaks = np.array([[True, True, True], [True, True, not heavy]])
     open_space = find_open_space([wall], box, axes, leaks, (size / CUP_NODES) ** (1.0 / 3.0), "", most_nodes=CUP_NODES)
     return open_space is not None and open_space.volume > abs(mesh.volume)
 

@@ -161,5 +161,10 @@ def _refuse_too_dense(count: float, fraction: float, space: FillRegion, key: str
         raise SceneError(
             f"{key}: asked for {count:.0f} {what} in {space.volume:.6g} m3, a solid fraction of {fraction:.3g}; "
             f"allowed is at most {DENSEST} (the densest packing of equal spheres), within reach about 0.6: ask for "
-            "fewer or smaller grains"
+            f"fewer or smaller grains; the space reaches from ({_text(space.bounds[0])}) to ({_text(space.bounds[1])}) m, and "
+            "where a wall bounds several, fill.point says which one is meant"
         )
+
+
+def _text(position: np.ndarray) -> str:
+    return ", ".join(f"{x:.4g}" for x in position)

@@ -9,14 +9,16 @@ from warpdem.kernels import packing as kernels
 
 
 def worst_overlaps(
-    position: np.ndarray, radius: np.ndarray, clump: np.ndarray | None = None
+    position: np.ndarray, radius: np.ndarray, clump: np.ndarray | None = None,
+    through: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Largest overlap of each grain as a share of the smaller radius [-], (n,), and its partner, (n,), -1: none.
 
-    Members of one clump, whose numbers ``clump`` (n,) holds, may overlap each other.
+    Members of one clump, whose numbers ``clump`` (n,) holds, may overlap each other, and so may materials that pass through
+    each other: ``through`` as of ``NeighborTable``.
     """
     threads = Threads(available_threads())
-    neighbors = NeighborTable(np.array(position, float), radius, len(radius), 0.0, threads, capacity=0, clump=clump)
+    neighbors = NeighborTable(np.array(position, float), radius, len(radius), 0.0, threads, 0, clump, through)
     neighbors.build()
     threads.close()
     return neighbors.overlap.numpy(), neighbors.partner.numpy()
@@ -33,11 +35,13 @@ class NeighborTable:
         threads: Who computes.
         capacity: Neighbors per grain that the table can hold at first; 0 for no table.
         clump: Number of the clump of each grain, -1 for none: members of one are no neighbors; None without clumps.
+        through: Material of each grain, (n,), and whether two materials pass through each other, (m, m), which are then no
+            neighbors either; None where all touch.
     """
 
     def __init__(
         self, position: np.ndarray, radius: np.ndarray, loose: int, skin: float, threads: Threads, capacity: int = 24,
-        clump: np.ndarray | None = None,
+        clump: np.ndarray | None = None, through: tuple[np.ndarray, np.ndarray] | None = None,
     ):  # fmt: skip
         self._position, self._loose, self._skin, self._threads = position, loose, skin, threads
         self._radii, self._classes = radius, size_classes(radius)
@@ -46,6 +50,9 @@ class NeighborTable:
         self._radius: wp.array[wp.float64] = wp.array(radius, dtype=wp.float64, device="cpu")
         numbers = np.zeros(0, dtype=np.int32) if clump is None else clump.astype(np.int32)
         self._clump: wp.array[wp.int32] = wp.array(numbers, dtype=wp.int32, device="cpu")
+        kinds, table = (np.zeros(0), np.zeros((0, 0))) if through is None else through
+        self._kinds: wp.array[wp.int32] = wp.array(kinds.astype(np.int32), dtype=wp.int32, device="cpu")
+        self._apart: wp.array[wp.int32] = wp.array(table.astype(np.int32), dtype=wp.int32, device="cpu")
         self._count = wp.zeros(loose, dtype=wp.int32, device="cpu")
         self._move = wp.zeros(loose, dtype=wp.vec3d, device="cpu")
         self.overlap = wp.zeros(loose, dtype=wp.float64, device="cpu")
@@ -63,7 +70,7 @@ class NeighborTable:
             start = self._capacity.starts(loose) if self._capacity else np.zeros(self._loose + 1, dtype=np.int32)
             self._start: wp.array[wp.int32] = wp.array(start, dtype=wp.int32, device="cpu")
             self._table = wp.empty(int(start[-1]), dtype=wp.int32, device="cpu")
-            inputs = [grids, self._points, self._radius, self._clump, self._skin, self._start]
+            inputs = [grids, self._points, self._radius, self._clump, self._kinds, self._apart, self._skin, self._start]
             outputs = [self._table, self._count, self.overlap, self.partner]
             self._threads.split(kernels.list_neighbours, self._loose, [*inputs, *outputs], wp.get_device("cpu"))
             if self._capacity is None or self._capacity.holds(loose, self._count.numpy()):

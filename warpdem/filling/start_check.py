@@ -19,7 +19,8 @@ def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene: S
 
     A closed mesh with more than half of the grains inside, or one whose inside is filled, is a container: all other
     grains must be inside it or another container. Any other closed mesh is an obstacle: no grain may be inside. Open
-    meshes have no inside. ``known`` walls, which were there before the start, are not checked.
+    meshes have no inside. ``known`` walls, which were there before the start, are not checked. What does not touch
+    (``contact = false``) may overlap.
 
     Raises:
         SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
@@ -35,7 +36,8 @@ def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene: S
         seen = in_body_axes(scene, number, grains.position)
         if wall.shape is not None:
             distance[wall.name] = wall.shape.nearest(seen)[1]
-            _check_shape(grains, seen, distance[wall.name], wall, f"{scene.source}: walls[{number}]")
+            touches, key = scene.touched(grains.type, number), f"{scene.source}: walls[{number}]"
+            _check_shape(grains, seen, distance[wall.name], touches, wall, key)
         else:
             distance[wall.name] = signed_distance(meshes[wall.name], seen)[0]
     _check_closed_meshes(grains, distance, meshes, scene)
@@ -59,7 +61,8 @@ def _entry(grains: InitialGrains, i: int, scene: Scene) -> str:
 
 def _check_overlaps(grains: InitialGrains, scene: Scene) -> None:
     clump = None if grains.clumps is None else grains.clumps.of_grain
-    share, partner = worst_overlaps(grains.position, grains.radius, clump)
+    through = (grains.type, scene.apart) if scene.apart.any() else None
+    share, partner = worst_overlaps(grains.position, grains.radius, clump, through)
     i = int(np.argmax(share))
     allowed = scene.engine.max_overlap
     if share[i] <= allowed:
@@ -83,7 +86,7 @@ def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray],
     for number, wall in enumerate(scene.walls):
         if wall.name not in distance:
             continue
-        share = 1.0 - np.abs(distance[wall.name]) / grains.radius
+        share = np.where(scene.touched(grains.type, number), 1.0 - np.abs(distance[wall.name]) / grains.radius, 0.0)
         deep = share > allowed
         if deep.any():
             i = int(np.argmax(share))
@@ -94,20 +97,22 @@ def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray],
             )
 
 
-def _check_shape(grains: InitialGrains, position: np.ndarray, height: np.ndarray, wall: Wall, key: str) -> None:
+def _check_shape(
+    grains: InitialGrains, position: np.ndarray, height: np.ndarray, touches: np.ndarray, wall: Wall, key: str
+) -> None:
     kind = next(name for name in SHAPES if getattr(wall, name) is not None)
     shape = wall.shape
     if isinstance(shape, (Cylinder, Sphere)):
-        tight = shape.holds(position) & (grains.radius >= shape.radius)
+        tight = touches & shape.holds(position) & (grains.radius >= shape.radius)
         if tight.any():
             i = int(np.argmax(tight))
             raise SceneError(
                 f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
                 f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
             )
-    behind = height < 0.0
+    behind = touches & (height < 0.0)
     if behind.any():
-        i = int(np.argmin(height))
+        i = int(np.argmin(np.where(behind, height, 0.0)))
         asked = "whose normal must point to the grains"
         if isinstance(shape, (Cylinder, Cone, Sphere)):
             asked = f"whose grains are {'inside' if shape.inside else 'outside'} (inside = {str(shape.inside).lower()})"
@@ -126,21 +131,25 @@ def _check_closed_meshes(
         for name, mesh in meshes.items()
         if name in distance and mesh.is_closed and mesh.mismatched_edges == 0
     }
-    containers = {name for name, d in depth.items() if name in grains.vessels or 2 * int((d > 0.0).sum()) > len(grains)}
+    touches = {wall.name: scene.touched(grains.type, number) for number, wall in enumerate(scene.walls)}
+    containers = {
+        name for name, d in depth.items()
+        if name in grains.vessels or 2 * int((touches[name] & (d > 0.0)).sum()) > touches[name].sum()
+    }  # fmt: skip
     contained = (
         np.any([depth[name] > 0.0 for name in containers], axis=0) if containers else np.zeros(len(grains), bool)
     )
     for name, d in depth.items():
-        within = d > 0.0
-        astray = ~contained & ~within
+        within, met = touches[name] & (d > 0.0), touches[name]
+        astray = ~contained & ~within & met
         wrong = astray if name in containers else within
         if not wrong.any():
             continue
-        if 2 * int(within.sum()) == len(grains) and astray.any():
+        if 2 * int(within.sum()) == met.sum() and astray.any():
             wrong = astray  # of as many inside as outside, those that nothing holds are likelier to be misplaced
         i = int(np.argmax(np.where(wrong, np.abs(d), -1.0)))
         side, other = ("inside", "outside") if within[i] else ("outside", "inside")
-        others = int((within != within[i]).sum())
+        others = int((met & (within != within[i])).sum())
         raise SceneError(
             f"{scene.source}: {_entry(grains, i, scene)} is {side} the closed mesh {name!r} ({keys[name]}), "
             f"{abs(d[i]):.6g} m from its surface, while {others} {'grain is' if others == 1 else 'grains are'} {other}"

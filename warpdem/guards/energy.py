@@ -6,9 +6,17 @@ Where no wall moves in the laboratory and nothing else does work, E only falls: 
 more than 5 % of the largest energy of motion and of springs so far (of its size, where contacts attract). When grains come
 or leave, a new reference begins. Where walls or other things do work, only the energy budget (measures.energy) knows how
 much: then what it cannot explain is compared with what went through it. A driven scene without that budget is not watched.
+
+Grains at rest have hardly any energy of motion, and that is one of rounding. A rise counts only above
+
+    E_0 = eps sum |E_k| + (1/2) M (eps |x| / dt)^2,   eps = 2^-52,
+
+the rounding of the energies E_k, and the motion of all grains, of mass M, by one rounding of the farthest place x in each
+step [J].
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -58,6 +66,8 @@ class EnergyGuard:
         if surplus <= SHARE * at_hand:
             return None
         p = observers.Particles(view)
+        if surplus <= rounding_energy(energy.values(), p.mass, p.position, view.clock.dt):
+            return None
         kinetic = p.mass * np.einsum("ij,ij->i", p.velocity_lab, p.velocity_lab)
         return Verdict(
             self.NAME,
@@ -94,6 +104,20 @@ class EnergyGuard:
         through += [value for name, value in budget.items() if name.startswith("dissipated_")]
         self._next = EnergyReference(largest=max(self._reference.largest, stored + sum(abs(x) for x in through)))
         return budget["integration_error"]
+
+
+def rounding_energy(energies: Iterable[float], mass: np.ndarray, position: np.ndarray, dt: float) -> float:
+    """Energy that rounding alone makes up [J].
+
+    Args:
+        energies: Energies that are added up [J].
+        mass: Of the grains [kg], shape (n,).
+        position: Their places in frame axes [m], shape (n, 3).
+        dt: Time step [s].
+    """
+    eps = float(np.finfo(np.float64).eps)
+    speed = eps * float(np.linalg.norm(position, axis=1).max()) / dt
+    return eps * sum(abs(one) for one in energies) + 0.5 * float(mass.sum()) * speed**2
 
 
 def driven(run: Model) -> bool:

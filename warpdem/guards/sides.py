@@ -58,18 +58,22 @@ class SideGuard:
         ids, distance = self._distances(view)
         known = np.isin(ids, self._ids)
         before = np.searchsorted(self._ids, ids[known])
+        kind = view.state.material.numpy()[view.state.rank]
         for column, number in enumerate(self._meshes):
             inwards = np.where(self._inside[before, column], -1.0, 1.0)
-            depth = -distance[known, column] * inwards / radius[known]
+            touches = view.model.scene.touched(kind[known], number)
+            depth = np.where(touches, -distance[known, column] * inwards / radius[known], 0.0)
             if (depth > DEEP).any():  # a message gives the distance itself
                 mesh = view.model.meshes[view.model.scene.walls[number].name]
-                depth = -_searched(mesh, _in_body(view, position[known], number)) * inwards / radius[known]
+                exact = -_searched(mesh, _in_body(view, position[known], number)) * inwards / radius[known]
+                depth = np.where(touches, exact, 0.0)
             wrong.append(self._beyond(view, np.flatnonzero(known), depth, DEEP, number))
         for number in self._shapes if behind else ():
             shape = view.model.scene.walls[number].shape
             assert shape is not None
             height = shape.nearest(_in_body(view, position, number))[1]
-            wrong.append(self._beyond(view, np.arange(len(ids)), -height / radius, ALLOWED, number))
+            depth = np.where(view.model.scene.touched(kind, number), -height / radius, 0.0)
+            wrong.append(self._beyond(view, np.arange(len(ids)), depth, ALLOWED, number))
         if self._meshes:
             self._note_sides(ids, distance)
         return next((verdict for verdict in wrong if verdict is not None), None)

@@ -48,7 +48,7 @@ class TravelGuard:
             relative = velocity - p[15:18] - np.cross(p[12:15], position)
             travel = np.sqrt(np.einsum("ij,ij->i", relative, relative)) * clock.dt
             allowed = max_travel(wall) * radius
-            fast = np.flatnonzero(travel > allowed)
+            fast = np.flatnonzero((travel > allowed) & self._model.scene.touched(state.material.numpy(), number))
             if not len(fast):
                 continue
             room = (radius[fast] + travel[fast])[:, None]

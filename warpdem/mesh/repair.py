@@ -15,6 +15,8 @@ from warpdem.mesh.grouping import components, first_and_group
 
 PROBES = 8
 """Number of points of a body that must agree on the bodies that contain it [-]."""
+ON_SURFACE = 1e-4
+"""Distance of a point from a triangle over its size below which it lies on it [-]: far above the rounding of corners."""
 
 
 def first_of_each(triangles: np.ndarray) -> np.ndarray:
@@ -84,7 +86,8 @@ def wrongly_wound(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, are
 def _inverted_bodies(corners: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether the normals of a body point the wrong way: outwards is right if it lies in an even number of others.
 
-    A body that is partly inside another is undecided.
+    A body that is partly inside another is undecided. Where two touch face to face, points of the one on the surface of the
+    other are neither in it nor out of it and are not asked; a body that has no other points is undecided.
 
     Args:
         corners: Corners of the triangles [m], shape (t, 3, 3), wound alike within each body.
@@ -100,23 +103,39 @@ def _inverted_bodies(corners: np.ndarray, body: np.ndarray) -> tuple[np.ndarray,
     volume = np.array([np.linalg.det(p - p.mean(axis=(0, 1))).sum() for p in parts])
     depth, doubt = np.zeros(count, int), np.zeros(count, bool)
     for k, part in enumerate(parts):
-        probes = part[:: max(1, len(part) // PROBES)].mean(axis=1)
+        probes = part.mean(axis=1)
         near = ((low <= high[k]) & (low[k] <= high)).all(axis=1)
         near[k] = False
         for around in np.flatnonzero(near):
-            held = np.array([abs(_winding(parts[around], point)) > 0.5 for point in probes])
-            doubt[k] |= held.any() and not held.all()
-            depth[k] += bool(held[0])
+            held = _held(probes, parts[around])
+            doubt[k] |= not held or len(set(held)) > 1
+            depth[k] += bool(held and held[0])
     return (volume < 0.0) != (depth % 2 == 1), doubt
 
 
-def _winding(corners: np.ndarray, point: np.ndarray) -> float:
-    """Winding number of closed triangles (t, 3, 3) about a point: the sum of their solid angles over 4 pi.
+def _held(points: np.ndarray, corners: np.ndarray) -> list[bool]:
+    """Whether each of up to about `PROBES` of points (n, 3) is inside closed triangles (t, 3, 3), without those on them."""
+    held: list[bool] = []
+    stride = max(1, len(points) // PROBES)
+    for first in range(stride):  # the next ones only while all are on the surface
+        winding = [_winding(corners, point) for point in points[first::stride]]
+        held = [abs(turns) > 0.5 for turns in winding if turns is not None]
+        if held:
+            break
+    return held
 
+
+def _winding(corners: np.ndarray, point: np.ndarray) -> float | None:
+    """Winding number of closed triangles (t, 3, 3) about a point, None on one of them: the sum of their solid angles over 4 pi.
+
+    On a triangle the solid angle jumps from -2 pi to 2 pi, and its sign would be one of rounding.
     Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """
     a, b, c = (corners - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(arm, axis=1) for arm in (a, b, c))
     top = (a * np.cross(b, c)).sum(axis=1)
     bottom = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    near = ON_SURFACE * la * lb * lc
+    if ((np.abs(top) < near) & (bottom < near)).any():
+        return None
     return float(np.arctan2(top, bottom).sum()) / (2.0 * math.pi)

@@ -56,8 +56,12 @@ def choose_features(
     table = coefficient_table(scene).reshape(len(names), len(names), at.width)
     present = sorted(set(np.unique(grain_types).tolist()))
     others = sorted(set(present) | {names.index(w.material) for w in scene.walls})
-    used = np.array([table[a, b] for a in present for b in others]).reshape(-1, at.width)
+    separate = scene.apart
+    used = np.array([table[a, b] for a in present for b in others if not separate[a, b]]).reshape(-1, at.width)
     left_out = {}
+    apart = any(separate[a, b] for a in present for b in others)
+    if not apart:
+        left_out["materials that do not touch"] = "all that meet touch"
     normal = scene.located(scene.contact.normal)
     tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
     rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
@@ -131,6 +135,7 @@ def choose_features(
             gap=law_gap(scene, largest),
             twisting=twisting,
             clumps=clumps,
+            apart=apart,
         ),
         frame=FrameFeatures(
             rotates=frame.rotates, moves=frame.moves, tracked=moving == 0 or resting > 0 or any(domain.period)

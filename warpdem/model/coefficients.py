@@ -15,12 +15,14 @@ from warpdem.scene.parameters import numbers
 def coefficient_table(scene: Scene) -> np.ndarray:
     """Coefficients of every pair of materials, shape (m * m, width of ``coefficient_columns``).
 
-    Pairs that cannot meet (no coefficients given) hold NaN.
+    Pairs that cannot meet or do not touch (no coefficients given) hold NaN.
     """
     names = list(scene.materials)
     normal, at = model("normal", scene.located(scene.contact.normal)), coefficient_columns(scene)
     table = np.full((len(names), len(names), at.width), np.nan)
     for pair in scene.pairs:
+        if not pair.contact:
+            continue
         a, b = (names.index(m) for m in pair.materials)
         of_law = normal.coefficients(scene.materials[names[a]], scene.materials[names[b]], pair)
         of_pair = {key: getattr(pair, key) for key in columns.OF_PAIR}

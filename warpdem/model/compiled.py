@@ -212,7 +212,7 @@ def _built(features: Features) -> Built:
     lists = neighbors.build(
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
         inertia_factor=laws.inertia_factor,
-        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart,
     )  # fmt: skip
     wall_lists = None
     if walls.present:
@@ -225,6 +225,7 @@ def _built(features: Features) -> Built:
             shapes=any(shapes),
             gap=laws.gap,
             leave=domain.outlets > 0,
+            apart=laws.apart,
         )
     paths = flight.build(
         travel, images, closest_on_feature, WallContacts, **spins, moving=walls.moving, meshes=meshes,

@@ -44,6 +44,7 @@ def contact_cases(scene: Scene, start: InitialGrains) -> Iterator[ContactCase]:
     law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
     table = coefficient_table(scene).reshape(len(names), len(names), at.width)
     walls = {names.index(w.material) for w in scene.walls}
+    apart = scene.apart
     alone = len(start.id) < 2 and not scene.streams
     for t in np.unique(start.type):
         radius = float(start.radius[start.type == t].min())
@@ -51,6 +52,8 @@ def contact_cases(scene: Scene, start: InitialGrains) -> Iterator[ContactCase]:
         partners = [(int(o), 0.5 * mass, 0.5 * radius) for o in np.unique(start.type) if not alone]
         partners += [(o, mass, radius) for o in walls]
         for other, reduced_mass, reduced_radius in partners:
+            if apart[t, other]:
+                continue
             pair, row = (names[t], names[other]), table[t, other]
             restitution = scene.pair(*pair).restitution
             yield ContactCase(pair, radius, reduced_radius, reduced_mass, restitution, row, own_of(law, row))

@@ -35,6 +35,8 @@ class ContactFeatures:
     twisting: str | None = None
     clumps: bool = False
     """Some grains are members of clumps."""
+    apart: bool = False
+    """Some materials that meet do not touch: lists leave them out."""
 
     @cached_property
     def history(self) -> Columns:
@@ -254,6 +256,7 @@ class Features:
         runs += ["wear of walls, added up at every step"] if measures.wear else []
         runs += [f"budget at every step: {' and '.join(added)}"] if added else []
         runs += [f"external field: {name} in {axes} axes" for name, axes in self.fields]
+        runs += ["materials that do not touch, left out of the lists"] if contact.apart else []
         runs += ["orientation of the grains"] if measures.orientation else []
         runs += [f"observer, at rows of the history: {name} in {axes} axes" for name, axes in measures.observers]
         names = ("meshes", "planes", "cylinders and cones", "spheres")

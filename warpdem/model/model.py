@@ -52,6 +52,8 @@ class Model:
     """Contact coefficients on the device: of each ordered pair of materials, or the one set that all contacts share."""
     coefficient_table: np.ndarray
     """The same on the host, shape (sets, columns)."""
+    apart: wp.array
+    """Whether two materials pass through each other, shape (materials, materials); of size 0 where all that meet touch."""
     walls: Walls | None
     """Walls on the device; None without any."""
     notes: tuple[str, ...]

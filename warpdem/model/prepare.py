@@ -122,6 +122,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         density=np.array([material.density for material in scene.materials.values()]),
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
         coefficient_table=table,
+        apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
         walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
@@ -156,7 +157,7 @@ def _coefficients(scene: Scene, features: Features, grains: InitialGrains) -> np
     if features.contact.table:
         return table
     names = list(scene.materials)
-    first = int(grains.type[0]) if len(grains.type) else 0
-    others = [first, *(names.index(wall.material) for wall in scene.walls)]
-    rows = [table[first * len(names) + other] for other in others]
+    kinds = np.unique(grains.type).tolist() or [0]
+    others = [*kinds, *(names.index(wall.material) for wall in scene.walls)]
+    rows = [table[kind * len(names) + other] for kind in kinds for other in others]
     return next((row for row in rows if np.isfinite(row).all()), rows[0])[None]

@@ -132,7 +132,7 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
         stable=float(stable),
         frame=float(frame),
         field=field_limit(scene, start),
-        travel=longest_step(scene, start.radius, speed),
+        travel=longest_step(scene, start.type, start.radius, speed),
         max_speed=float(speed),
         damped_contact=float(damped),
         overlap=float(overlap),

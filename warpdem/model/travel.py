@@ -22,7 +22,9 @@ def max_travel(wall: Wall) -> float:
     return math.inf if wall.mesh is None else OPEN if wall.open else CLOSED
 
 
-def longest_step(scene: Scene, radius: np.ndarray, speed: float) -> float:
-    """Largest time step [s] for grains of ``radius`` (n,) [m] that meet the scene's walls at ``speed`` [m/s]."""
-    least = min((max_travel(wall) for wall in scene.walls), default=math.inf)
-    return least * float(radius.min()) / speed if speed > 0.0 and len(radius) else math.inf
+def longest_step(scene: Scene, kind: np.ndarray, radius: np.ndarray, speed: float) -> float:
+    """Largest time step [s] for grains of materials ``kind`` and ``radius`` (n,) [m] that meet walls at ``speed`` [m/s]."""
+    if not speed > 0.0:
+        return math.inf
+    met = ((wall, radius[scene.touched(kind, number)]) for number, wall in enumerate(scene.walls))
+    return min((max_travel(wall) * float(of.min()) / speed for wall, of in met if len(of)), default=math.inf)

@@ -3,7 +3,17 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, create_model, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    SerializerFunctionWrapHandler,
+    StrictBool,
+    create_model,
+    model_serializer,
+    model_validator,
+)
 
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
@@ -67,10 +77,24 @@ class Pair(SceneModel):
     """Contact coefficients of two materials (or of one with itself), given once, in either order."""
 
     # keys of a law of the user's are checked once that is known; in the schema see warpdem.scene.schema
-    model_config = ConfigDict(extra="allow", json_schema_extra={"additionalProperties": False})
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={
+            "additionalProperties": False,
+            "required": ["materials"],
+            "anyOf": [
+                {"required": ["restitution"]},
+                {"required": ["contact"], "properties": {"contact": {"const": False}}, "maxProperties": 2},
+            ],
+        },
+    )
 
     materials: Annotated[list[str], Field(min_length=2, max_length=2)] = Field(
         description="Names of the two materials, in any order."
+    )
+    contact: StrictBool = Field(
+        True,
+        description="Whether the two touch, default true; false: they pass through each other, and no other key is given.",
     )
     restitution: Annotated[float, Quantity("-", gt=0, le=1)] = Field(
         description="Coefficient of normal restitution [-], > 0 and <= 1."
@@ -81,6 +105,27 @@ class Pair(SceneModel):
     rolling_friction: Annotated[float, Quantity("-", ge=0)] = Field(
         0.0, description="Coefficient of rolling friction [-], >= 0, default 0."
     )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _nothing_of_no_contact(cls, given: Any, handler: ModelWrapValidatorHandler["Pair"]) -> "Pair":
+        """Materials that do not touch have no coefficients; the field holds a restitution that nothing reads."""
+        if not isinstance(given, Mapping) or given.get("contact") is not False:
+            return handler(given)
+        reason = "the two do not touch, contact = false: leave this out, or leave out contact"
+        if problems := [((key,), value, reason) for key, value in given.items() if key not in ("materials", "contact")]:
+            raise validation_error(problems)
+        pair = handler({**given, "restitution": 1.0})
+        pair.model_fields_set.discard("restitution")
+        return pair
+
+    @model_serializer(mode="wrap")
+    def _only_what_was_given_of_no_contact(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """``contact`` where it is false, and no coefficients then."""
+        whole: dict[str, Any] = handler(self)
+        if self.contact:
+            return {key: value for key, value in whole.items() if key != "contact"}
+        return {key: value for key, value in whole.items() if key in ("materials", "contact")}
 
     @classmethod
     def with_keys(cls, keys: Mapping[str, PairKey]) -> "type[Pair]":
@@ -144,6 +189,9 @@ def with_own_keys(pairs: list[Pair], known: Mapping[str, Any], root: type[BaseMo
     checked: list[Pair] = []
     problems: list[Problem] = []
     for i, pair in enumerate(pairs):
+        if not pair.contact:
+            checked.append(pair)
+            continue
         given: dict[str, Any] = pair.model_extra or {}
         values: dict[str, Any] = {}
         for key, value in given.items():

@@ -52,6 +52,8 @@ def _choices(role: str) -> str:
 def law_problems(contact: Contact, pairs: Sequence[Pair]) -> Iterator[Problem]:
     """Coefficients without a law to use them, and laws without their coefficients."""
     for i, pair in enumerate(pairs):
+        if not pair.contact:
+            continue
 
         def problem(key: str, text: str, i: int = i, pair: Pair = pair) -> Problem:
             return ("pairs", i, key), getattr(pair, key), text
@@ -91,8 +93,8 @@ def own_law_problems(
             yield ("contact", role), name, str(error)
             continue
         for i, pair in enumerate(pairs if role == "normal" else []):
-            if not set(pair.materials) <= materials.keys():
-                continue  # reported already
+            if not (pair.contact and set(pair.materials) <= materials.keys()):  # unknown names are reported already
+                continue
             try:
                 numbers = np.array(module.coefficients(*(materials[m] for m in pair.materials), pair), dtype=float)
             except Exception as error:  # any error of the user's function

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import (
     Field,
     ValidationError,
@@ -73,7 +74,7 @@ class Scene(SceneModel):
     )
     materials: dict[Label, Material] = Field(min_length=1, description="Materials by name.")
     contact: Contact = Field(Contact(), description="Contact laws.")
-    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can touch.")
+    pairs: list[Pair] = Field([], description="Contact coefficients, one entry for each pair of materials that can meet.")
     clumps: dict[Name, Clump] = Field({}, description="Rigid bodies of spheres by name, default none.")
     grains: list[Grains] = Field([], description="Groups of grains; at least one, if there are no streams.")
     walls: list[Wall] = Field([], description="Walls, default none.")
@@ -197,6 +198,22 @@ class Scene(SceneModel):
         of_grains = self.group_names[: len(self.grains)]
         of_streams = [name for k in range(len(self.streams)) for name in self.stream_groups(k)]
         return list(dict.fromkeys([*(self.start.groups if self.start else ()), *of_grains, *of_streams]))
+
+    @property
+    def apart(self) -> np.ndarray:
+        """Whether two materials pass through each other, by their numbers, shape (m, m), bool."""
+        names = list(self.materials)
+        out = np.zeros((len(names), len(names)), dtype=bool)
+        for pair in self.pairs:
+            if not pair.contact:
+                a, b = (names.index(name) for name in pair.materials)
+                out[a, b] = out[b, a] = True
+        return out
+
+    def touched(self, kind: np.ndarray, wall: int) -> np.ndarray:
+        """Whether grains of these materials (n,) touch wall number ``wall``, shape (n,), bool."""
+        touched: np.ndarray = ~self.apart[kind, list(self.materials).index(self.walls[wall].material)]
+        return touched
 
     def pair(self, first: str, second: str) -> Pair:
         """Coefficients of two materials, in either order.

@@ -62,6 +62,8 @@ def _merged(key: str, old: Any, new: Any) -> Any:
         for entry in new:
             own = _identifier(key, entry)
             both = isinstance(entry, Mapping) and isinstance(entries.get(own), Mapping)
+            if both and key == "pairs":  # what does not touch has no coefficients to keep
+                both = False not in (entry.get("contact"), entries[own].get("contact"))
             entries[own] = {**entries[own], **entry} if both else entry
         return list(entries.values())
     return _merged_tables(old, new) if key != "frame" else new

@@ -149,7 +149,7 @@ class _Writer:
         if prim.GetName() != name:
             self.attribute(prim, "dem:name", name)
         for pair in self.tables.get("pairs", []):
-            if pair["materials"] == [name, name]:
+            if pair["materials"] == [name, name] and pair.get("contact", True):
                 physics.CreateRestitutionAttr(pair["restitution"])
                 physics.CreateDynamicFrictionAttr(pair.get("friction", 0.0))
         self.table(prim, table)
@@ -168,10 +168,10 @@ class _Writer:
         self.table(physics.GetPrim(), tables)
 
     def groups(self, groups: list[dict[str, Any]]) -> None:
-        """Groups of grains, those given by positions as points."""
+        """Groups of grains, spheres given by positions as points."""
         paths = unused_paths(GRAINS, [str(group.get("name", f"group_{i}")) for i, group in enumerate(groups)])
         for group, path in zip(groups, paths, strict=True):
-            if "positions" in group:
+            if "positions" in group and "clump" not in group:
                 self.points(path, group)
             else:
                 self.entries([group], "grains", [path])

@@ -75,6 +75,35 @@ def test_impacts_erode_by_finnie(angle, volume):
     assert M * by_hand / 4e9 == pytest.approx(volume * M / 1.0471975512e-5, rel=1e-9, abs=0)
 
 
+def reaching(**keys):
+    """A grain at a wall that pulls weakly from 31 um on, without friction or losses."""
+    pair = {"materials": ["g", "g"], "restitution": 1.0, "friction": 0.0, "surface_energy": 1e-4, "tail_length": "1 um"}
+    return simulated(contact={"rolling": "none", "normal": "dmt"}, pairs=[pair], young=5e6, **keys)
+
+
+def test_a_grain_that_flies_past_within_the_reach_of_the_law_erodes_nothing():
+    sim = reaching(place=(0, 0, R + 35e-6), velocity=(0.5, 0, -0.05))
+    sim.run(until=4e-4)
+    found = sim.wall_wear()["floor"]
+    assert 10e-6 < sim.particles.position[0, 2] - R < 20e-6
+    assert found.normal_impulse[0] < 0.0  # it was pulled
+    assert found.erosion[0] == found.finnie_volume[0] == 0.0
+
+
+def test_a_grain_that_bounces_within_the_reach_of_the_law_erodes_each_time():
+    """From 10 um it falls for 1.4 ms, touches at 14 mm/s, and rises as high again."""
+    sim = reaching(place=(0, 0, R + 10e-6), velocity=(0.02, 0, 0), gravity=[0, 0, -9.81])
+    speed = math.sqrt(2 * 9.81 * 10e-6)
+    assert 2.0 * 0.02 < 6.0 * speed  # steep: (K/6) cos^2 a
+    once = M * 2.0 / 6.0 * 0.02**2
+    touches = []
+    for until in (1.3e-3, 2.6e-3, 6e-3):
+        sim.run(until=until)
+        assert sim.particles.position[0, 2] - R < 25e-6
+        touches.append(sim.wall_wear()["floor"].erosion[0] / once)
+    assert touches == pytest.approx([0.0, 1.0, 2.0], rel=1e-9, abs=1e-12)
+
+
 def test_an_impact_from_below_or_none_erodes_nothing():
     @wp.kernel(enable_backward=False)
     def cut(out: wp.array(dtype=wp.float64)):

@@ -1,8 +1,10 @@
 """Sums in four words: exact in any order and over any rows, to 2^-96."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
+import pytest
 import warp as wp
 from warpdem.kernels.measure import window_sum
 from warpdem.kernels.measure.window_sum import add
@@ -14,9 +16,9 @@ def _add(values: wp.array(dtype=wp.float64), rows: int, sums_out: wp.array3d(dty
         add(values[k], k % rows, 0, sums_out)
 
 
-def added(values, rows=1):
-    """Digits of the sum of ``values``, added in their order to ``rows`` rows in turn."""
-    sums = wp.zeros((rows, 1, window_sum.WIDTH), dtype=wp.int64, device="cpu")
+def added(values, rows=1, start=(0, 0, 0, 0, 0)):
+    """Digits of the sum of ``values``, added in their order to ``rows`` rows in turn, each of which holds ``start``."""
+    sums = wp.array(np.tile(np.array(start, dtype=np.int64), (rows, 1, 1)), device="cpu")
     wp.launch(_add, 1, [wp.array(values, dtype=wp.float64, device="cpu"), rows, sums], device="cpu")
     return sums.numpy()
 
@@ -47,3 +49,43 @@ def test_one_row_of_digits_stands_for_all():
     joined = window_sum.joined(rows)
     assert window_sum.rounded(joined[None])[0] == window_sum.rounded(rows)[0] == -3.25 + 2.0**-40
     assert (joined[:, 1:4] >= 0).all() and (joined[:, 1:4] < 2**32).all()
+
+
+FULL = 2**62
+
+
+def exact(rows):
+    """What rows of digits hold, without rounding."""
+    return sum(Fraction(int(digit), 2 ** (32 * k)) for row in rows for k, digit in enumerate(row[0, :4].tolist()))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_digits_are_carried_before_they_overflow(sign):
+    """As after some 2^31 additions: each digit but the first about to pass 2^62; none may stay beyond it."""
+    start = [sign * 7, *(sign * (FULL - 3 * k) for k in (1, 2, 3)), 0]
+    values = [sign * x for x in (0.7, 3.0 + 2.0**-33, 0.9 * 2.0**-30, 0.9 * 2.0**-62, 1.0 / 3.0 * 2.0**-20)] * 3
+    rows = added(values, start=start)
+    cut = [Fraction(int(Fraction(x) * 2**96), 2**96) for x in values]
+    assert exact(rows) == exact(np.array([[start]])) + sum(cut)
+    assert (np.abs(rows[0, 0, 1:4]) < 2**40).all()
+    assert rows[0, 0, 4] == 0
+    assert window_sum.rounded(rows)[0] == pytest.approx(float(exact(rows)), rel=1e-15)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_rows_whose_digits_overflow_together_are_joined(sign):
+    rows = np.tile(sign * np.array([3, FULL, FULL - 1, FULL - 5, 0]), (6, 1, 1))
+    joined = window_sum.joined(rows)
+    assert exact(joined[None]) == exact(rows)
+    assert (joined[:, 1:4] >= 0).all() and (joined[:, 1:4] < 2**32).all() and joined[0, 4] == 0
+    assert window_sum.rounded(rows)[0] == pytest.approx(float(exact(rows)), rel=1e-15)
+
+
+def test_a_sum_beyond_the_first_digit_is_no_number():
+    below = added([1.5], start=(FULL - 2, 0, 0, 0, 0))
+    assert window_sum.rounded(below)[0] == float(FULL)
+    for sign in (1, -1):
+        assert np.isnan(window_sum.rounded(added([sign * 4.0], start=(sign * (FULL - 2), 0, 0, 0, 0)))[0])
+        assert np.isnan(window_sum.rounded(np.tile([sign * (FULL // 2), 0, 0, 0, 0], (3, 1, 1)))[0])
+    mixed = np.array([[[FULL, 0, 0, 0, 0]], [[FULL, 0, 0, 0, 0]], [[-FULL, 0, 0, 0, 0]]])
+    assert window_sum.rounded(mixed)[0] == float(FULL)
