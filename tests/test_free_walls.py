@@ -1,6 +1,7 @@
 """Free walls on sliders and hinges: momentum, energy, springs, dampers, motors, gravity; bits, both frames, refusals."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +9,10 @@ from warpdem.kernels.step.dynamic_walls import STATE
 
 from free_scenes import MASS, PLATE, G, R, body_of, columns, run, scene
 from warpdem import SceneError, Simulation
+from warpdem.app import scene_warnings
+from warpdem.guards import free_walls, stability
+from warpdem.measure.observers import read_contacts
+from warpdem.measure.totals import Totals
 from warpdem.mesh.solid_body import solid_body
 from warpdem.mesh.triangle_mesh import load_mesh
 
@@ -238,6 +243,75 @@ def test_a_phase_goes_on_with_place_rate_and_spring(tmp_path):
 
 def first_place(sim):
     return body_of(sim).value("position")
+
+
+def pressed_plate(ratio, step, height=2 * R, **keys):
+    """36 grains between a floor and a plate of ``ratio`` grains, 0.5 N on each."""
+    x, y = (2.05 * R * a.ravel() for a in np.meshgrid(np.arange(6.0), np.arange(6.0)))
+    floor = {"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    plate = {"plane": {"point": [0, 0, height], "normal": [0, 0, -1]}}
+    engine = {"guards": "record", "max_overlap": 0.9}
+    positions = np.stack([x, y, np.full(36, R)], axis=1)
+    keys = {"walls": [floor], "time": {"end": 1, "step": step}, "engine": engine} | keys
+    return scene(slider(ratio * MASS, force=-18.0), plate, positions, e=0.3, **keys)
+
+
+@pytest.mark.parametrize("ratio, limit", [(10, 8.26e-6), (3, 3.186e-6)])
+def test_a_light_plate_on_many_grains_is_told_to_chatter_and_only_then(ratio, limit):
+    """At rest 4 % below the limit that the guard finds of it, and no word; chatters 4 % above, and the guard says why."""
+    quiet = run(pressed_plate(ratio, 0.96 * limit))
+    quiet.step(1000)
+    assert abs(body_of(quiet).value("rate")) < 1e-6
+    assert "stability" not in quiet.noticed
+    assert quiet.guards.stability.seen.share == pytest.approx(0.96, abs=0.01)
+    loud = run(pressed_plate(ratio, 1.04 * limit))
+    loud.step(1000)
+    assert abs(body_of(loud).value("rate")) > 0.3
+    said = loud.noticed["stability"]
+    assert "up to 1.02 times a run stays stable. The stiffest contacts: free wall 'body', its mass " in said
+    assert re.search(r"with the 36 grains that it touches. Take a time.step below [0-9.e-]+ s, or a heavier wall.$", said)
+
+
+def test_a_light_plate_on_the_end_of_its_range_is_left_alone():
+    given = pressed_plate(3, 7e-6, height=1.98 * R)
+    sim = run(given)
+    sim.step(1)
+    sim.guards.look()
+    assert sim.guards.stability.seen.share > 1.02
+    free = given.walls[0].free.model_copy(update={"range": (0.0, 1.0)})
+    walls = [given.walls[0].model_copy(update={"free": free})]
+    sim = run(given.model_copy(update={"walls": walls}))
+    sim.step(1)
+    sim.guards.look()
+    assert sim.guards.stability.seen.share == 0.0
+
+
+def test_a_hinge_and_a_free_body_are_measured_by_hand():
+    """One grain on a flap at its arm l: w^2 = k/m + k l^2/I; the same on a free body: k/m + k/M. Elastic: dt = 2/w."""
+    overlap = 0.01 * R
+    flap = {"joint": "hinge", "axis": [0, 1, 0], "inertia": 4 * MASS * (3 * R) ** 2}
+    body = {"joint": "none", "mass": 2 * MASS, "inertia": [1.0, 1.0, 1.0], "centre": [0, 0, -R]}
+    for free, ratio in ((flap | {"rate": 1e-9}, 4), (body, 2)):
+        sim = run(scene(free, positions=[[3 * R, 0, R - overlap]], e=1.0, time={"end": 1, "step": 8e-6}))
+        sim.prepare()
+        view, now = sim.view, Totals(sim.view)
+        contacts, one = read_contacts(view), body_of(sim)
+        found = stability.springs(view, contacts)
+        coupling = free_walls.coupling(one, now.bodies[one.number], contacts, found, np.array([MASS]))
+        k = 2 * 5e7 / (2 * 0.91) * math.sqrt(R * overlap)
+        assert found.stiffness[0] == pytest.approx(k, rel=1e-7)
+        assert free_walls.stable_step(coupling, 4e-5) == pytest.approx(2 / math.sqrt(k / MASS * (1 + 1 / ratio)), rel=1e-6)
+
+
+def test_check_warns_of_a_wall_lighter_than_the_grains_on_it():
+    """The step that it tells is below the limit of the plate, 8.26 and 3.19 us, and not by much; none at it, none if heavy."""
+    for ratio, limit in ((10, 8.26e-6), (3, 3.186e-6)):
+        [said] = [text for text in scene_warnings.warnings(run(pressed_plate(ratio, 9e-6))) if "walls[0].free" in text]
+        assert f"the wall has {ratio / 36:.2g} of the mass (of a hinge: of the moment of inertia) of the 36 grains" in said
+        step = float(re.search(r"take at most ([0-9.e-]+) s, or a heavier wall", said)[1])
+        assert 0.6 * limit < step < limit
+        assert "walls[0].free" not in str(scene_warnings.warnings(run(pressed_plate(ratio, step))))
+    assert "walls[0].free" not in str(scene_warnings.warnings(run(pressed_plate(40, 9e-6))))
 
 
 def test_numbers_of_the_state_have_their_columns():

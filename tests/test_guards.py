@@ -266,7 +266,7 @@ def test_a_danger_that_was_recorded_is_not_confirmed_again(make_scene, monkeypat
     """With guards that only record, a run in danger goes on, and is not looked at every few steps from then on."""
     looks = looked_at(monkeypatch)
     sim = sheared_pair(make_scene, 1.6 * measured_limit(sheared_pair(make_scene, 1e-7)), spin=1e-15)
-    monkeypatch.setattr(stability, "_step_ratio", lambda view, now: (1.6, 1e-5, 0))
+    monkeypatch.setattr(stability, "_step_ratio", lambda view, now: stability.Ratio(1.6, 1e-5, "grain 0"))
     sim.step(250)
     assert looks == [0, stability.CONFIRM, 100, 200]
 

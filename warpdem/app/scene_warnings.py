@@ -13,6 +13,7 @@ from warpdem.guards.stability import DANGER
 from warpdem.model import needs
 from warpdem.model.adhesion import adhesions
 from warpdem.model.impact import damped_time
+from warpdem.model.light_walls import light_walls
 from warpdem.model.restitution_error import restitution_error
 from warpdem.model.stiffer import deepest_overlap, least_factor
 from warpdem.model.time_step import CONTACT_STEPS, FIELD_ANGLE, FRAME_ANGLE, STABLE_SHARE
@@ -81,7 +82,7 @@ def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
 def warnings(sim: Simulation) -> list[str]:
     """What to look at before the run, most dangerous first."""
     found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
-    found += [*_laws_without_effect(sim), *_pulling_servos(sim.scene)]
+    found += [*_light_walls(sim), *_laws_without_effect(sim), *_pulling_servos(sim.scene)]
     found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
     return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_ways_out(sim), *_machine(sim)]
 
@@ -301,6 +302,16 @@ def _walls(sim: Simulation) -> Iterator[str]:
                 f"walls[{number}].mesh = {wall.mesh!r} is open along {border:.3g} m ({mesh.open_edges} edges), wide enough for "
                 f"a grain of {smallest:.3g} m: grains that leave fall without end; close the mesh, or add "
                 "[borders] or [[outlets]]"
+            )
+
+
+def _light_walls(sim: Simulation) -> Iterator[str]:
+    for number, grains, share, step in light_walls(sim.scene, sim.schedule.dynamic, sim.expected, sim.meshes):
+        if sim.dt > step:
+            yield (
+                f"walls[{number}].free: the wall has {share:.2g} of the mass (of a hinge: of the moment of inertia) of the "
+                f"{grains} grains that may lie on it; with all of them at once under its load it chatters at time.step = "
+                f"{sim.dt:.3g} s: take at most {rounded_down(step)} s, or a heavier wall"
             )
 
 

@@ -4,71 +4,47 @@
 
 u holds translations and rotations. Each contact gives K its slope along the normal and its tangential stiffness, C the
 damping of both at the present overlap, as it acts at the step dt (``kernels.contact.normal_law``); where friction is left
-out, the normal part alone. w is the largest rate of the
-grains that the sum
+out, the normal part alone. w is the largest rate of the grains that the sum
 
     (1/m_i) sum_c (1 + min(1, m_i/m_j)) (k_n + 7/2 k_t)      (walls: 1 for the bracket)
 
 over their contacts ranks as the stiffest; it is found by power iteration, which underestimates it, so that no stable step is
-reported as too long. The condition is that of the predicted velocity of exact_drift for a damped oscillator; the other
-schemes are there for comparison, also beyond their limits, and are not watched.
+reported as too long. All walls are as if nothing could push them; what that leaves out of free ones: ``guards.free_walls``. The
+condition is that of the predicted velocity of exact_drift for a damped oscillator; the other schemes are there for comparison,
+also beyond their limits, and are not watched.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from warpdem.guards import free_walls
+from warpdem.guards.springs import Springs
 from warpdem.guards.verdict import Verdict, at_time, grain_at
 from warpdem.kernels import grain
-from warpdem.kernels.contact.normal_law import NORMAL_CAP, ROLLING_MASS, TANGENTIAL_CAP
+from warpdem.kernels.contact.normal_law import ROLLING_MASS
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import LEAST_OVERLAP, normal_secant, normal_slope
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
 from warpdem.measure.totals import Totals
+from warpdem.scene.messages import rounded_down
+from warpdem.scene.servo import Servo
 from warpdem.state.contact_history import positions
 from warpdem.state.view import RunView
 
 ROUNDING = 1.0e-9  # of sums over the contacts of a grain, in any order
 STIFFEST = 200  # grains that are looked at in full
 ROUNDS = 60  # of the power iteration
-CAPS = np.array([[NORMAL_CAP], [TANGENTIAL_CAP]])
 DANGER = 1.25
 """Time step over the limit [-] above which a run is in danger: beds at rest are sound at 1.1, gain energy at 1.3, and
 fail at 1.4 to 2 (restitution 0.1 and 0.3)."""
+WALL_DANGER = 1.02
+"""The same for a free wall with the grains that it touches: 36 grains under a plate of ten are at rest at 0.97 and chatter at
+1.2 m/s from 1.01 on, for good. A bed shares out what grows in its stiffest contacts; here all contacts belong to one motion."""
 CONFIRM = 20
 """Steps after which a look that found the time step in danger is confirmed: what three times the limit makes of a bed
 takes longer, the deepest moment of an impact is shorter."""
-
-
-@dataclass(frozen=True)
-class Springs:
-    """Contacts as linear springs and dashpots between rows of grains; row n is the walls."""
-
-    i: np.ndarray
-    j: np.ndarray
-    normal: np.ndarray
-    """From j to i, shape (c, 3)."""
-    stiffness: np.ndarray
-    """Along the normal and across [N/m], shape (2, c)."""
-    damping: np.ndarray
-    """Of the law, along the normal and across [N s/m], shape (2, c)."""
-    mass: np.ndarray
-    """That moves along the normal and across [kg], shape (2, c)."""
-    arm: np.ndarray
-    """From the centres of i and j to the contact [m], shape (2, c)."""
-
-    def acting(self, dt: float) -> np.ndarray:
-        """Damping coefficients that act at time step ``dt`` [s], shape (2, c)."""
-        lessened = 1.0 + self.stiffness * dt**2 / (2.0 * self.mass)
-        return self.damping / np.maximum(lessened, self.damping * dt / (CAPS * self.mass))
-
-    def subset(self, which: np.ndarray) -> "Springs":
-        """The contacts ``which``."""
-        return Springs(
-            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.damping[:, which],
-            self.mass[:, which], self.arm[:, which],
-        )  # fmt: skip
 
 
 def springs(view: RunView, contacts: Contacts) -> Springs:
@@ -186,6 +162,8 @@ class Seen:
     """When that was."""
     at: int = 0
     """Step of the last look."""
+    danger: bool = False
+    """Whether the run was in danger then."""
 
 
 class StabilityGuard:
@@ -209,29 +187,30 @@ class StabilityGuard:
             return ""
         return (
             f"up to {seen.largest:.3g} times the stability limit of the contacts (checked at step {seen.step}); "
-            f"above {DANGER:g} times a run is in danger"
+            f"above {DANGER:g} times, {WALL_DANGER:g} times that of a free wall with its grains, a run is in danger"
         )
 
     @property
     def in_danger(self) -> bool:
-        """Whether the time step was over ``DANGER`` of the limit at the last look."""
-        return self._seen.share > DANGER
+        """Whether the time step was over ``DANGER`` of the limit at the last look, or ``WALL_DANGER`` by a free wall."""
+        return self._seen.danger
 
     def look(self, view: RunView, now: Totals) -> Verdict | None:
         """What is wrong with the time step: None unless it is in danger now and was at the look before."""
         clock = view.clock
-        ratio, limit, worst = _step_ratio(view, now)
+        found = max(_step_ratio(view, now), _wall_ratio(view, now), key=lambda one: one.ratio / one.allowed)
+        ratio, danger = found.ratio, found.ratio > found.allowed
         seen = self._seen
         largest, step = max((seen.largest, seen.step), (ratio, clock.step_number), key=lambda peak: peak[0])
-        self._next = Seen(ratio, largest, step, clock.step_number)
+        self._next = Seen(ratio, largest, step, clock.step_number, danger)
         confirmed = self.in_danger and clock.step_number >= seen.at + CONFIRM
-        if ratio <= DANGER or not confirmed:
+        if not danger or not confirmed:
             return None
         return Verdict(
             self.NAME,
-            f"{at_time(clock)}: the time step {clock.dt:.3g} s is {ratio:.3g} times the stability limit {limit:.3g} s of the "
-            f"present contacts, at two looks in a row; up to {DANGER:g} times a run stays stable. The stiffest contacts: "
-            f"{grain_at(view.state, worst)}. Take a smaller time.step, or a larger time.max_speed for step = 'auto'.",
+            f"{at_time(clock)}: the time step {clock.dt:.3g} s is {ratio:.3g} times the stability limit {found.limit:.3g} s of "
+            f"the present contacts, at two looks in a row; up to {found.allowed:g} times a run stays stable. The stiffest "
+            f"contacts: {found.worst}.",
         )
 
     def remember(self) -> None:
@@ -247,16 +226,53 @@ class StabilityGuard:
         self._seen = self._next = Seen(**state)
 
 
-def _step_ratio(view: RunView, now: Totals) -> tuple[float, float, int]:
-    """Time step over the limit of the present contacts [-], the limit [s] and the grain that sets it."""
-    dt = view.clock.dt
+class Ratio(NamedTuple):
+    """What a look finds."""
+
+    ratio: float
+    """Time step over the limit of the present contacts [-]; 0 where it is far below."""
+    limit: float
+    """The limit [s]."""
+    worst: str
+    """What sets it, and what to change."""
+    allowed: float = DANGER
+    """Ratio above which the run is in danger [-]."""
+
+
+def _step_ratio(view: RunView, now: Totals) -> Ratio:
+    """Of the grains, every wall being as if it could not be pushed."""
+    dt, none = view.clock.dt, Ratio(0.0, np.inf, "")
     if view.model.features.backend.integrator != "exact_drift" or _far_below(view, now.contacts):
-        return 0.0, np.inf, 0
+        return none
     found, p = springs(view, read_contacts(view)), Particles(view)
     if not len(found.i) or _estimate(found, p.mass, dt) <= 1.0:
-        return 0.0, np.inf, 0
+        return none
     limit, worst = stable_step(found, p.mass, p.inertia)
-    return float(dt / limit), float(limit), worst
+    remedy = "Take a smaller time.step, or a larger time.max_speed for step = 'auto'"
+    return Ratio(float(dt / limit), float(limit), f"{grain_at(view.state, worst)}. {remedy}")
+
+
+def _wall_ratio(view: RunView, now: Totals) -> Ratio:
+    """Of the free walls, each with the grains that it touches."""
+    dt, worst = view.clock.dt, Ratio(0.0, np.inf, "", WALL_DANGER)
+    free = [one for one in view.model.schedule.dynamic if not isinstance(one.given, Servo)]
+    if not free or not len(now.contacts):
+        return worst
+    contacts, mass = read_contacts(view), Particles(view).mass
+    found = springs(view, contacts)
+    touching = contacts.only(contacts.overlap > 0.0)
+    for one in free:
+        coupling = free_walls.coupling(one, now.bodies[one.number], touching, found, mass)
+        if coupling is None or (limit := free_walls.stable_step(coupling, dt)) >= worst.limit:
+            continue
+        kind, unit = ("moment of inertia", "kg m2") if one.given.turns == 1 else ("mass", "kg")
+        worst = Ratio(
+            dt / limit, limit,
+            f"free wall {one.wall.name!r}, its {kind} {coupling.mass[-1]:.3g} {unit}, with the {len(coupling.mass) - 1} grains "
+            f"that it touches. Take a time.step below {rounded_down(limit)} s, or a heavier wall",
+            WALL_DANGER,
+        )  # fmt: skip
+    return worst
 
 
 def _far_below(view: RunView, contacts: ContactColumns) -> bool:

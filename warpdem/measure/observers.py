@@ -177,6 +177,11 @@ class Contacts:
         deepest = f"; {self.worst()}" if len(self.i) else ""
         return f"<Contacts: {len(self.i) - walls} of two grains, {walls} with walls{deepest}>"
 
+    def only(self, which: np.ndarray) -> "Contacts":
+        """The contacts ``which``, shape (c,), boolean."""
+        parts = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name != "own"}
+        return Contacts(**parts, own={name: values[which] for name, values in self.own.items()})
+
     def worst(self) -> str:
         """The deepest contact in words."""
         c = int(np.argmax(self.share))

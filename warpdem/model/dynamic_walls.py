@@ -239,8 +239,13 @@ def least_mass(servo: Servo, heaviest: float, points: np.ndarray) -> float:
     """
     if not servo.turns or not len(points):
         return heaviest
-    arm = np.cross(points - np.array(servo.origin), np.array(servo.axis))
-    return heaviest * float((arm**2).sum(axis=1).max())
+    return heaviest * largest_arm(servo, points) ** 2
+
+
+def largest_arm(given: Servo | Slider | Hinge, points: np.ndarray) -> float:
+    """Largest distance of ``points``, shape (n, 3), from the axis of a wall [m]."""
+    arm = np.cross(points - np.array(given.origin), np.array(given.axis))
+    return float(np.sqrt((arm**2).sum(axis=1).max()))
 
 
 assert NUMBERS.width == 19 and STATE.width == 6, "numbers, value and pose are written for these columns"
