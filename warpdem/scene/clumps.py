@@ -43,8 +43,8 @@ class Clump(SceneModel):
     centre: Point | None = Field(None, description='With inertia = "given": centre of mass [m], default (0, 0, 0).')
     axes: Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4)] | None = Field(
         None,
-        description='With inertia = "given": quaternion (w, x, y, z) [-] from the principal axes to the axes of the clump, default '
-        "(1, 0, 0, 0).",
+        description='With inertia = "given": quaternion (w, x, y, z) [-] from the principal axes to the axes of the clump, '
+        "default (1, 0, 0, 0).",
     )
 
     @model_validator(mode="after")
