@@ -12,7 +12,7 @@ import warp as wp
 from rich.console import Console
 from warpdem.kernels.normal import hertz
 
-from warpdem import Scene, Simulation
+from warpdem import Scene, SceneError, Simulation
 from warpdem.app import check, scene_warnings
 from warpdem.app.run import run_scene
 
@@ -400,3 +400,60 @@ def test_the_step_of_auto_knows_the_fields():
     stiff = simulation(fields=[{"model": "drag", "parameters": {"coefficient": 5.0}}], time={"end": 0.01, "max_speed": 1e-3})
     assert stiff.dt == pytest.approx(0.1 * mass / 5.0, rel=1e-12)
     assert "external fields" in stiff.limits.binding
+
+
+def test_a_law_that_is_named_and_has_no_coefficients_is_told_once():
+    pairs = [{"materials": ["g", "g"], "restitution": 0.5}]
+    rolling = {"tangential": "mindlin", "rolling": "constant"}
+    [line] = scene_warnings.warnings(simulation(contact=rolling, pairs=pairs))
+    assert 'contact.tangential = "mindlin" and contact.rolling = "constant": without effect' in line
+    assert "friction and rolling_friction are 0" in line
+    [line] = scene_warnings.warnings(simulation(contact=rolling, pairs=[{**pairs[0], "friction": 0.3}]))
+    assert "rolling" in line and "mindlin" not in line
+    assert said(contact=rolling, pairs=[{**pairs[0], "friction": 0.3, "rolling_friction": 0.1}]) == ""
+    assert said(contact={}, pairs=pairs) == ""  # not named: the default
+
+
+def test_a_pressure_that_pulls_is_warned_of():
+    lid = {"name": "lid", "material": "g", "plane": {"point": [0, 0, 0.01], "normal": [0, 0, -1]}}
+    for pressure in (-500, [[0, 0], [0.1, -500]]):
+        servo = {"axis": [0, 0, -1], "pressure": pressure, "area": 1e-4, "max_speed": 0.01}
+        assert "walls[0].servo.pressure = -500 Pa: the wall pulls" in said(walls=[lid | {"servo": servo}])
+    assert "pulls" not in said(walls=[lid | {"servo": servo | {"pressure": 500}}])
+
+
+def test_the_default_formats_of_a_scene_with_clumps_are_those_that_hold_them():
+    pair = {"spheres": [{"centre": [0, 0, 0], "radius": 1e-3}, {"centre": [0, 0, 1e-3], "radius": 1e-3}]}
+    clumps = {"clumps": {"pair": pair}, "grains": [{"material": "g", "clump": "pair", "positions": [[0, 0, 5e-3]]}]}
+    left_out = "only vtk holds clumps yet, and output.formats is not given"
+    for output in ({}, {"interval": 2e-3}):
+        data = {key: value for key, value in {"output": output}.items() if value}
+        sim = Simulation(Scene.model_validate(scene().model_dump(exclude_unset=True) | {"output": {}} | clumps | data))
+        assert sim.scene.output.formats == ["vtk"]
+        assert "formats" not in sim.scene.model_dump(exclude_unset=True)["output"]
+        assert left_out in "\n".join(sim.plan.explain())
+        if output:
+            assert sim.scene.output.interval == 2e-3
+    given = scene(output={"formats": ["vtk"]}, **clumps)
+    assert left_out not in "\n".join(Simulation(given, device="cpu", threads=1).plan.explain())
+    bare = {key: value for key, value in scene().model_dump(exclude_unset=True).items() if key != "output"}
+    assert Scene.model_validate(bare | clumps).output.formats == ["vtk"]
+    assert Scene.model_validate(bare).output.formats == ["vtk", "usd"]
+    with pytest.raises(SceneError, match='only "vtk" holds clumps yet'):
+        scene(output={"formats": ["vtk", "usd"]}, **clumps)
+
+
+@pytest.mark.parametrize("recipe", [False, True])
+def test_a_clump_in_a_stream_is_refused_as_such(recipe):
+    portion = {"material": "g", "diameter": 2e-3, "clump": "pair"}
+    stream = {"count": 3, "box": {"min": [0, 0, 0.1], "max": [0.1, 0.1, 0.2]}}
+    stream |= {"recipe": [portion | {"number_share": 1}]} if recipe else portion
+    with pytest.raises(SceneError, match=r"(?s)streams\[0\]\.(recipe\[0\]\.)?clump.*streams insert no clumps yet"):
+        scene(streams=[stream])
+
+
+def test_a_pressure_in_another_unit_is_told_as_a_pressure():
+    servo = {"axis": [0, 0, -1], "pressure": "500 N", "area": 1e-4, "max_speed": 0.01}
+    lid = {"name": "lid", "material": "g", "plane": {"point": [0, 0, 0.01], "normal": [0, 0, -1]}, "servo": servo}
+    with pytest.raises(SceneError, match=r'(?s)servo\.pressure.*must be a pressure.*"N" is not a pressure'):
+        scene(walls=[lid])

@@ -108,7 +108,7 @@ TABLE = {
     # units
     "other dimension": (
         "materials.glass.young_modulus='50 kg'",
-        ['young_modulus = "50 kg"', "[Pa]", '"50 MPa"', "not a modulus"],
+        ['young_modulus = "50 kg"', "[Pa]", '"50 MPa"', "not a pressure or a modulus"],
     ),
     "no such unit": ("materials.glass.density='2500 kgm3'", ["density", '"kgm3" is no known unit', '"2.6 g/cm^3"']),
     "number in quotes": ("time.end='1'", ['time.end = "1"', "without quotes"]),

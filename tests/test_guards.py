@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from warpdem.kernels.step.motion import BEYOND
 
+from law_scenes import contact_time, impacts
+from stability_scenes import RADIUS, scene
 from warpdem import Scene, Simulation, StabilityError
 from warpdem.app.run import run_scene
 from warpdem.engine import host_build, stops
@@ -92,6 +94,27 @@ def test_what_brings_energy_in_is_known(make_scene):
     assert driven(Simulation(Scene.model_validate(wide), device="cpu", threads=1).model)
 
 
+ATTRACT = {
+    "dmt": {"surface_energy": 0.1}, "sjkr": {"cohesion_energy_density": 1e5},
+    "edinburgh": {"surface_energy": 0.1, "pull_off_force": 1e-4},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("normal", ATTRACT)
+def test_laws_that_attract_are_watched_and_no_alarm(normal):
+    """Impacts, from before the touch until long after it, at 20 steps per contact."""
+    step = contact_time(0.05) / 20.0
+    sim = Simulation(impacts(normal, {"restitution": 0.9} | ATTRACT[normal], 0.05, step), device="cpu", threads=1)
+    assert not driven(sim.model)
+    for _ in range(60):
+        sim.step(3)
+        sim.guards.look()
+    assert not sim.noticed
+    put(sim, 0, 6, 1.0)
+    with pytest.raises(StabilityError, match="appeared from nowhere"):
+        sim.step(200)
+
+
 def test_a_driven_scene_is_watched_by_its_budget(make_scene):
     lift = FLOOR | {"motion": {"velocity": [0, 0, 0.5]}}
     data = make_scene([[0, 0, 1e-3]], walls=[lift], step=1e-6, max_speed=0.5).model_dump(mode="json")
@@ -151,6 +174,30 @@ def test_measured_limit_is_where_a_spring_loses_hold(make_scene, restitution):
         spin.append(float(np.abs(sim.particles.spin).max()))
     assert spin[0] < 1e-5
     assert spin[1] > 1e-3
+
+
+def yielded_pair(step: float, k1: float = 100.0, limit: float = 500.0) -> Simulation:
+    """Two grains that a field presses together to twice the depth up to which they yield, with a trace of speed."""
+    overlap = 1e-8
+    depth, place = 0.5 * overlap, RADIUS - 0.5 * overlap
+    force = limit * (overlap - depth) + k1 * depth
+    pair = {"restitution": 0.5, "stiffness": k1, "unloading_stiffness": limit,
+            "plasticity_depth": depth / RADIUS * (limit - k1) / limit}  # fmt: skip
+    grains = {"positions": [[-place, 0, 0], [place, 0, 0]], "radius": RADIUS, "velocities": [[1e-11, 0, 0], [-1e-11, 0, 0]]}
+    hold = [{"model": "harmonic", "parameters": {"stiffness": force / place}}]
+    made = scene(1e7, step, grains, {"normal": "luding"}, pair, 1e-9, fields=hold, engine={"guards": "record"})
+    return Simulation(made, device="cpu", threads=1)
+
+
+def test_measured_limit_of_a_yielded_contact_goes_by_the_dashpot_as_it_acts():
+    """Luding's unloading is steeper than k1, by which its dashpot is made up for: held below the limit, lost above."""
+    limit, speed = measured_limit(yielded_pair(1e-7)), []
+    for share in (0.98, 1.02):
+        sim = yielded_pair(share * limit)
+        sim.step(400)
+        speed.append(float(np.abs(sim.particles.velocity).max()))
+    assert speed[0] < 2e-11
+    assert speed[1] > 1e-9
 
 
 @pytest.mark.parametrize(("share", "noticed"), [(0.98, 0), (1.2, 0), (1.6, 1)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpdem import Scene, SceneError, Simulation
+from warpdem.app import summary
 from warpdem.measure.column import Readings
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.history import history_columns, history_row
@@ -374,3 +375,27 @@ def test_regions_of_the_laboratory_do_not_go_with_a_servo():
     assert abs(servo_of(sim).value("position")) > 1e-6  # the floor pushes it up
     with pytest.raises(SceneError, match="has a servo or is free: its load moves it"):
         scene(COLUMN, lid, outlets=[{"name": "a", "follows": "lid", **box}])
+
+
+def noted(servo, time=0.02, rows=20):
+    """Closing warnings of a run of one grain under a lid."""
+    sim = run(scene(COLUMN[:1], {"plane": {"point": [0, 0, 2.02 * R], "normal": [0, 0, -1]}, "servo": servo}))
+    for k in range(1, rows + 1):
+        sim.run(until=time * k / rows)
+        sim.record()
+    return summary.shortfalls(sim)
+
+
+def test_a_servo_that_never_meets_grains_is_told_at_the_end():
+    push = {"axis": [0, 0, -1], "force": 0.02, "max_speed": 0.05}
+    pressed = {"axis": [0, 0, -1], "pressure": 500, "area": 4e-5, "max_speed": 0.05}
+    assert noted(push) == [] and noted(pressed) == []
+    for away, said in (
+        (push | {"axis": [0, 0, 1]}, "mean 0 of 0.02 N asked"),
+        (push | {"force": -0.02}, "mean 0 of -0.02 N asked"),
+        (pressed | {"pressure": -500}, "mean 0 of -500 Pa asked"),
+        (pressed | {"max_speed": 1e-4}, "mean 0 of 500 Pa asked"),
+    ):
+        [line] = noted(away)
+        assert line.startswith(f"lid never carried its load: {said}")
+    assert noted(push | {"axis": [0, 0, 1], "start": 0.5}) == []  # not yet asked

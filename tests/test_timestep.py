@@ -12,7 +12,8 @@ from warpdem import Scene, SceneError
 from warpdem.filling.initial_grains import load_grains
 from warpdem.model import expected_load, stability_limit, time_step
 from warpdem.model.coefficients import coefficient_table
-from warpdem.model.impact import impact, pressed
+from warpdem.model.contact_cases import contact_cases, limits_at
+from warpdem.model.impact import impact, lessening, pressed
 from warpdem.model.restitution_error import restitution_error
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
@@ -207,6 +208,19 @@ def test_restitution_with_auto_is_right_in_the_mean(restitution, normal, wall):
         assert abs(error.worst) >= abs(error.mean)
 
 
+def test_check_tells_what_the_cap_costs_a_strong_dashpot():
+    """``hertz_clamped`` at e = 0.1: the numbers of its docstring, at 12 and at 40 steps per contact."""
+    pair = {"materials": ["glass", "glass"], "restitution": 0.1}
+    for accuracy, off in (("bulk", 0.11), ("impact", 0.0)):
+        of = scene(
+            pairs=[pair], contact={"normal": "hertz_clamped", "tangential": "none"}, gravity=[0, 0, 0],
+            time={"end": 1, "max_speed": 0.5, "accuracy": accuracy},
+        )  # fmt: skip
+        error = restitution_error(of, load_grains(of, {}), 0.5, time_step.choose(of, found(of)))
+        assert error is not None
+        assert error.mean == pytest.approx(off, abs=0.003)
+
+
 GRAIN = [{"material": "glass", "positions": [[0.3, 0, 0]], "radius": RADIUS}]
 
 
@@ -299,3 +313,24 @@ def test_a_lone_free_grain_has_no_contact_to_limit_it():
     alone = found(scene(grains=[{"material": "glass", "positions": [[0, 0, 0]], "radius": RADIUS}]))
     assert alone.stable == alone.contact_time == math.inf
     assert alone.overlap == 0.0
+
+
+def test_a_dashpot_is_lessened_by_the_kernel_s_slope_where_a_law_unloads_more_steeply():
+    """Luding: k1, not k2; Hertz and JKR, whose slope is TANGENT k_n or less: that slope, to the bit."""
+    assert lessening("luding", 500.0, 100.0) == 100.0
+    assert lessening("edinburgh", 300.0, 100.0) == 150.0
+    assert lessening("jkr", 120.0, 100.0) == 120.0
+    assert lessening("hertz", 150.00001, 100.0) == 150.00001
+    acting = stability_limit.along(500.0, 0.2, 1e-6, 100.0).acting(1e-5)
+    assert acting == pytest.approx(0.2 / max(1.0 + 100.0 * 1e-10 / 2e-6, 0.2 * 1e-5 / 0.3e-6))
+    packed = [
+        limits_at(of, next(contact_cases(of, load_grains(of, {}))), 100.0, 500.0, None)[0]
+        for of in (scene(contact={"normal": normal, "tangential": "none"}, pairs=[pair]) for normal, pair in YIELDING)
+    ]
+    assert packed[0] < 0.97 * packed[1], "a dashpot that acts more leaves less"
+
+
+YIELDING = [
+    ("luding", {"materials": ["glass", "glass"], "restitution": 0.6, "stiffness": 100.0, "unloading_stiffness": 500.0}),
+    ("hooke", {"materials": ["glass", "glass"], "restitution": 0.6, "stiffness": 100.0}),
+]

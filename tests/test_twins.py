@@ -10,6 +10,8 @@ from rich.console import Console
 import twelve_grains
 from warpdem import SceneError, Simulation, runs
 from warpdem.app import cli, twins
+from warpdem.app.compare import print_comparison
+from warpdem.runs.compare import Comparison, Difference
 
 SILENT = Console(file=io.StringIO())
 
@@ -138,3 +140,14 @@ def test_a_page_of_a_comparison_is_html_without_a_fault(done, tmp_path):
 def test_wrong_options_are_told(done, options, said):
     with pytest.raises(Exception, match=said):
         cli.app(["compare", str(done[0]), str(done[0]), *options], result_action="return_value")
+
+
+def test_the_table_tells_the_number_that_decided():
+    """Of a column whose mean is the same and whose course is not."""
+    one = Difference("x [m]", 1.0, 1.0, 0.1, 0.2, 0.876, 54.3, 1.2)
+    found = Comparison([one], [], [], np.arange(3.0), {}, {})
+    text = io.StringIO()
+    print_comparison(found, 4, ("a", "b"), Console(file=text, width=80))
+    [line] = [line for line in text.getvalue().splitlines() if line.startswith("x [m]")]
+    assert line.split()[2:] == ["1", "1", "0.2", "0.876", "54.3", "differs:", "curve", ">", "3.6"]
+    assert "curve / scatter" in text.getvalue()

@@ -8,6 +8,11 @@ step it has acted for is known from the overlap d now and d' one step before, so
     last force    F (1/2 - tau),    tau = (a - d)/(d' - d)     it ended tau steps ago, and was given for half a step more
 
 and the error is of order 3/2. The last force, that at a, is given after its end: a law must reach further than a.
+
+The shares are those of one kick per step. ``rk4`` and ``modified_verlet`` call forces several times at places where another
+share would be due, and keep errors of first order in single impacts. Restitution of a ``jkr`` impact of 0.995, worst of 16
+instants of its beginning, at 50 and at 400 steps per contact: 1.3e-3 and 1.3e-4 with ``rk4``, 1.4e-3 and 1.2e-4 with
+``modified_verlet``, 7.9e-4 and 2.2e-5 with ``exact_drift`` (``rk2``: 6.5e-4 and 2.2e-5). The mean is right to 1e-4 in all.
 """
 
 import functools

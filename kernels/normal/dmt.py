@@ -35,6 +35,7 @@ from warpdem.kernels.contact.columns import PairKey
 from warpdem.kernels.normal import hertz
 
 SUMMARY = "Hertz with a constant pull in contact, for hard small grains"
+PASSIVE = True
 TANGENT = hertz.TANGENT
 SURFACE_ENERGY = PairKey(
     "J/m2", None, "Work of adhesion w [J/m2], >= 0: energy per area that parting two surfaces takes, 2 gamma of equal ones."

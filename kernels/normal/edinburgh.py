@@ -35,6 +35,7 @@ from warpdem.kernels.contact.columns import PairKey
 from warpdem.kernels.normal import dmt, hertz, hooke
 
 SUMMARY = "EEPA: Hertz, plastic and adhesive"
+PASSIVE = True
 TANGENT = hertz.TANGENT
 PAIR = {
     "surface_energy": dmt.SURFACE_ENERGY,

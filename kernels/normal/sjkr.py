@@ -25,6 +25,7 @@ from warpdem.kernels.contact.columns import PairKey
 from warpdem.kernels.normal import hertz
 
 SUMMARY = "Hertz with a pull per contact area, as in LIGGGHTS"
+PASSIVE = True
 CLOSENESS = True
 TANGENT = hertz.TANGENT
 PAIR = {

@@ -11,9 +11,11 @@ A disc on which each point slips as the surface does has (2/3) a mu L where it s
 tangential springs spread over the disc; half spaces that stick together have (8/3) G a^3 (Reissner and Sagoci 1944), 2.3 times
 as much at Poisson's ratio 0.3. It keeps Marshall's name and form: 10.1016/j.jcp.2008.10.035.
 
-As the contact shrinks the spring keeps its twist, as it grows its torque, so that it never returns more than was put in; with
-``tangential = "mindlin_displacement"`` it keeps the twist either way. Spring and dashpot are cut as those of friction. The
-torque is far below what limits the time step: its rate is that of the tangential spring times some a/R.
+As the contact shrinks the spring keeps its twist; as it grows it keeps the share (d'/d)^(3/2) of it, under every normal law.
+With Hertz, k_q being proportional to d^(3/2), that is its torque; with ``hooke`` and ``luding``, k_q being proportional to d,
+the torque falls by sqrt(d'/d). So it never returns more than was put in. With ``tangential = "mindlin_displacement"`` it keeps
+the twist either way. Spring and dashpot are cut as those of friction. The torque is far below what limits the time step: its
+rate is that of the tangential spring times some a/R.
 """
 
 import functools

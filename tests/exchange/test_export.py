@@ -130,3 +130,11 @@ def test_the_command_writes_and_overwrites_when_told(folder, tmp_path, capsys):
         cli.app(["export", str(folder), str(path)], result_action="return_value")
     cli.app(["export", str(folder), str(path), "--overwrite"], result_action="return_value")
     assert len(path.read_text().splitlines()) == 49
+
+
+def test_that_another_frame_was_taken_is_told(folder, tmp_path, capsys):
+    cli.app(["export", str(folder), str(tmp_path / "a.csv"), "--time", "9"], result_action="return_value")
+    said = capsys.readouterr().out.replace("\n", " ")
+    assert "note: no frame at 9 s; took the nearest, at 0.006 s of 0 to 0.006 s" in said
+    cli.app(["export", str(folder), str(tmp_path / "b.csv"), "--time", "0.004"], result_action="return_value")
+    assert "note" not in capsys.readouterr().out

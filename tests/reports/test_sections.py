@@ -77,6 +77,13 @@ def test_the_scene_is_in_tables_and_whole():
     assert "its hash is abc" in words(sections.scene({"scene_data": "left out", "scene_hash": "abc"}))[0]
 
 
+def test_of_pairs_the_coefficients_that_the_laws_read_are_shown_with_units():
+    pair = {"materials": ["glass", "steel"], "restitution": 0.5, "stiffness": 1e3, "tail_length": 0.0, "friction": 0.0}
+    record = {"scene_data": {"pairs": [pair]}, "pair_keys": {"restitution": "-", "stiffness": "N/m"}}
+    head, line = rows(sections.scene(record)[0])
+    assert head == ["materials", "restitution [-]", "stiffness [N/m]"] and line == ["glass and steel", "0.5", "1000"]
+
+
 def test_overview_leaves_out_what_is_not_known():
     [node] = sections.overview({"time": 2.0, "steps": 100, "grains": 10, "seconds": {"steps": 1e-3, "total": 3.0}})
     found = {item[0].text: item[1].text for item in node}
@@ -92,8 +99,10 @@ def test_what_was_run_and_left_out():
 
 
 def test_flows_and_timings():
-    record = {"left": {"hole": {"grains": 5, "mass": 0.5}}, "came": [{"grains": 7, "mass": 0.7}],
+    inserted = [{"grains": 7, "mass": 0.7}, {"name": "feed", "grains": 1, "mass": 0.1}]
+    record = {"left": {"hole": {"grains": 5, "mass": 0.5}}, "came": inserted,
               "seconds": {"steps": 2.0, "lists": 3.0, "picture": 1e-4, "total": 9.0}}  # fmt: skip
     left, came = sections.flows(record)
-    assert rows(left)[1:] == [["hole", "5", "0.5"]] and rows(came)[1:] == [["stream 0", "7", "0.7"]]
+    assert rows(left)[1:] == [["hole", "5", "0.5"]]
+    assert rows(came)[1:] == [["stream 0", "7", "0.7"], ["stream \u201cfeed\u201d", "1", "0.1"]]
     assert rows(sections.timings(record)[0])[1:] == [["lists", "3"], ["steps", "2"]]

@@ -96,3 +96,14 @@ def test_columns_of_one_run_alone_are_named_and_angles_of_the_frame_left_out():
     assert compare(one, other, columns=["frame_angle"]).differences[0].column == "frame_angle [rad]"
     with pytest.raises(WarpdemError, match="has no column 'a "):
         compare(one, other, columns=["a"])
+
+
+def test_what_decided_is_told():
+    twins = [noisy(k) for k in (1, 2, 3, 4)]
+    wave = history(noisy(5)["x"] + 4.0 * np.sin(np.pi * TIME))
+    [one] = compare(noisy(0), wave, twins).differences
+    assert one.reasons == [f"curve > {3.0 * max(one.twins, 1.0):.3g}"]
+    [one] = compare(noisy(0), noisy(5, shift=2.0), twins).differences
+    assert one.reasons[0] == "p < 0.01"
+    [one] = compare(noisy(0), noisy(9), twins).differences
+    assert one.verdict == "same" and one.reasons == []

@@ -219,9 +219,12 @@ def export(
     for name, path in (("FOLDER", folder), ("OUT", out)):
         require_usable(name, path)
     console = Console(highlight=False)
+    notes: list[str] = []
     with progress_bar(console, not console.is_terminal, 1000) as tell:
-        count = write(folder, out, time=time, start=start, end=end, view=view, overwrite=overwrite,
+        count = write(folder, out, time=time, start=start, end=end, view=view, overwrite=overwrite, tell=notes.append,
                       watch=lambda done, total: tell(1000 * done // total, f"{done} of {total} frames"))  # fmt: skip
+    for note in notes:
+        console.print(f"note: {note}", markup=False)
     console.print(f"wrote {out}: {count} frame{'s' if count != 1 else ''}", markup=False)
 
 

@@ -16,7 +16,7 @@ from warpdem.errors import SceneError
 from warpdem.output.write_tables import plain
 from warpdem.reports.comparison import VERDICTS
 from warpdem.runs import read
-from warpdem.runs.compare import Comparison, compare
+from warpdem.runs.compare import Comparison, Difference, compare
 
 
 def compared(
@@ -73,15 +73,20 @@ def as_data(found: Comparison, twins: int) -> dict[str, Any]:
     return made
 
 
+def _verdict(one: Difference) -> str:
+    """The verdict on a column; if that is "differs", with the number that decided."""
+    return one.verdict + (f": {' and '.join(one.reasons)}" if one.reasons else "")
+
+
 def print_comparison(found: Comparison, twins: int, names: tuple[str, str], console: Console) -> None:
     """A comparison for people."""
     table = Table(Column("column", overflow="fold"), box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for head in (*names, "off / scatter", "p", ""):
-        table.add_column(head, no_wrap=True)
+    for head in (*names, "off / scatter", "p", "curve / scatter", ""):
+        table.add_column(head, no_wrap=bool(head))
     for one in found.differences:
-        texts = ["-" if number is None else f"{number:.3g}" for number in (one.first, one.second, one.t, one.p)]
+        texts = ["-" if number is None else f"{number:.3g}" for number in (one.first, one.second, one.t, one.p, one.curve)]
         style = {"differs": "bold red", "unknown": "yellow"}.get(one.verdict, "")
-        table.add_row(Text(one.column), *texts, Text(one.verdict, style=style))
+        table.add_row(Text(one.column), *texts, Text(_verdict(one), style=style))
     console.print(f"means from {found.time[0]:.6g} to {found.time[-1]:.6g} s, {twins} twins of {names[0]}", markup=False)
     console.print(table)
     for name, only in zip(names, (found.only_first, found.only_second), strict=True):

@@ -11,6 +11,7 @@ import numpy as np
 from warpdem.app import scene_warnings, summary
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
+from warpdem.scene import pair_keys
 from warpdem.scene.models import model
 from warpdem.simulation import Simulation
 
@@ -43,12 +44,15 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
                       "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
         "limits": scene_warnings.limit_rows(sim),
         "models": _models(sim),
+        "pair_keys": pair_keys.read_by(sim.scene.contact, sim.scene.pairs, sim.scene.located),
         "diameters": _diameters(sim),
+        "clumps": _clumps(sim),
         "extremes": {**sim.extremes, "steps_per_contact": summary.steps_per_contact(sim),
                      "step_over_stability_limit": sim.guards.stability.seen.largest},
         "noticed": sim.noticed,
         "left": {name: {"grains": count, "mass": mass} for name, (count, mass) in sim.left.items()},
-        "came": [{"grains": f.count, "mass": f.mass, "due": f.due(sim.step_number)[0]} for f in sim.inlets],
+        "came": [{"name": f.stream.name, "grains": f.count, "mass": f.mass, "due": f.due(sim.step_number)[0]}
+                 for f in sim.inlets],
         "turning": asdict(turning) if turning is not None else None,
         "packings": [asdict(packing) for packing in sim.expected.packings],
         "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
@@ -68,6 +72,25 @@ def _models(sim: Simulation) -> dict[str, dict[str, str]]:
             doc = model(role, scene.located(name)).__doc__
             found[role] = {"name": name, "doc": inspect.cleandoc(doc or "")}
     return found
+
+
+def _clumps(sim: Simulation) -> dict[str, dict[str, Any]]:
+    """Number of clumps that are there, members of each, and diameters [m] of spheres of their material and mass, by name."""
+    found = sim.clumps
+    if found is None:
+        return {}
+    kinds, materials = sim.particles.type, list(sim.scene.materials.values())
+    first = np.searchsorted(sim.particles.id, found.id)
+    density = np.array([materials[kind].density for kind in kinds[first]])
+    diameter = np.cbrt(6.0 * found.mass / (np.pi * density))
+    made = {}
+    for number, name in enumerate(sim.scene.clumps):
+        of = found.type == number
+        if of.any():
+            sizes = {"least": diameter[of].min(), "mean": diameter[of].mean(), "greatest": diameter[of].max()}
+            made[name] = {"count": int(of.sum()), "members": int(found.members[of][0]),
+                          "equivalent_diameter": {key: float(value) for key, value in sizes.items()}}  # fmt: skip
+    return made
 
 
 def _diameters(sim: Simulation) -> dict[str, float] | None:

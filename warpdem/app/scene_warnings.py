@@ -11,10 +11,11 @@ from warpdem.engine.open_below import walls_open_below
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.guards.stability import DANGER
 from warpdem.model import needs
-from warpdem.model.coefficients import coefficient_table
-from warpdem.model.impact import damped_time, elastic_energy, own_constants, own_of, stiffness, untouched
+from warpdem.model.adhesion import adhesions
+from warpdem.model.impact import damped_time
 from warpdem.model.light_walls import light_walls
 from warpdem.model.restitution_error import restitution_error
+from warpdem.model.stiffer import deepest_overlap, least_factor
 from warpdem.model.time_step import CONTACT_STEPS, FIELD_ANGLE, FRAME_ANGLE, STABLE_SHARE
 from warpdem.model.walls import size_warnings
 from warpdem.scene.messages import rounded_down, rounded_up
@@ -30,6 +31,10 @@ RESTITUTION_ERROR = 0.005, 0.03
 restitutions from 0.1 on."""
 OVERLAP = 0.1
 """Overlap over the radius [-] at time.max_speed above which is warned: contacts of a grain then influence each other."""
+STATIC_SHARE = 0.5
+"""Part of the overlap that is sound [-] above which the pull of a surface energy alone is held to be the cause."""
+BOND_NUMBER = 1000.0
+"""Granular Bond number [-] above which it is: grains are then hardly meant to flow."""
 RESTITUTION = 0.05
 """Restitution [-] below which is warned: damping is then nearly critical, the time step falls and contacts hardly open."""
 SIZE_RATIO = 10.0
@@ -77,7 +82,7 @@ def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
 def warnings(sim: Simulation) -> list[str]:
     """What to look at before the run, most dangerous first."""
     found = [*_step(sim), *_impacts(sim), *_restitutions(sim), *_materials(sim), *_angles(sim.scene)]
-    found += _light_walls(sim)
+    found += [*_light_walls(sim), *_laws_without_effect(sim), *_pulling_servos(sim.scene)]
     found += size_warnings(sim.scene, sim.meshes, 2.0 * sim.expected.radius)
     return [*found, *_outside(sim), *_sizes(sim), *_walls(sim), *_ways_out(sim), *_machine(sim)]
 
@@ -128,15 +133,6 @@ def _step(sim: Simulation) -> Iterator[str]:
         )
 
 
-def _stiffer(sim: Simulation, share: float, sound: float) -> float:
-    """Elastic energy at an overlap of ``share`` of the radius over that at ``sound`` [-], for the first two materials given."""
-    law, table = sim.plan.contact.normal, coefficient_table(sim.scene)
-    row, radius = table[np.isfinite(table).all(axis=1)][0], float(sim.expected.radius.max())
-    constant = stiffness(law, row[sim.plan.contact.coefficients.stiffness], radius)
-    own = own_constants(law, own_of(law, row), radius) | untouched(law)
-    return float(elastic_energy(law, share * radius, constant, own) / elastic_energy(law, sound * radius, constant, own))
-
-
 def _impacts(sim: Simulation) -> Iterator[str]:
     share, speed = sim.limits.overlap, sim.limits.max_speed
     limit = sim.scene.engine.max_overlap
@@ -144,12 +140,30 @@ def _impacts(sim: Simulation) -> Iterator[str]:
     if share <= sound:
         return
     normal = model("normal", sim.scene.located(sim.scene.contact.normal))
-    stiffer = _stiffer(sim, share, sound)
     key = getattr(normal, "STIFFNESS_KEY", "young_modulus")
+    factor = least_factor(sim.scene, sim.expected, speed, sound, key)
+    remedy = f"no {key} brings that to {sound:.0%}" if factor is None else (
+        f"{rounded_up(factor)} times the {key} brings that to {sound:.0%}, at a smaller time step"
+    )  # fmt: skip
     stops = f"; over engine.max_overlap = {limit:g} the run stops itself" if share > limit else ""
     yield (
-        f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: {stiffer:.2g} times "
-        f"the {key} brings that to {sound:.0%}, at a smaller time step"
+        f"impacts at {speed:.3g} m/s (time.max_speed) overlap by up to {share:.1%} of the radius{stops}: "
+        f"{remedy}{_by_adhesion(sim, sound)}"
+    )
+
+
+def _by_adhesion(sim: Simulation, sound: float) -> str:
+    """Words on a surface energy that is the likely cause of deep overlaps; none where it is not."""
+    if not any(getattr(pair, "surface_energy", None) for pair in sim.scene.pairs):
+        return ""
+    still = deepest_overlap(sim.scene, sim.expected, 0.0)
+    bond = max((one.bond_number or 0.0 for one in adhesions(sim.scene, sim.expected)), default=0.0)
+    if still <= STATIC_SHARE * sound and bond <= BOND_NUMBER:
+        return ""
+    strength = f" and is {bond:.3g} times their weight (granular Bond number)" if bond else ""
+    return (
+        f"; the likely cause is pairs[].surface_energy: its pull alone overlaps grains by {still:.2g} of the radius{strength}; "
+        "it is given in J/m2: was mJ/m2 meant?"
     )
 
 
@@ -195,6 +209,31 @@ def _angles(scene: Scene) -> Iterator[str]:
             yield (
                 f"{key} = {angle:g} rad is more than a full turn ({math.degrees(angle):.4g} degrees): if it is in degrees, "
                 f'write "{angle:g} deg"'
+            )
+
+
+def _laws_without_effect(sim: Simulation) -> Iterator[str]:
+    """Laws that the scene names itself and that are left out, as their coefficients are all 0."""
+    contact, chosen = sim.scene.contact, {"tangential": "friction", "rolling": "rolling_friction"}
+    idle = [
+        (f'contact.{role} = "{name}"', key) for role, key in chosen.items()
+        if role in contact.model_fields_set and (name := getattr(contact, role)) != "none"
+        and len(sim.expected.id) and getattr(sim.plan.contact, role) is None
+    ]  # fmt: skip
+    if idle:
+        laws, keys = (" and ".join(words) for words in zip(*idle, strict=True))
+        zero = "are 0" if len(idle) > 1 else "is 0"
+        yield f'{laws}: without effect, as {keys} {zero} in all [[pairs]] that meet: give it there, or take "none"'
+
+
+def _pulling_servos(scene: Scene) -> Iterator[str]:
+    for number, wall in enumerate(scene.walls):
+        course = wall.servo.pressure if wall.servo is not None else None
+        least = min((value for _, value in course), default=0.0) if isinstance(course, list) else course or 0.0
+        if least < 0.0:
+            yield (
+                f"walls[{number}].servo.pressure = {least:g} Pa: the wall pulls against its axis, away from grains that lie "
+                "along it; give a pressure above 0 and an axis that points from the wall to the grains"
             )
 
 

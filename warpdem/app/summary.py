@@ -1,6 +1,7 @@
 """What a run reports before it begins and at its end."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,14 @@ from warpdem.measure.dimensionless import Turning
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time
 from warpdem.model.time_step import contact_time
+from warpdem.runs.history import TIME
+from warpdem.scene.servo import Servo
 from warpdem.simulation import Simulation
 
 FEW = 100
 """Grains below which the time of a step is not given per grain."""
+CARRIED = 0.5
+"""Part of the load of a servo [-] below which it is not carried: vibrating grains carry more than that at times."""
 STAGES = {"set-up": "set-up with packing and its kernels", "compile": "kernels of the steps"}
 """Names of `Simulation.seconds` that do not say by themselves what they hold."""
 
@@ -75,9 +80,29 @@ def speed_text(seconds_per_step: float, grains: int) -> str:
 
 
 def shortfalls(sim: Simulation) -> list[str]:
-    """Messages on streams that inserted less so far than their rate demands."""
+    """Messages on streams that inserted less so far than their rate demands, and on servos that never carried their load."""
     found = [inlet.shortfall(sim.step_number) for inlet in sim.inlets]
-    return [message for message in found if message is not None]
+    return [*(message for message in found if message is not None), *_idle_servos(sim)]
+
+
+def _idle_servos(sim: Simulation) -> Iterator[str]:
+    """Servos whose load came to no `CARRIED` of that asked for in any row of the history."""
+    history = sim.history
+    for one in sim.schedule.dynamic:
+        if not isinstance(one.given, Servo) or not history.rows:
+            continue
+        unit, per = ("N m", 1.0) if one.given.turns else ("N", 1.0)
+        load = history[f"{one.wall.name} load [{unit}]"]
+        if one.given.pressure is not None:
+            unit, per = "Pa", one.area
+        asked = one.drive(history[TIME])
+        acting = np.isfinite(asked) & (asked != 0.0)
+        if acting.any() and (load[acting] / asked[acting]).max() < CARRIED:
+            mean, target = (float(values[acting].mean()) / per for values in (load, asked))
+            yield (
+                f"{one.wall.name} never carried its load: mean {mean:.3g} of {target:.3g} {unit} asked: did it come to the "
+                "grains? Look at the sign of the load, the axis, max_speed and time.end"
+            )
 
 
 def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder: Path, turning: Turning | None) -> None:

@@ -33,6 +33,7 @@ def export(
     view: View = "laboratory",
     overwrite: bool = False,
     watch: Callable[[int, int], None] = lambda done, total: None,
+    tell: Callable[[str], None] = lambda note: None,
 ) -> int:
     """Write frames of a run as a LAMMPS dump, or as a table with a row per grain and frame.
 
@@ -45,6 +46,7 @@ def export(
         view: "laboratory": absolute motion in laboratory axes; "frame": relative to the frame, in its axes.
         overwrite: Allow a file that exists.
         watch: Called with the number of frames done and of all.
+        tell: Called with a note if the nearest frame to ``time`` stands at another time.
 
     Returns:
         Number of frames written.
@@ -61,6 +63,8 @@ def export(
     if out.exists() and not overwrite:
         raise SceneError(f"{out}: is there already; take another name, or give --overwrite (overwrite=True)")
     numbers = _chosen(run.frames, time, start, end)
+    if time is not None and (note := _elsewhere(run.frames.times, numbers[0], time)):
+        tell(note)
     out.parent.mkdir(parents=True, exist_ok=True)
     with replaced(out) as part:
         if ending in TABLES:
@@ -87,6 +91,14 @@ def _chosen(frames: AnyResults, time: float | None, start: float | None, end: fl
         there = f"they go from {times[0]:g} to {times[-1]:g} s"
         raise WarpdemError(f"{frames.folder}: no frame from {low:g} to {high:g} s; {there}")
     return [int(k) for k in found]
+
+
+def _elsewhere(times: np.ndarray, taken: int, time: float) -> str:
+    """Note that the frame taken is not of the time asked for; empty if it is."""
+    at = float(times[taken])
+    if abs(at - time) <= 1e-9 * max(abs(time), float(times[-1])):  # frames stand at whole steps
+        return ""
+    return f"no frame at {time:g} s; took the nearest, at {at:g} s of {times[0]:g} to {times[-1]:g} s"
 
 
 def _write_dump(run: Run, numbers: list[int], part: Path, packed: bool, view: View, watch: Callable[[int, int], None]) -> None:

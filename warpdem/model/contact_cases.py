@@ -10,7 +10,7 @@ import numpy as np
 from warpdem.filling.clump_grains import NONE
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.model.coefficients import coefficient_columns, coefficient_table
-from warpdem.model.impact import Impact, Own, impact, own_of
+from warpdem.model.impact import Impact, Own, impact, lessening, own_of
 from warpdem.model.stability_limit import Spring, across, along, contact_limit, packing_limit, rolling_limit
 from warpdem.scene.model import Scene
 
@@ -95,4 +95,6 @@ def _springs(scene: Scene, one: ContactCase, secant: float, slope: float) -> tup
     dashpot = one.row[at.damping] * math.sqrt(secant * one.reduced_mass)
     sticks = scene.contact.tangential != "none" and one.row[at.friction] > 0.0
     shear, shear_damping = (one.row[at.of(name)] if sticks else 0.0 for name in ("shear", "shear_damping"))
-    return along(slope, dashpot, one.reduced_mass), across(shear * secant, shear_damping * dashpot, one.reduced_mass)
+    made_up = lessening(scene.located(scene.contact.normal), slope, secant)
+    normal = along(slope, dashpot, one.reduced_mass, made_up)
+    return normal, across(shear * secant, shear_damping * dashpot, one.reduced_mass)

@@ -121,6 +121,23 @@ def tangent(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Va
     return _bend(functools.partial(model("normal", normal).energy, **own), overlap, constant)
 
 
+def lessening(normal: str, slope: Value, k_n: Value) -> Value:
+    """Slope [N/m] by which the dashpot of contacts is made up for: no more than TANGENT k_n (``kernels.contact.normal_law``).
+
+    A law that yields unloads along a steeper line than that, by which its dashpot is not lessened.
+
+    Args:
+        normal: name of the normal law.
+        slope: ``tangent`` of the contacts [N/m].
+        k_n: ``secant`` of the contacts [N/m].
+    """
+    module = model("normal", normal)
+    if not hasattr(module, "slope"):
+        return slope
+    least: Value = np.minimum(slope, getattr(module, "TANGENT", 1.0) * k_n)
+    return least
+
+
 def _bend(energy: Callable[[Value, Value], Value], overlap: Value, constant: Value) -> Value:
     """E''(d) [N/m]."""
     step = DIFFERENCE * overlap
@@ -207,6 +224,7 @@ def rebound(
         constant, own = stiffness(normal, base, radius), own_constants(normal, own, radius) | untouched(normal)
         module = model("normal", normal)
         half_tangent, clamped = 0.5 * getattr(module, "TANGENT", 1.0), getattr(module, "CLAMPED", False)
+        pulls = hasattr(module, "secant")  # k_n of its own: the force is not k_n d, as where a pull is taken off
         overlap = -speed * dt * (np.arange(PHASES) + 0.5) / PHASES
         rate, before = np.full(PHASES, speed), np.zeros(PHASES)
         longest = 100.0 * impact(normal, base, mass, radius, speed, own).time
@@ -217,7 +235,8 @@ def rebound(
             k_n = touching * secant(normal, depth, np.full(PHASES, constant), own)
             gamma = damping * np.sqrt(mass * k_n)
             acting = gamma / np.maximum(1.0 + half_tangent * k_n * dt**2 / mass, gamma * dt / (NORMAL_CAP * mass))
-            force = k_n * overlap + acting * (rate + 0.5 * dt * before)
+            elastic = touching * _force_over_overlap(normal, depth, np.full(PHASES, constant), own) if pulls else k_n
+            force = elastic * overlap + acting * (rate + 0.5 * dt * before)
             now = -(np.maximum(force, 0.0) if clamped else force) / mass
             rate, before = rate + dt * now, now
             if not touching.any() and (rate < 0.0).all():

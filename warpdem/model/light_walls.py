@@ -19,7 +19,7 @@ from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.coefficients import coefficient_columns
 from warpdem.model.contact_cases import contact_cases
 from warpdem.model.dynamic_walls import DynamicWall, largest_arm
-from warpdem.model.impact import pressed
+from warpdem.model.impact import lessening, pressed
 from warpdem.model.stability_limit import along, stable_step
 from warpdem.scene.free import Hinge, Slider
 from warpdem.scene.model import Scene
@@ -61,7 +61,8 @@ def light_walls(
             if share >= 1.0:
                 continue
             secant, slope = pressed(law, case.row[at.stiffness], case.reduced_radius, load / count, case.own)
-            spring = along(slope, case.row[at.damping] * np.sqrt(secant * case.reduced_mass), case.reduced_mass)
+            dashpot = case.row[at.damping] * np.sqrt(secant * case.reduced_mass)
+            spring = along(slope, dashpot, case.reduced_mass, lessening(law, slope, secant))
             moved = case.reduced_mass / (2.0 + 1.0 / share)
             yield LightWall(one.number, count, share, stable_step(spring.stiffness, spring.acting, moved))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from warpdem.reports.html import number
+from warpdem.reports.pairs import coefficients
 
 CITATION = """\
 @software{warpdem,
@@ -37,7 +38,8 @@ def sentences(record: Mapping[str, Any]) -> list[str]:
     """Paragraphs on a run from its run.json: program, grains, contacts, motion, time step, checks."""
     scene = record.get("scene_data")
     scene = scene if isinstance(scene, Mapping) else {}
-    made = [_program(record), _grains(record, scene), _contacts(record, scene), _motion(record, scene), _step(record)]
+    made = [_program(record), _grains(record, scene), _flows(record), _contacts(record, scene), _motion(record, scene),
+            _step(record)]  # fmt: skip
     return [" ".join(paragraph) for paragraph in map(list, made) if paragraph]
 
 
@@ -55,14 +57,51 @@ def _program(record: Mapping[str, Any]) -> Iterator[str]:
 def _grains(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[str]:
     size, count = record.get("diameters"), record.get("grains")
     if size and count:
-        least, most = number(size["least"] * 1e3), number(size["greatest"] * 1e3)
-        spread = f"of {least} mm" if least == most else f"of {least} to {most} mm (mean {number(size['mean'] * 1e3)} mm)"
-        yield f"At the end there were {count} spherical grains with diameters {spread}, {number(size['mass'])} kg in all."
+        yield from _counted(count, size, record.get("clumps") or {})
     for name, material in scene.get("materials", {}).items():
         yield (
             f"Material {name}: density {number(material['density'])} kg/m³, Young's modulus "
             f"{number(material['young_modulus'] / 1e6)} MPa, Poisson's ratio {number(material['poisson_ratio'])}."
         )
+
+
+def _counted(count: int, size: Mapping[str, Any], clumps: Mapping[str, Any]) -> Iterator[str]:
+    """How many grains and clumps there were, and their sizes."""
+    mass = f"{number(size['mass'])} kg in all"
+    if not clumps:
+        yield f"At the end there were {count} spherical grains with diameters {_spread(size)}, {mass}."
+        return
+    for name, of in clumps.items():
+        there = "was 1 rigid clump" if of["count"] == 1 else f"were {of['count']} rigid clumps"
+        yield (
+            f"At the end there {there} “{name}” of {of['members']} spheres each; a sphere of the same "
+            f"mass and material has a diameter {_spread(of['equivalent_diameter'])}."
+        )
+    members = sum(of["count"] * of["members"] for of in clumps.values())
+    single = f"{count - members} spherical grains and the " if count > members else ""
+    yield f"The {single}{members} members of clumps have diameters {_spread(size)}, {mass}."
+
+
+def _spread(size: Mapping[str, float]) -> str:
+    """Diameters in words."""
+    least, most = number(size["least"] * 1e3), number(size["greatest"] * 1e3)
+    return f"of {least} mm" if least == most else f"of {least} to {most} mm (mean {number(size['mean'] * 1e3)} mm)"
+
+
+def _flows(record: Mapping[str, Any]) -> Iterator[str]:
+    """What streams inserted, and what left by outlets and borders."""
+    for way in named_streams(record):
+        yield f"{way['grains']} grains, {number(way['mass'])} kg, were inserted by {way['name']}."
+    for name, way in record.get("left", {}).items():
+        yield f"{way['grains']} grains, {number(way['mass'])} kg, left through “{name}”."
+
+
+def named_streams(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What each stream inserted, with what it is called: its name or, without one, its number."""
+    return [
+        {**way, "name": f"stream “{way['name']}”" if way.get("name") else f"stream {k}"}
+        for k, way in enumerate(record.get("came", ()))
+    ]
 
 
 def _contacts(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[str]:
@@ -72,11 +111,8 @@ def _contacts(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[s
     if named:
         yield f"Contact laws: {', '.join(named)}; their equations and sources are below."
     for pair in scene.get("pairs", ()):
-        numbers = [
-            f"{key.replace('_', ' ')} {number(value)}"
-            for key, value in pair.items()
-            if isinstance(value, int | float) and not isinstance(value, bool)
-        ]
+        found = coefficients(pair, record.get("pair_keys"))
+        numbers = [f"{name} {number(value)}{unit and f' {unit}'}" for name, unit, value in found]
         yield f"Between {' and '.join(pair['materials'])}: {', '.join(numbers)}."
 
 

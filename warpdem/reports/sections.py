@@ -13,6 +13,7 @@ from warpdem.reports import methods
 from warpdem.reports.chart import Chart
 from warpdem.reports.charts import STORED
 from warpdem.reports.html import Node, el, number, table
+from warpdem.reports.pairs import headed
 from warpdem.runs import History
 
 SHORT_TEXT = 200
@@ -22,12 +23,13 @@ SHORT_TEXT = 200
 def overview(record: Mapping[str, Any]) -> list[Node]:
     """Numbers on one look."""
     met, seconds = record.get("extremes", {}), record.get("seconds", {})
-    step = record.get("time_step", {})
+    step, clumps = record.get("time_step", {}), record.get("clumps") or {}
     overlaps = [met[key] for key in ("pair_overlap_share", "wall_overlap_share") if met.get(key) is not None]
     steps, grains, stepping = record.get("steps"), record.get("grains"), seconds.get("steps")
     rows: list[tuple[str, str | None]] = [
         ("simulated", _with_unit(record.get("time"), "s")),
         ("grains at the end", _plain(grains)),
+        ("clumps at the end", _plain(sum(of["count"] for of in clumps.values())) if clumps else None),
         ("time steps", _plain(steps)),
         ("time step", _with_unit(step.get("used"), "s")),
         ("largest overlap", f"{number(100 * max(overlaps), 3)} % of a radius" if overlaps else None),
@@ -59,7 +61,8 @@ def scene(record: Mapping[str, Any]) -> list[Node]:
     out = []
     materials = given.get("materials", {})
     out += _rows_of("Materials", [{"name": name, **material} for name, material in materials.items()])
-    out += _rows_of("Pairs of materials", given.get("pairs", ()))
+    read = record.get("pair_keys")
+    out += _rows_of("Pairs of materials", [headed(pair, read) for pair in given.get("pairs", ())])
     out += _rows_of("Walls", given.get("walls", ()))
     for key, title in (("grains", "Grains at the start"), ("streams", "Streams"), ("outlets", "Outlets"), ("fields", "Fields")):
         out += _rows_of(title, given.get(key, ()))
@@ -147,7 +150,7 @@ def wall_loads(history: History, walls: Iterable[str]) -> list[Node]:
 def flows(record: Mapping[str, Any]) -> list[Node]:
     """What left and what came in."""
     left = [[name, way["grains"], way["mass"]] for name, way in record.get("left", {}).items()]
-    came = [[f"stream {k}", way["grains"], way["mass"]] for k, way in enumerate(record.get("came", ()))]
+    came = [[way["name"], way["grains"], way["mass"]] for way in methods.named_streams(record)]
     out = [table("Grains that left", ["through", "grains", "mass [kg]"], left)] if left else []
     return out + ([table("Grains that came in", ["by", "grains", "mass [kg]"], came)] if came else [])
 

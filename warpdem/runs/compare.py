@@ -61,8 +61,16 @@ class Difference:
         if self.p is None:
             equal = abs(self.second - self.first) <= SAME * max(abs(self.first), abs(self.second))
             return "same" if equal and not self.curve else "unknown"
-        far = self.curve is not None and self.twins is not None and self.curve > FAR * max(self.twins, 1.0)
-        return "differs" if self.p < LEVEL or far else "same"
+        return "differs" if self.reasons else "same"
+
+    @property
+    def reasons(self) -> list[str]:
+        """What told that the runs differ, with its bound; nothing if they are not told to."""
+        found = [f"p < {LEVEL:g}"] if self.p is not None and self.p < LEVEL else []
+        if self.p is not None and self.curve is not None and self.twins is not None:
+            bound = FAR * max(self.twins, 1.0)
+            found += [f"curve > {bound:.3g}"] if self.curve > bound else []
+        return found
 
 
 @dataclass(frozen=True)

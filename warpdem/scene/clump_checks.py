@@ -23,7 +23,7 @@ def clump_problems(scene: "Scene") -> Iterator[Problem]:
 def _unknown_to_clumps(scene: "Scene") -> Iterator[Problem]:
     engine, contact = scene.engine, scene.contact
     refused: list[tuple[tuple[str, ...], Any, bool, str]] = [
-        (("streams",), None, bool(scene.streams), "a stream cannot insert grains in a scene with clumps yet"),
+        (("streams",), None, bool(scene.streams), "streams insert no clumps yet, nor grains beside clumps"),
         (("outlets",), None, bool(scene.outlets), "outlets cannot remove clumps yet"),
         (("borders",), None, scene.borders is not None, "a scene with clumps has no borders yet: take walls"),
         (

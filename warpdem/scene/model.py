@@ -92,7 +92,7 @@ class Scene(SceneModel):
         [], description="Successive parts of the run, each with its changes of the scene; default one part without changes."
     )
     time: Time = Field(description="Length and step of the run, or of each phase.")
-    output: Output = Field(Output(), description="Output: what is written, and how often.")
+    output: Output = Field(Output(), validate_default=True, description="Output: what is written, and how often.")
     engine: Engine = Field(Engine(), description="Numerical settings of the run.")
     source: SkipJsonSchema[str] = Field("<scene>", exclude=True, description="File name, for messages.")
     notes: SkipJsonSchema[tuple[str, ...]] = Field(
@@ -267,6 +267,11 @@ class Scene(SceneModel):
         if refused:
             raise validation_error(refused)
         return contact
+
+    @field_validator("output")
+    @classmethod
+    def _default_formats_hold_clumps(cls, output: Output, info: ValidationInfo) -> Output:
+        return output.with_clumps() if info.data.get("clumps") else output
 
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":

@@ -1,12 +1,17 @@
 """Keys of ``[[pairs]]`` that contact laws declare."""
 
 import functools
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
 from warpdem.scene.models import model, model_names
 from warpdem.scene.units import Quantity
-from warpdem.scene.user_models import LAWS, check_pair_keys, imported, source_of
+from warpdem.scene.user_models import LAWS, check_pair_keys, imported, is_file, source_of
+
+if TYPE_CHECKING:
+    from warpdem.scene.contact import Contact, Pair
 
 
 @functools.cache
@@ -40,6 +45,34 @@ def of_file(file: str) -> dict[str, PairKey]:
     check_pair_keys(file, module)
     keys: dict[str, PairKey] = columns.pair_keys(module)
     return keys
+
+
+def read_by(contact: "Contact", pairs: Sequence["Pair"], located: Callable[[str], str]) -> dict[str, str]:
+    """Unit of each key of ``[[pairs]]`` that the laws of a scene read.
+
+    Args:
+        contact: the laws.
+        pairs: the coefficients. A file of the user may read a key of the package's laws without declaring it: it counts as
+            read if a pair gives it.
+        located: name of a law for ``models.model``.
+
+    Raises:
+        SceneError: a file of the user cannot be imported.
+    """
+    found = {"restitution": "-"}
+    for role, key in (("tangential", "friction"), ("rolling", "rolling_friction")):
+        if getattr(contact, role) != "none":
+            found[key] = "-"
+    for role in LAWS:
+        name = getattr(contact, role)
+        if name == "none":
+            continue
+        found |= {key: entry.unit for key, entry in columns.pair_keys(model(role, located(name))).items()}
+        if is_file(name):
+            for key, (entry, _) in of_package().items():
+                if any(getattr(pair, key) != entry.default for pair in pairs):
+                    found[key] = entry.unit
+    return found
 
 
 def quantity(entry: PairKey) -> Quantity:

@@ -1,6 +1,7 @@
 """Streams as scene data: grains that are inserted during the run, where, how many, of what."""
 
 import itertools
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
@@ -38,7 +39,19 @@ MassRate = _rate("kg/s")
 CountRate = _rate("1/s")
 
 
-class Portion(SceneModel):
+class _OfSpheres(SceneModel):
+    """Base of what streams insert, which are spheres."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_clumps(cls, given: object) -> object:
+        if isinstance(given, Mapping) and "clump" in given:
+            reason = "streams insert no clumps yet: take them as [[grains]], which the scene starts with"
+            raise validation_error([(("clump",), given["clump"], reason)])
+        return given
+
+
+class Portion(_OfSpheres):
     """A part of a recipe: grains of one material and size law."""
 
     name: Label | None = GROUP_NAME
@@ -62,7 +75,7 @@ class Portion(SceneModel):
         return size_law(self.diameter)
 
 
-class Stream(Region):
+class Stream(_OfSpheres, Region):
     """Inlet: grains inserted during the run at random positions of a region or face that are free of grains and walls."""
 
     name: Label | None = GROUP_NAME

@@ -37,7 +37,7 @@ DIMENSIONS = {
     "m/s2": Dimension("an acceleration", {"meter": 1, "second": -2}, "9.81 m/s^2", 1e-18, 1e15),
     "kg": Dimension("a mass", {"kilogram": 1}, "20 g", 1e-30, 1e30),
     "kg/m3": Dimension("a density", {"kilogram": 1, "meter": -3}, "2.6 g/cm^3", 1e-9, 1e18),
-    "Pa": Dimension("a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa", 1e-9, 1e21),
+    "Pa": Dimension("a pressure or a modulus", {"kilogram": 1, "meter": -1, "second": -2}, "50 MPa", 1e-9, 1e21),
     "N/m": Dimension("a stiffness", {"kilogram": 1, "second": -2}, "5 N/mm", 1e-18, 1e21),
     "J/m2": Dimension("a surface energy", {"kilogram": 1, "second": -2}, "50 mJ/m^2", 1e-18, 1e21),
     "J/m3": Dimension(

@@ -169,3 +169,11 @@ def test_a_contact_that_unloads_softer_than_it_loads_is_refused():
     given = {"stiffness": 500, "unloading_stiffness": 100}
     with pytest.raises(SceneError, match="at least the stiffness of loading.* = 500 N/m"):
         impacts("luding", given, 0.1, 1e-6)
+
+
+def test_next_to_no_hardening_is_elastic_in_single_precision_too(real):
+    """k_p = k1 (1 + 1e-8) is k1 in float32."""
+    made = Contacts(luding, luding.coefficients(None, None, pair(100.0, kp=K1 * (1.0 + 1e-8))), REDUCED, M, real=real)
+    forces, deepest = along(made, [1e-5, 0.0, -1e-6, 1e-5])
+    np.testing.assert_allclose(forces, [K1 * 1e-5, 0.0, 0.0, K1 * 1e-5], rtol=10 * RTOL[real])
+    np.testing.assert_allclose(deepest, [1e-5, 0.0, 0.0, 1e-5], rtol=10 * RTOL[real])

@@ -11,6 +11,7 @@ from law_probe import Contacts
 from law_scenes import HERTZ, MASS, POISSON, RADIUS, YOUNG, contact_time, impacts, parting_speeds
 from model_probes import RTOL
 from warpdem import Simulation
+from warpdem.model.impact import rebound
 
 GRAIN = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 COHESION = 1.0e5  # [J/m3]
@@ -125,3 +126,17 @@ def test_contacts_of_a_run_know_both_radii():
         sjkr.energy(depth, m.constants[0], **dict(zip(sjkr.COEFFICIENTS, m.constants[3:], strict=True))) for m in made
     ]
     assert sim.energy()["elastic"] == pytest.approx(sum(energies), rel=1e-10, abs=0)
+
+
+def test_the_estimate_of_check_gives_back_what_a_run_does():
+    speed, phases = 0.05, 32
+    step = contact_time(speed) / 15.0
+    pair = {"restitution": 0.8, "cohesion_energy_density": COHESION}
+    sim = Simulation(impacts("sjkr", pair, speed, step, phases=phases), device="cpu", threads=1)
+    sim.run(until=60.0 * step)
+    met = parting_speeds(sim, phases)[1] / speed
+    made = sjkr.coefficients(GRAIN, GRAIN, SimpleNamespace(**pair))
+    own = dict(zip(sjkr.COEFFICIENTS, made[4:], strict=True))
+    told = rebound("sjkr", made[0], made[1], MASS, RADIUS, speed, step, own)
+    np.testing.assert_allclose(told, met, atol=1e-6)
+    assert abs(met.mean() - 0.8) > 0.02, "the pull shows"
