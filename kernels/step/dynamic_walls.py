@@ -25,8 +25,9 @@ the mean rate of the kick, the motor along its slope at the rate before it:
 
     M (u_k+1/2 - u_k-1/2)/h = Q(t_k) + T(u_k-1/2) + T' (u_k - u_k-1/2) - c u_k,      u_k = (u_k-1/2 + u_k+1/2)/2
 
-So a kick changes (1/2) M u^2 by exactly the work h (...) u_k. At t_k+1 contacts see the velocity predicted,
-u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
+So a kick changes (1/2) M u^2 by exactly the work h (...) u_k; where the end of the range stops the wall, u_k is that of the
+stop, and what the motion does not keep of the work is lost: nothing where the wall rests there. At t_k+1 contacts see the
+velocity predicted, u_k+1/2 + (dt/2) u'. The sums are exact (``kernels.measure.exact_sum``), so the path of a wall has the
 same bits on any number of threads. A drive that is no number holds the wall.
 
 Bodies with six degrees of freedom have no axis: ``free_bodies``.
@@ -326,16 +327,17 @@ def build(one, WallContacts, bodies: bool):
                 acting = drive + push + weight + spring - load
                 rate = (before * (inertia - half) + kick * acting) / (inertia + half)
                 rate = wp.clamp(rate, -most, most)
+                predicted = wp.clamp(rate + wp.float64(0.5) * dt * ((rate - before) / kick), -most, most)
+                end = position + dt * rate
+                stops = end < low or end > high
+                if stops:
+                    rate = (wp.clamp(end, low, high) - position) / dt
+                    predicted = rate
                 mean = wp.float64(0.5) * (before + rate)
                 work = kick * (drive + push + slope * mean) * mean
                 loss = kick * damping * mean * mean
-                predicted = wp.clamp(rate + wp.float64(0.5) * dt * ((rate - before) / kick), -most, most)
-                end = position + dt * rate
-                if end < low or end > high:
-                    stopped = (wp.clamp(end, low, high) - position) / dt
-                    loss = loss + wp.float64(0.5) * inertia * (rate * rate - stopped * stopped)
-                    rate = stopped
-                    predicted = stopped
+                if stops:  # of all work at the mean rate, the damper's included, what the motion has not kept
+                    loss = kick * (acting + slope * mean) * mean + wp.float64(0.5) * inertia * (before * before - rate * rate)
                 walls.state[d, wp.static(STATE.driven)] = walls.state[d, wp.static(STATE.driven)] + work
                 walls.state[d, wp.static(STATE.lost)] = walls.state[d, wp.static(STATE.lost)] + loss
             position = position + dt * rate
