@@ -45,6 +45,8 @@ def make_scene(*groups, walls=(), frame=None, base="."):
         gravity=(0.0, 0.0, -9.81),
         grains=list(groups),
         clumps={},
+        apart=np.zeros((2, 2), dtype=bool),
+        touched=lambda kind, wall: np.ones(len(kind), dtype=bool),
         walls=list(walls),
         frame=frame,
         source="scene.toml",

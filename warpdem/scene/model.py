@@ -201,7 +201,7 @@ class Scene(SceneModel):
 
     @property
     def apart(self) -> np.ndarray:
-        """Whether two materials pass through each other, by their numbers, shape (m, m), bool."""
+        """Whether two materials pass through each other, by their numbers, shape (m, m), bool [-]."""
         names = list(self.materials)
         out = np.zeros((len(names), len(names)), dtype=bool)
         for pair in self.pairs:
@@ -211,7 +211,7 @@ class Scene(SceneModel):
         return out
 
     def touched(self, kind: np.ndarray, wall: int) -> np.ndarray:
-        """Whether grains of these materials (n,) touch wall number ``wall``, shape (n,), bool."""
+        """Whether grains of these materials (n,) touch wall number ``wall``, shape (n,), bool [-]."""
         touched: np.ndarray = ~self.apart[kind, list(self.materials).index(self.walls[wall].material)]
         return touched
 
