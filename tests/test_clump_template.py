@@ -157,10 +157,10 @@ def test_wrong_clumps_are_named(clump, reason):
         ({}, {"engine": {"integrator": "rk4"}}, "engine.integrator.*\n.*exact_drift"),
         ({}, {"engine": {"precision": "mixed"}}, "engine.precision.*\n.*double"),
         ({}, {"contact": {"rolling": "spring"}}, "contact.rolling.*\n.*shape"),
-        ({}, {"output": {}}, "output.formats.*\n.*vtk"),
+        ({}, {"output": {"formats": ["vtk", "usd"]}}, "output.formats.*\n.*vtk"),
         ({}, {"borders": {"x": {"kind": "periodic", "min": 0.0, "max": 1.0}}}, "borders.*\n.*walls"),
         ({}, {"outlets": [{"name": "o", "box": {"min": [1, 1, 1], "max": [2, 2, 2]}}]}, "outlets cannot remove clumps"),
-        ({}, {"streams": [STREAM]}, "stream cannot insert"),
+        ({}, {"streams": [STREAM]}, "streams insert no clumps yet"),
     ],
 )
 def test_what_clumps_cannot_be_with_is_named(grains, more, reason):
