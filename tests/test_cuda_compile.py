@@ -22,7 +22,7 @@ from warpdem.model.features import (
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""
 READERS = ("read", "read_budget")
-"""Kernels of the step's namespace that a GPU launches as well; the others are the CPU's."""
+"""Kernels that read a run, which a GPU launches as well."""
 MOST_REGISTERS = {"pair_forces": 128, "wall_forces": 255, "move": 96}
 """Of the main job's kernels that run at every step: 65 536 on a multiprocessor are shared by its threads."""
 MOST_LOCAL = 400
@@ -94,7 +94,7 @@ def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
     """The plans other than the main job's take minutes."""
     built = compile_kernels(PLANS[name])
     kernels = kernels_of(built.graph, built.rebuild, built.lists, built.displacement, built.walls)
-    kernels |= {reader: kernel for reader in READERS if (kernel := getattr(built.loop, reader)) is not None}
+    kernels |= {reader: kernel for reader in READERS if (kernel := getattr(built.read, reader)) is not None}
     some = "pair_forces", "wall_forces", "move", "advance_clock", "check_lists", "clear_contacts", "read"
     assert {*some, "find_neighbors", "fill_contacts", "replace_outer"} <= set(kernels)
     for kernel_name, kernel in kernels.items():
