@@ -58,8 +58,7 @@ def test_the_scene_beside_the_script_is_that_of_the_script(folder):
 @pytest.mark.parametrize("page", [TUTORIAL, COMING_FROM], ids=lambda page: page.stem)
 def test_commands_and_options_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
-    commands = {"run": cli.run, "check": cli.check, "render": cli.render, "plot": cli.plot, "report": cli.report_,
-                "sweep": cli.sweep_, "compare": cli.compare, "export": cli.export, "grains": cli.grains}  # fmt: skip
+    commands = cli.COMMANDS
     named = re.findall(r"(?:^ {4}|`)warpdem (\w+)([^`\n]*)", text, re.MULTILINE)
     assert len(named) > 3
     for command, rest in named:
@@ -71,7 +70,7 @@ def test_models_and_tables_that_the_page_names_exist():
     text = COMING_FROM.read_text(encoding="utf-8")
     tables = text.split("## LIGGGHTS\n")[1]
     roles = ("normal", "tangential", "rolling", "twisting")
-    known = {name for role in roles for name in model_names(role)} | {"none", "auto"}
+    known = {name for role in roles for name in model_names(role)} | {"none", "auto", "impact"}
     named = set(re.findall(r'"([a-z_]+)"', tables))
     assert {"hertz_clamped", "sjkr", "jkr", "dmt", "edinburgh", "spring", "marshall", "mindlin"} <= named <= known
     roots = {re.split(r"[.]", name)[0] for name in re.findall(r"`\[+([a-z.A-Z]+)\]+`", tables)}
