@@ -33,7 +33,7 @@ def test_a_curve_is_drawn_at_its_values():
     np.testing.assert_allclose(points[:, 0], [LEFT, (LEFT + WIDTH - RIGHT) / 2, WIDTH - RIGHT])
     top, bottom = TOP, HEIGHT - BOTTOM
     # the range is widened by 5 % of it at either end
-    np.testing.assert_allclose(points[:, 1], bottom - (bottom - top) * np.array([0.1, 1.1, 2.1]) / 2.2, atol=0.06)
+    np.testing.assert_allclose(points[:, 1], bottom - (bottom - top) * np.array([0.1, 1.1, 2.1]) / 2.2, rtol=0, atol=0.06)
     assert data["x"] == [0, 1, 2] and data["curves"] == [["a", [-1, 0, 1]]]
     assert figure.find("figcaption")[0].text == "t" and figure.get("id") == "c"
 
@@ -67,7 +67,7 @@ def test_of_many_rows_the_peaks_are_kept():
      (0.0, 1e6, 4, [0, 5e5, 1e6]), (17.0, 93.0, 8, [20, 30, 40, 50, 60, 70, 80, 90])],
 )  # fmt: skip
 def test_ticks_are_round(low, high, most, found):
-    np.testing.assert_allclose(ticks(low, high, most), found, atol=1e-12)
+    np.testing.assert_allclose(ticks(low, high, most), found, rtol=0, atol=1e-12)
 
 
 def test_the_vertical_axis_shows_zero_where_it_is_near():

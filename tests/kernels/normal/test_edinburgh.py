@@ -181,7 +181,7 @@ def test_a_run_loses_what_its_budget_tells(w, f0, exponent):
         if w == f0 == 0.0:  # e^2 = 1 - the share lost to yielding, at any speed
             share = 0.4 * HERTZ - float(edinburgh.stored(1.0, HERTZ, 0.6, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0))
             expected = math.sqrt(1.0 - share / (0.4 * HERTZ))
-            np.testing.assert_allclose(of_pairs / 0.1, expected, atol=0.06 / steps)
+            np.testing.assert_allclose(of_pairs / 0.1, expected, rtol=0, atol=0.06 / steps)
     assert errors[240] < 2e-3
 
 
