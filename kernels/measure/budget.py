@@ -314,5 +314,5 @@ def build(
         contact_energies=contact_energies, field_energies=field_energies, energies=energies,
         contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, turned=turned, lifted=lifted,
         shifted=shifted, wall_works=wall_works,
-        energy=energy, momentum=momentum, Energies=Energies,
+        energy=energy, momentum=momentum,
     )  # fmt: skip

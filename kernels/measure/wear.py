@@ -67,9 +67,7 @@ def build(one, WallContacts, spins: bool):
             point = wall_contacts.point[generation, s]
             result = wall_contacts.result[s]
             n = one.normal_in(point)
-            force = wp.vec3d(
-                result[wp.static(RESULT.force)], result[wp.static(RESULT.force + 1)], result[wp.static(RESULT.force + 2)]
-            )
+            force = one.force_in(result)
             moving = wp.vec3d(
                 result[wp.static(RESULT.wall_velocity)], result[wp.static(RESULT.wall_velocity + 1)],
                 result[wp.static(RESULT.wall_velocity + 2)],

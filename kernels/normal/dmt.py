@@ -18,8 +18,8 @@ that it acts in (``contact.jumps``, both cases in one):
 
     F_c (1/2 + d/|d - d'|),     d' the overlap of the step before, of the other sign
 
-For the last one the law reaches sqrt(R* 2 pi w/((4/3) E*)) beyond
-contact, more than a grain travels in a step unless it is far too fast to be held.
+For the last one the law reaches sqrt(R* 2 pi w/((4/3) E*)) beyond contact, more than a grain travels in a step unless it is far
+too fast to be held.
 
 Friction goes by the pressure between the surfaces, F_n + F_c = K d^(3/2) - C d^(1/4) v_n (LAMMPS: the same).
 """
@@ -32,16 +32,13 @@ import warp as wp
 from warpdem.kernels import tiny
 from warpdem.kernels.contact import columns
 from warpdem.kernels.contact.columns import PairKey
-from warpdem.kernels.normal import hertz
+from warpdem.kernels.normal import hertz, jkr
 
 SUMMARY = "Hertz with a constant pull in contact, for hard small grains"
 PASSIVE = True
 TANGENT = hertz.TANGENT
-SURFACE_ENERGY = PairKey(
-    "J/m2", None, "Work of adhesion w [J/m2], >= 0: energy per area that parting two surfaces takes, 2 gamma of equal ones."
-)
 PAIR = {
-    "surface_energy": SURFACE_ENERGY,
+    "surface_energy": jkr.PAIR["surface_energy"],
     "tail_length": PairKey(
         "m", 0.0, 'Length over which the pull of normal = "dmt" fades outside of contact [m], >= 0, default 0: none outside.'
     ),

@@ -32,13 +32,13 @@ import warp as wp
 from warpdem.kernels import tiny
 from warpdem.kernels.contact import columns, jumps
 from warpdem.kernels.contact.columns import PairKey
-from warpdem.kernels.normal import dmt, hertz, hooke
+from warpdem.kernels.normal import hertz, hooke, jkr
 
 SUMMARY = "EEPA: Hertz, plastic and adhesive"
 PASSIVE = True
 TANGENT = hertz.TANGENT
 PAIR = {
-    "surface_energy": dmt.SURFACE_ENERGY,
+    "surface_energy": jkr.PAIR["surface_energy"],
     "pull_off_force": PairKey(
         "N", 0.0, 'Constant pull in contact [N], >= 0 (EDEM: its negative), default 0; only with normal = "edinburgh".'
     ),

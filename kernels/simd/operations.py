@@ -21,7 +21,7 @@ class Operations(Values):
     """What is made of values, each operation as Warp's own templates have it."""
 
     def choice(self, e: ast.AST, test: Value, first: Any, second: Any) -> Value:
-        """``first`` where the test is true, ``second`` elsewhere; of a test that is known now only one is asked for."""
+        """``first`` where the test is true, ``second`` elsewhere; where the test is known now, only that one is translated."""
         if test.number is not None:
             return first() if test.number else second()
         a, b = first(), second()

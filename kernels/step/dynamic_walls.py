@@ -11,7 +11,7 @@ r"""Walls whose motion follows from the load on them: a coordinate s along or ab
     M    mass, or moment of inertia about the axis                         [kg or kg m2]
 
 A free wall has an M of its own, and stops dead at the ends of its range, if it has one. A servo has none, no motor, weight,
-spring or damper, and a largest speed, |u| <= u_max: its drive is the load that it asks for, and its M is sum m, or sum m r^2,
+spring or damper, and a largest speed, |u| <= u_max: its drive is the load that it is to hold, and its M is sum m, or sum m r^2,
 the mass of the grains that it touches, r their distance from the axis, at least that of the largest grain.
 
 So a servo is a wall of that mass, which the drive pushes against the grains. Each grain meets a wall of its own mass: what
@@ -42,7 +42,7 @@ from warpdem.kernels import MODULE_OPTIONS, Built, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.measure.exact_sum import WIDTH, add, rounded
 from warpdem.kernels.measure.readings import WALL_SUMS, add_wall_contact
-from warpdem.kernels.step.free_bodies import advance_body
+from warpdem.kernels.step.free_bodies import advance_body, vector_at
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -112,27 +112,6 @@ class DynamicWalls:
     """``free_bodies.MOTION`` of each."""
     sums: wp.array3d(dtype=wp.int64)
     """Exact sums of each thread, SUMS of one wall after the other."""
-
-
-@wp.func
-def axis_of(walls: DynamicWalls, d: int) -> wp.vec3d:
-    """Axis in the axes of the wall."""
-    at = wp.static(NUMBERS.axis)
-    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
-
-
-@wp.func
-def origin_of(walls: DynamicWalls, d: int) -> wp.vec3d:
-    """Point on the axis in the axes of the wall [m]."""
-    at = wp.static(NUMBERS.origin)
-    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
-
-
-@wp.func
-def center_of(walls: DynamicWalls, d: int) -> wp.vec3d:
-    """Center of mass in the axes of the wall [m]."""
-    at = wp.static(NUMBERS.center)
-    return wp.vec3d(walls.numbers[d, at], walls.numbers[d, at + 1], walls.numbers[d, at + 2])
 
 
 @wp.func
@@ -230,18 +209,14 @@ def build(one, WallContacts, bodies: bool):
                 if d < 0:
                     continue
                 result = wall_contacts.result[slot]
-                force = wp.vec3d(
-                    result[wp.static(RESULT.force)], result[wp.static(RESULT.force + 1)], result[wp.static(RESULT.force + 2)]
-                )
+                force = one.force_in(result)
                 torque = wp.vec3d()
                 if wp.static(one.rolling):
                     torque = wp.vec3d(
                         result[wp.static(RESULT.moment)], result[wp.static(RESULT.moment + 1)],
                         result[wp.static(RESULT.moment + 2)],
                     )  # fmt: skip
-                n = wp.vec3d(
-                    memory[wp.static(at.normal)], memory[wp.static(at.normal + 1)], memory[wp.static(at.normal + 2)]
-                )
+                n = one.normal_in(memory)
                 overlap = memory[wp.static(at.overlap)]
                 point = g.position(state) - n * (state[3] - overlap)
                 column = d * wp.static(SUMS.width)
@@ -250,8 +225,8 @@ def build(one, WallContacts, bodies: bool):
                     arm = wp.float64(1.0)
                     if walls.numbers[d, wp.static(NUMBERS.turns)] > wp.float64(0.0):
                         p = placements[now_row, walls.motion[d]]
-                        along = turned(p, axis_of(walls, d))
-                        out = point - placed(p, origin_of(walls, d))
+                        along = turned(p, vector_at(walls.numbers, d, wp.static(NUMBERS.axis)))
+                        out = point - placed(p, vector_at(walls.numbers, d, wp.static(NUMBERS.origin)))
                         out = out - along * wp.dot(along, out)
                         arm = wp.dot(out, out)
                     mass = memory[wp.static(at.weight)] / inverse[i][0]
@@ -282,8 +257,8 @@ def build(one, WallContacts, bodies: bool):
         for d in range(walls.motion.shape[0]):
             motion = walls.motion[d]
             now = placements[k + 1, motion]
-            axis = axis_of(walls, d)
-            origin = origin_of(walls, d)
+            axis = vector_at(walls.numbers, d, wp.static(NUMBERS.axis))
+            origin = vector_at(walls.numbers, d, wp.static(NUMBERS.origin))
             turns = walls.numbers[d, wp.static(NUMBERS.turns)]
             column = d * wp.static(SUMS.width)
             force = total_vector(threads, column + wp.static(SUMS.force), walls)
@@ -306,7 +281,8 @@ def build(one, WallContacts, bodies: bool):
             weight = wp.dot(pull, along)
             if turns > wp.float64(0.0):
                 load = wp.dot(moment - wp.cross(placed(now, origin), force) + torque, along)
-                weight = wp.dot(wp.cross(turned(now, center_of(walls, d) - origin), pull), along)
+                center = vector_at(walls.numbers, d, wp.static(NUMBERS.center))
+                weight = wp.dot(wp.cross(turned(now, center - origin), pull), along)
             drive = walls.drive[k, d]
             kick = kick_time(rows[k])
             before = walls.state[d, wp.static(STATE.rate)]

@@ -30,8 +30,8 @@ def build(
         border: periodic images, of ``border.build``.
         orientation: of ``orientation.build``; None when orientations are not requested.
         budget: namespace of ``budget.build`` when energies or momenta are added up, else None.
-        flow: of ``flow.build``; None when the flow through no plane is asked for.
-        wear: of ``wear.build``; None when what wears walls is not asked for.
+        flow: of ``flow.build``; None when no flow through a plane is measured.
+        wear: of ``wear.build``; None when wear is not measured.
         clumps: of ``clump_phase.build``; None without clumps.
         stages: force calls per step.
         spins: grains spin.

@@ -34,7 +34,7 @@ class Control:
     """What the host hands to a batch of steps; read only, but for walls that move by the load on them."""
 
     row: wp.array(dtype=Row)  # (rows,) per force call
-    frame: wp.array(dtype=FrameRow)  # (rows,) per force call; of size 0 where nothing asks for the frame's motion
+    frame: wp.array(dtype=FrameRow)  # (rows,) per force call; of size 0 where nothing needs the frame's motion
     placement: wp.array2d(dtype=Placement)  # (rows, motions); those of ``dynamic`` are written
     dynamic: DynamicWalls  # walls that move by the load on them; written
     origin: wp.array(dtype=wp.int32)  # (1,) step that the first row belongs to

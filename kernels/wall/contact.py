@@ -63,7 +63,7 @@ def build(
     Coefficients, History, past = law.Coefficients, law.History, law.history
     at, remembers = record.columns(past.at), past.at.width
     history_at = record.GEOMETRY.width
-    WallHistory = record.history_type(past.at)
+    WallHistory, Result = record.history_type(past.at), record.result_type(rolling, wear)
     Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
     losses = len(law.losses)
     Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
@@ -94,6 +94,15 @@ def build(
             wall_contact[wp.static(at.normal)],
             wall_contact[wp.static(at.normal + 1)],
             wall_contact[wp.static(at.normal + 2)],
+        )
+
+    @wp.func
+    def force_in(result: Result) -> wp.vec3d:
+        """Force on the grain [N]."""
+        return wp.vec3d(
+            result[wp.static(record.RESULT.force)],
+            result[wp.static(record.RESULT.force + 1)],
+            result[wp.static(record.RESULT.force + 2)],
         )
 
     @wp.func
@@ -268,9 +277,9 @@ def build(
 
     return Built(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
-        normal_in=normal_in, at=at,
+        normal_in=normal_in, force_in=force_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, WallHistory=WallHistory,
         looks_back=moving > 0 or conveying,
-        Result=record.result_type(rolling, wear), Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
+        Result=Result, Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
         WallEntry=WallEntry,
     )  # fmt: skip

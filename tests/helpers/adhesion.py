@@ -1,11 +1,10 @@
 """The reference pair of the adhesion tests, spheres of 1 mm of a soft material, and its impacts, or those on a plane."""
 
-import functools
 import math
 
 import numpy as np
-import warp as wp
 
+from law_probe import Contacts
 from warpdem import Scene
 
 RADIUS, DENSITY, YOUNG, POISSON, ENERGY = 1e-3, 2500.0, 1e7, 0.3, 0.1
@@ -36,60 +35,9 @@ def meeting(speed, step, phase=0.5, *, normal="jkr", restitution=1.0, wall=False
     return Scene.model_validate({**data, **changes})
 
 
-@functools.cache
-def _kernels(law, real):
-    constants, force, lost = law.build(real)
-    Own, History = (wp.types.vector(1, real) for _ in range(2))
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def probe(
-        overlap: wp.array(dtype=real), before: wp.array(dtype=real), speed: real, stiffness: real, damping: real,
-        pull_off: real, history: wp.array(dtype=real), out: wp.array2d(dtype=real),
-    ):  # fmt: skip
-        i = wp.tid()
-        own, past = Own(pull_off), History(history[i])
-        f_n, load, k_n, gamma_n, depth, depth_before, now = force(
-            overlap[i], before[i], speed, stiffness, damping, own, past
-        )
-        loss = lost(overlap[i], before[i], stiffness, damping, own, past, now)
-        out[i, 0] = f_n
-        out[i, 1] = load
-        out[i, 2] = k_n
-        out[i, 3] = gamma_n
-        out[i, 4] = depth
-        out[i, 5] = depth_before
-        out[i, 6] = now[0]
-        out[i, 7] = loss[0]
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def of_contact(
-        base: real, damping: real, pull_off: real, radius: wp.array(dtype=real), mass: real, out: wp.array2d(dtype=real)
-    ):
-        i = wp.tid()
-        stiffness, dashpot, own = constants(base, damping, Own(pull_off), radius[i], mass)
-        out[i, 0] = stiffness
-        out[i, 1] = dashpot
-        out[i, 2] = own[0]
-
-    return probe, of_contact
-
-
-RESULTS = ("force", "load", "k_n", "gamma_n", "depth", "depth_before", "now", "loss")
-
-
 def contacts(law, real, overlap, before, history, *, stiffness, pull_off, speed=0.0, damping=0.0) -> dict[str, np.ndarray]:
-    """What the law's ``force`` and ``lost`` give for contacts of these overlaps now and before and this history [m]."""
-    overlap, before, history = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (overlap, before, history)))
-    arrays = [wp.array(x.ravel().copy(), dtype=real, device="cpu") for x in (overlap, before, history)]
-    out = wp.zeros((overlap.size, len(RESULTS)), dtype=real, device="cpu")
-    inputs = [arrays[0], arrays[1], speed, stiffness, damping, pull_off, arrays[2], out]
-    wp.launch(_kernels(law, real)[0], dim=overlap.size, inputs=inputs, device="cpu")
-    return dict(zip(RESULTS, out.numpy().astype(float).T, strict=True))
-
-
-def constants(law, real, base, damping, pull_off, radius, mass) -> np.ndarray:
-    """What the law's ``constants`` gives for contacts of these R* [m]: K, C and d_c, shape (n, 3)."""
-    out = wp.zeros((len(radius), 3), dtype=real, device="cpu")
-    inputs = [base, damping, pull_off, wp.array(np.asarray(radius), dtype=real, device="cpu"), mass, out]
-    wp.launch(_kernels(law, real)[1], dim=len(radius), inputs=inputs, device="cpu")
-    return out.numpy().astype(float)
+    """As of ``Contacts.force``, of contacts with these K, C, d_c and d_e remembered: what a JKR law gives for each."""
+    made = Contacts(law, [0.0] * 5, 1.0, real=real)
+    made.constants = np.array([stiffness, damping, 1.0, pull_off])
+    found = made.force(overlap, before, speed, np.reshape(history, (-1, 1)))
+    return found | {"history": found["history"][:, 0]}

@@ -23,7 +23,7 @@ def _kernels(module, real):
     def force(
         overlap: wp.array(dtype=real), before: wp.array(dtype=real), speed: wp.array(dtype=real),
         k: wp.array(dtype=of.Constants), c: wp.array(dtype=of.Coefficients), history: wp.array(dtype=of.History),
-        out: wp.array2d(dtype=real), now: wp.array(dtype=of.History),
+        out: wp.array2d(dtype=real), now: wp.array(dtype=of.History), losses: wp.array2d(dtype=real),
     ):  # fmt: skip
         t = wp.tid()
         f_n, load, dashpot, k_n, gamma_t, depth, depth_before, own = of.force(
@@ -36,12 +36,15 @@ def _kernels(module, real):
         out[t, 4] = depth
         out[t, 5] = depth_before
         now[t] = own
+        lost = of.lost(overlap[t], before[t], k[t], history[t], own)
+        for f in range(wp.static(len(of.losses))):
+            losses[t, f] = lost[f]
 
     return of, constants, force
 
 
 class Contacts:
-    """Contacts of two materials under a normal law; one for each overlap that is asked for.
+    """Contacts of two materials under a normal law; one for each overlap given.
 
     Args:
         module: the law.
@@ -71,7 +74,10 @@ class Contacts:
         return wp.array(np.asarray(values, np.float32 if self._real is wp.float32 else float), dtype=dtype, device="cpu")
 
     def force(self, overlap, before=None, speed=0.0, history=None) -> dict[str, np.ndarray]:
-        """What the law gives at ``overlap`` [m], shape (n,), and ``before`` a step earlier; ``history`` (n, m) after it."""
+        """What the law gives at ``overlap`` [m], shape (n,), and ``before`` a step earlier; ``history`` (n, m) after it.
+
+        With the LOSSES of the step [J], each under its name.
+        """
         overlap = np.atleast_1d(np.asarray(overlap, float))
         before = np.broadcast_to(overlap if before is None else before, overlap.shape)
         n, width = len(overlap), self._of.History._length_
@@ -83,6 +89,8 @@ class Contacts:
             self._array(past, self._of.History),
         ]
         out, now = wp.zeros((n, 6), dtype=self._real, device="cpu"), wp.zeros(n, dtype=self._of.History, device="cpu")
-        wp.launch(self._force, dim=n, inputs=[*inputs, out, now], device="cpu")
+        lost = wp.zeros((n, len(self._of.losses)), dtype=self._real, device="cpu")
+        wp.launch(self._force, dim=n, inputs=[*inputs, out, now, lost], device="cpu")
         names = ("force", "load", "dashpot", "k_n", "depth", "depth_before")
-        return dict(zip(names, out.numpy().astype(float).T, strict=True)) | {"history": now.numpy().astype(float)}
+        found = zip((*names, *self._of.losses), np.hstack([out.numpy(), lost.numpy()]).astype(float).T, strict=True)
+        return dict(found) | {"history": now.numpy().astype(float)}
