@@ -179,7 +179,7 @@ def test_a_chain_hangs_while_its_weight_is_less_than_the_pull_off_force(count):
         assert (sim.contacts().own["depth"] > 0.0).sum() == count
     else:
         assert (fallen > 2.0 * RADIUS).tolist() == [False, True, True, True]
-        assert fallen[1:] == pytest.approx(0.5 * 9.81 * sim.time**2, rel=0.1)
+        assert fallen[1:] == pytest.approx(0.5 * 9.81 * sim.time**2, rel=0.02)  # the contact holds on until it tears
 
 
 @pytest.mark.parametrize(("share", "holds"), [(1.05, True), (0.95, False)])

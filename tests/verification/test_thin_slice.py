@@ -1,4 +1,4 @@
-"""A periodic slice of a little over two diameters gives what the same slice drawn twice gives."""
+"""A periodic slice of a little over two diameters gives what three such slices side by side give."""
 
 import numpy as np
 import pytest
@@ -43,8 +43,8 @@ def thin():
     return sim
 
 
-def test_a_thin_slice_is_the_slice_drawn_twice(thin):
-    """Grains of 2.05 diameters' slice touch both ways round; three copies, so that the other domain is as thick as any."""
+def test_a_thin_slice_is_one_of_three_side_by_side(thin):
+    """Grains touch both ways round the slice of 2.05 diameters; a domain of three slices is as thick as any."""
     thick = simulated(3)
     thick.step(STEPS)
     n = len(thin.particles.id)

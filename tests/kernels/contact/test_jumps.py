@@ -29,7 +29,6 @@ def shares(overlap, before, at, real):
     return out.numpy().astype(float).T
 
 
-@pytest.mark.parametrize("real", [wp.float64, wp.float32])
 @pytest.mark.parametrize("at", [0.0, -2e-6])
 def test_shares_follow_the_place_of_the_jump_within_the_step(real, at):
     tau, step = np.array([0.0, 0.1, 0.5, 0.9, 1.0]), 3e-6
@@ -40,7 +39,6 @@ def test_shares_follow_the_place_of_the_jump_within_the_step(real, at):
     np.testing.assert_allclose(last, 0.5 - tau, rtol=tolerance, atol=tolerance)
 
 
-@pytest.mark.parametrize("real", [wp.float64, wp.float32])
 def test_a_contact_at_rest_gives_a_number(real):
     assert np.isfinite(shares([1e-6, 0.0, -1e-6], [1e-6, 0.0, -1e-6], 0.0, real)).all()
 

@@ -157,14 +157,14 @@ def test_mean_pressure_over_the_triangles_bears_the_weight(tmp_path):
 
 
 def test_a_belt_rubs_and_a_floor_that_moves_along_does_not():
-    """Pressed on by 100 g, kept from moving by a heavy mass: the belt slides by its speed under it."""
+    """For three steps, over which the grain keeps its speed: the belt slides under it by the difference of the two."""
     keys = {"place": (0, 0, R - 1e-7), "velocity": (0.3, 0, 0), "friction": 0.2}
     floor = data()["walls"][0]
     for surface, slip in ([0.5, 0, 0], 0.2), ([0.3, 0, 0], 0.0):
         sim = simulated(**keys, walls=[{**floor, "surface_velocity": surface}], restitution=1.0)
         sim.step(3)
         found = sim.wall_wear()["floor"]
-        assert found.sliding[0] == pytest.approx(slip * found.normal_impulse[0], rel=2e-2, abs=1e-12)
+        assert found.sliding[0] == pytest.approx(slip * found.normal_impulse[0], rel=1e-3, abs=1e-12)
     sim = simulated(**keys, walls=[{**floor, "motion": {"velocity": [0.3, 0, 0]}}], restitution=1.0)
     sim.step(3)
     assert sim.wall_wear()["floor"].sliding[0] == pytest.approx(0.0, abs=1e-12)

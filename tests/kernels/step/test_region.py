@@ -91,7 +91,10 @@ def test_faces_of_a_box_and_places_that_are_none(device):
     region_of = region.build(count=3, kinds=(region.BOX,), placed=False)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
-    def find(place: wp.array(dtype=wp.vec3d), regions: region.Regions, none: wp.array2d(dtype=Placement), number_out: wp.array(dtype=wp.int32)):  # noqa: E501
+    def find(
+        place: wp.array(dtype=wp.vec3d), regions: region.Regions, none: wp.array2d(dtype=Placement),
+        number_out: wp.array(dtype=wp.int32),
+    ):  # fmt: skip
         i = wp.tid()
         number_out[i] = region_of(place[i], regions, none, 0)
 

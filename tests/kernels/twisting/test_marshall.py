@@ -153,14 +153,14 @@ def test_friction_of_zero_leaves_it_out_and_other_choices_are_told():
 
 def test_pressing_a_twisted_contact_creates_no_energy():
     """The field presses twice as hard for a while: depth and stiffness swing, the energy in all only falls."""
-    sim = pressed(8.0, 5e-6, fields=[{"model": "harmonic", "parameters": {"stiffness": 2.0 * PRESSED / RADIUS}}])
+    sim = pressed(8.0, 2.5e-6, fields=[{"model": "harmonic", "parameters": {"stiffness": 2.0 * PRESSED / RADIUS}}])
     total = []
     for _ in range(60):
-        sim.step(20)
+        sim.step(40)
         total.append(sum(sim.energy().values()))
     spread = np.ptp(total) / total[0]
     budget = sim.budget.energy()
     assert budget["dissipated_rescaling"] > 1e-11
     assert budget["dissipated_rolling"] >= 0.0, "nothing slips: all that is lost, the spring gave up as the contact grew"
-    assert abs(budget["integration_error"]) < 0.03 * budget["dissipated_rescaling"]
+    assert abs(budget["integration_error"]) < 5e-3 * budget["dissipated_rescaling"]
     assert max(np.diff(total)) < 1e-3 * total[0] and spread < 0.5
