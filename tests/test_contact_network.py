@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from warpdem.kernels.contact.dissipation import ENTRY_AT
 
 from warpdem import Scene, SceneError, Simulation
+from warpdem.core.snapshot import in_laboratory
 from warpdem.measure.contact_network import read_network
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.scene.file import scene_from_dict
@@ -226,3 +227,14 @@ def test_nothing_is_made_when_nobody_asks(settled, tmp_path):
 def test_contacts_without_a_format_that_holds_them_are_refused():
     with pytest.raises(SceneError, match='only the formats "vtk" and "vtkhdf" hold contacts'):
         simulated([[0, 0, R]], output={"contacts": True, "formats": ["usd"]})
+
+
+def test_in_laboratory_axes_all_vectors_of_a_contact_are_rotated():
+    sim = heap(frame={"axis": [0, 0, 1], "rate": 300.0})
+    sim.step(20)
+    here = sim.snapshot()
+    there, turn = in_laboratory(here).contacts, here.frame.rotation.T
+    assert np.abs(here.contacts.damping_force).max() > 0.0 and abs(turn[0, 1]) > 0.1
+    for name in ("force", "friction_force", "damping_force"):
+        assert_array_equal(getattr(there, name), getattr(here.contacts, name) @ turn)
+    assert_allclose(there.end - there.start, (here.contacts.end - here.contacts.start) @ turn, rtol=0, atol=1e-15)

@@ -106,5 +106,5 @@ def test_the_command_draws_and_lists(folder, capsys):
     assert (folder / "history.png").exists() and f"wrote {folder / 'history.png'}" in capsys.readouterr().out.replace("\n", "")
     cli.app(["plot", str(folder), "--list", "--columns", "lid*"], result_action="return_value")
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split() for line in lines if "lid" in line] == [["lid", "force", "z", "[N]", "5", "5", "7", "7"]]
+    assert [line.split() for line in lines if "lid" in line] == [["lid", "force", "z", "[N]", "5", "5", "7", "6", "7"]]
     assert not any("kinetic" in line for line in lines)

@@ -93,6 +93,7 @@ def test_without_pyarrow_the_remedy_is_told(folder, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+# a program that no extra of this package installs
 @pytest.mark.skipif(shutil.which("lmp") is None, reason="LAMMPS is not installed")
 def test_lammps_reads_a_dump(folder, last, tmp_path):
     """Its own read_dump gives the places and speeds back."""
@@ -112,7 +113,7 @@ def test_lammps_reads_a_dump(folder, last, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "choices", "said"),
-    [("a.xyz", {}, "its name tells no format; allowed are .dump"),
+    [("a.xyz", {}, "its suffix is no known format; allowed are .dump"),
      ("a.csv", {"start": 1.0}, "no frame from 1 to inf s; they go"),
      ("a.csv", {"view": "lab"}, "view 'lab' is unknown"), ("a.csv", {"time": 1.0, "end": 2.0}, "give one or the others")],
 )  # fmt: skip

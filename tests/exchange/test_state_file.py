@@ -1,4 +1,4 @@
-"""Grains of other programs as state files: LAMMPS and LIGGGHTS themselves write some, damaged files are told."""
+"""Grains of other programs as state files: LAMMPS and LIGGGHTS themselves write some, damaged files are refused."""
 
 import gzip
 import shutil
@@ -128,7 +128,9 @@ def test_a_format_that_is_not_known_is_told(tmp_path):
      (DUMP.replace("ITEM: ATOMS", "ITEM: ENTRIES"), "dump of contacts"),
      (DUMP.replace("\n50\n", "\nfifty\n"), "lacks its TIMESTEP"), ("", "has no time step : it has none"),
      (DUMP.replace("2\n-1 1", "2 0\n-1 1 0").replace("BOX BOUNDS ff ff ff\n0 2", "BOX BOUNDS xy xz yz ff ff ff\n0 2"),
-      "scaled positions of a box that is no cuboid")],
+      "scaled positions of a box that is no cuboid"),
+     (DUMP.replace("0 2\n-1 1", "0 2\nwide"), "time step 50: scaled positions need BOX BOUNDS, three lines of two numbers"),
+     (DUMP.replace("ATOMS\n2\n", f"ATOMS\n{10**30}\n"), f"2 of {10**30} grains are there")],
 )  # fmt: skip
 def test_damaged_dumps_are_told(tmp_path, text, said):
     path = written(tmp_path, "a.dump", text)
@@ -188,7 +190,7 @@ def test_a_state_file_is_what_a_scene_reads(tmp_path, suffix):
     [({"only_type": 5}, "--type 5: .* has the types 1, 2"),
      ({"unit": "lj"}, "--units lj: is unknown; allowed are si"),
      ({"kind": "edem"}, "--format edem: is unknown"),
-     ({"step": 3}, "--step 3: a file of the format lammps-data has one instant")],
+     ({"step": 3}, "--step 3: a file of the format lammps-data holds one time only")],
 )  # fmt: skip
 def test_wrong_choices_are_told(tmp_path, keys, said):
     with pytest.raises(SceneError, match=said):
@@ -231,7 +233,7 @@ write_data a.lmp
      ("liggghts", "granular", "communicate single vel yes\natom_modify sort 0 0\npair_style none")],
 )  # fmt: skip
 def test_what_the_programs_write_is_read(program, style, more, tmp_path):
-    if shutil.which(program) is None:
+    if shutil.which(program) is None:  # no extra of this package installs it
         pytest.skip(f"{program} is not installed")
     written(tmp_path, "in.x", CODE.format(style=style, more=more))
     done = subprocess.run([program, "-in", "in.x", "-log", "none"], cwd=tmp_path, capture_output=True, text=True, timeout=60)

@@ -1,6 +1,5 @@
 """The report as a whole: a page that parses, loads nothing, answers in a browser, and tells of runs of every kind."""
 
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 
 import twelve_grains
 from browser import evaluated
+from page_check import check_html, library
 from warpdem import WarpdemError, report
 from warpdem.app import cli
 from warpdem.reports import pictures
@@ -30,8 +30,7 @@ def page(tmp_path_factory):
 
 
 def test_the_page_is_html_without_a_fault(page):
-    html5lib = pytest.importorskip("html5lib", reason='the extra "test" is not installed: HTML is not validated')
-    html5lib.HTMLParser(strict=True).parse(page.read_text(encoding="utf-8"))
+    check_html(page)
 
 
 def test_the_page_is_small_and_loads_nothing(page):
@@ -91,17 +90,14 @@ def test_in_a_browser_curves_tell_their_values_and_a_title_stays_text(page):
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_in_a_browser_nothing_is_out_of_reach_of_people_who_see_or_point_otherwise(page, dark):
     """By the rules of axe-core."""
-    axe = importlib.util.find_spec("axe_core_python")
-    if axe is None:
-        pytest.skip('the extra "test" is not installed: accessibility is not checked')
-    library = (Path(axe.submodule_search_locations[0]) / "axe.min.js").read_text(encoding="utf-8")
+    axe = (Path(library("axe_core_python").__path__[0]) / "axe.min.js").read_text(encoding="utf-8")
     found = evaluated(page, f"""
         document.documentElement.dataset.theme = "{"dark" if dark else "light"}";
         for (const details of document.querySelectorAll("details")) details.open = true;
         const result = await axe.run();
         const wrong = result.violations.map((v) => [v.id, v.nodes.map((n) => n.html.slice(0, 200))]);
         return {{passes: result.passes.length, wrong}};
-    """, (library,))  # fmt: skip
+    """, (axe,))  # fmt: skip
     assert found["wrong"] == []
     assert found["passes"] > 20
 

@@ -107,3 +107,18 @@ def test_what_decided_is_told():
     assert one.reasons[0] == "p < 0.01"
     [one] = compare(noisy(0), noisy(9), twins).differences
     assert one.verdict == "same" and one.reasons == []
+
+
+def test_rows_in_which_a_run_has_no_number_do_not_count():
+    twins = [noisy(k) for k in (1, 2, 3, 4)]
+
+    def from_half(one):
+        return history(np.where(TIME < 1.0, np.nan, one["x"]))
+
+    late = TIME >= 1.0
+    found = compare(from_half(noisy(0)), noisy(5, shift=2.0), twins)
+    assert found.verdict == "differs"
+    assert found.differences[0].second == pytest.approx(mean_in_time(noisy(5, shift=2.0)["x"][late], TIME[late]))
+    assert compare(from_half(noisy(0)), from_half(noisy(9)), twins).verdict == "same"
+    [none] = compare(noisy(0), history(np.full(len(TIME), np.nan)), twins).differences
+    assert none.verdict == "unknown" and none.p is None

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from scene_text import GLASS
 from warpdem import SceneError, WarpdemError
 from warpdem.app import cli
 from warpdem.app.sweep import rows_of
@@ -24,21 +25,14 @@ from warpdem.sweep.sweep import RowsFailed, Sweep, run_sweep
 from warpdem.sweep.worker import Task, run_row
 
 STAND_IN = Path(__file__).resolve().parents[1] / "helpers" / "stand_in.py"
-SCENE = """
-[materials.g]
-density = 2500
-young_modulus = "5 MPa"
-poisson_ratio = 0.3
-[[pairs]]
-materials = ["g", "g"]
-restitution = 0.5
+SCENE = GLASS + """
 friction = 0.3
 [[walls]]
 name = "floor"
-material = "g"
+material = "glass"
 plane = { point = [0, 0, 0], normal = [0, 0, 1] }
 [[grains]]
-material = "g"
+material = "glass"
 radius = 1e-3
 positions = [[0, 0, 1.5e-3], [0.5e-3, 0, 4e-3]]
 [time]
@@ -204,7 +198,7 @@ def test_a_library_that_is_missing_is_told(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", LIBRARIES)
 def test_every_executor_gives_the_same_rows(kind, scene, tmp_path):
-    """In processes of their libraries, where these are installed, with real runs."""
+    """In processes of their libraries, where these are installed, with real runs; no extra of this package installs them."""
     pytest.importorskip(LIBRARIES[kind][0], reason=f"{LIBRARIES[kind][1]} is not installed")
     folder = tmp_path / "0001"
     task = Task(1, str(folder), (str(scene), "--out", str(folder), "--quiet", "--no-picture"), "cpu")

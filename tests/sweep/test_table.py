@@ -1,4 +1,4 @@
-"""Rows of a sweep: from files, grids and samples; what is wrong is told with its line and column."""
+"""Rows of a sweep: from files, grids and samples; what is wrong is reported with its line and column."""
 
 import numpy as np
 import pytest

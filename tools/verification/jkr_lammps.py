@@ -3,8 +3,8 @@
     python tools/verification/jkr_lammps.py [LAMMPS]      # its binary, lmp without one
 
 Two spheres of 1 mm are drawn apart at an even speed from an overlap of 10 um, by LAMMPS; at each of its places the kernel gives
-its own force. Told are the largest difference over the pull-off force, and where each contact ends. LAMMPS's surface energy is
-half of the work of adhesion. Last result (LAMMPS 29 Sep 2021): see ``tests/README.md``.
+its own force. It prints the largest difference over the pull-off force, and where each contact ends. LAMMPS's surface energy
+is half of the work of adhesion. Last result (LAMMPS 29 Sep 2021): see ``tests/README.md``.
 """
 
 import argparse

@@ -114,7 +114,7 @@ def plot(
         end: Only rows up to this value of X.
         log: Logarithmic vertical axes.
         dpi: Pixels in an inch of a .png.
-        list_: Print the columns with their least and greatest values, and draw nothing.
+        list_: Print the columns with their first, least, greatest, mean and last values, and draw nothing.
     """
     from warpdem.core.file_names import require_usable
 
@@ -151,7 +151,7 @@ def compare(
 ) -> None:
     """Compare two runs: how far their histories are apart, over the scatter of perturbed twins of the first.
 
-    Grains are chaotic: equal runs go different ways in detail. Twins, whose grains begin 1e-9 of a radius apart, tell by how
+    Grains are chaotic: equal runs go different ways in detail. Twins, whose grains begin 1e-9 of a radius apart, show by how
     much; each takes as long as the first run, and stays in its folder.
 
     Args:
@@ -246,7 +246,7 @@ def grains(
     Args:
         source: LAMMPS or LIGGGHTS dump or data file, packed or not; text of YADE; .data file of MercuryDPM.
         target: State file to write: .npz or .csv.
-        format_: Format of the source; told by its name or first lines if not given.
+        format_: Format of the source; recognised by its name or first lines if not given.
         step: TIMESTEP of a dump, or number of the time of MercuryDPM from 0; the last one if not given.
         type_: Only grains of this type.
         units: Units of the source: SI, or lengths in centimetres (cgs), millimetres or micrometres, all with seconds.

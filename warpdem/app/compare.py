@@ -46,7 +46,7 @@ def compared(
         device: of the twins, as ``Simulation``.
         threads: of the twins, as ``Simulation``.
         plugins: .py files with models of your own that the scene names.
-        console: where it is told that twins are run.
+        console: where to print which twin is run.
 
     Returns:
         What was found, and the number of twins.
@@ -93,5 +93,5 @@ def print_comparison(found: Comparison, twins: int, names: tuple[str, str], cons
         if only:
             console.print(f"only in {name}: {', '.join(only)}", markup=False)
     console.print(VERDICTS[found.verdict], style="bold")
-    if found.verdict == "unknown":
+    if found.verdict == "unknown" and not twins:
         console.print(f"--twins 4 makes four of {names[0]}, each as long a run as that", markup=False)

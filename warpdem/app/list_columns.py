@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from warpdem.reports.chart import summary
 from warpdem.runs import read
 
 
 def print_columns(folders: Sequence[Path], patterns: Sequence[str], console: Console) -> None:
-    """Print the columns of each run with their first, least, greatest and last values.
+    """Print the columns of each run with their first, least, greatest, mean and last values.
 
     Args:
         folders: of the runs.
@@ -25,13 +25,7 @@ def print_columns(folders: Sequence[Path], patterns: Sequence[str], console: Con
     for folder in folders:
         history = read(folder).history
         console.print(f"{history.source}: {history.rows} rows", markup=False)
-        table = Table("column", "first", "least", "greatest", "last", box=None, pad_edge=False)
+        table = Table("column", "first", "least", "greatest", "mean", "last", box=None, pad_edge=False)
         for header in history.matching(patterns) if patterns else history:
-            values = history[header]
-            known = values[np.isfinite(values)]
-            if len(known):
-                numbers = values[0], known.min(), known.max(), values[-1]
-            else:
-                numbers = (np.nan,) * 4
-            table.add_row(Text(header), *(f"{value:.6g}" for value in numbers))
+            table.add_row(Text(header), *(f"{value:.6g}" for value in summary(history[header])))
         console.print(table)

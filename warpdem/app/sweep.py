@@ -13,11 +13,12 @@ from warpdem.core.progress import duration_text, progress_bar
 from warpdem.errors import SceneError
 from warpdem.reports.sweep_page import write_sweep_page
 from warpdem.sweep.quantities import DEFAULT, Quantity
+from warpdem.sweep.row import OPEN
 from warpdem.sweep.sweep import TABLE, Outcome, RowsFailed, Sweep, failed, run_sweep
 from warpdem.sweep.table import Row, grid, read_table, samples
 
 SHOWN = 5
-"""Failed rows that are told."""
+"""Failed rows that the message names."""
 
 
 def rows_of(table: Path | None, grids: Sequence[str], ranges: Sequence[str], count: int | None, seed: int) -> list[Row]:
@@ -76,7 +77,7 @@ def sweep(
     Raises:
         SceneError: before anything is run.
         RowsFailed: rows have failed.
-        KeyboardInterrupt: with the command to go on told.
+        KeyboardInterrupt: after the rows that ran have written their checkpoints.
     """
     cores = available_cores()
     workers = min(cores, len(rows)) if workers is None else workers
@@ -88,7 +89,7 @@ def sweep(
     with progress_bar(console, quiet, len(rows)) as tell:
 
         def watch(outcomes: Sequence[Outcome]) -> None:
-            ended = [one for one in outcomes if one.status in ("done", "wrong", "stopped itself", "crashed", "failed")]
+            ended = [one for one in outcomes if one.status not in OPEN]
             tell(len(ended), f"{len(ended)} of {len(outcomes)} rows, {len(failed(ended))} failed")
 
         outcomes = run_sweep(whole, on=on, workers=workers, threads=threads, device=device, precision=precision,
@@ -99,8 +100,8 @@ def sweep(
         seconds = duration_text(time.perf_counter() - begin)
         console.print(f"{len(rows)} rows in {seconds}: {folder / TABLE}, {page}", markup=False)
     if lost := failed(outcomes):
-        told = "\n".join(f"row {one.number}: {one.status}: {one.why}" for one in lost[:SHOWN])
+        named = "\n".join(f"row {one.number}: {one.status}: {one.why}" for one in lost[:SHOWN])
         more = f"\nand {len(lost) - SHOWN} more" if len(lost) > SHOWN else ""
         again = "the same command tries those again that were not refused and did not stop themselves"
-        raise RowsFailed(f"{len(lost)} of {len(outcomes)} rows are not done; {again}:\n{told}{more}")
+        raise RowsFailed(f"{len(lost)} of {len(outcomes)} rows are not done; {again}:\n{named}{more}")
     return outcomes

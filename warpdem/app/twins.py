@@ -15,6 +15,7 @@ from warpdem.app.run import run_scene
 from warpdem.app.run_folder import CHECKPOINT
 from warpdem.errors import SceneError
 from warpdem.runs import Run, read
+from warpdem.runs.run import RECORD
 from warpdem.scene.grains import Grains
 from warpdem.scene.model import Scene
 from warpdem.simulation import Simulation
@@ -88,9 +89,9 @@ def make_twins(
 
 
 def twin(scene: Scene, first: Simulation, number: int) -> Scene:
-    """The scene with the grains of its first instant given one by one, each centre moved by `NUDGE` of its radius.
+    """The scene with the grains of its start given one by one, each centre moved by `NUDGE` of its radius.
 
-    Streams draw other grains: where a scene has nothing but them, that is what tells twins apart.
+    Streams draw other grains: where a scene has nothing but them, twins differ by these.
 
     Args:
         scene: of the run.
@@ -112,4 +113,4 @@ def twin(scene: Scene, first: Simulation, number: int) -> Scene:
 
 
 def _status(folder: Path) -> str:
-    return read(folder).status if (folder / "run.json").exists() else ""
+    return read(folder).status if (folder / RECORD).exists() else ""

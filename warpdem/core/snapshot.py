@@ -174,7 +174,8 @@ def in_laboratory(snapshot: Snapshot) -> Snapshot:
     frame, contacts = snapshot.frame, snapshot.contacts
     turn = frame.rotation.T
     if contacts is not None:
-        vectors = {name: getattr(contacts, name) @ turn for name in ("force", "friction_force")}
+        names = ("force", "friction_force", *(("damping_force",) if contacts.damping_force is not None else ()))
+        vectors = {name: getattr(contacts, name) @ turn for name in names}
         places = {name: frame.to_laboratory(getattr(contacts, name)) for name in ("start", "end")}
         contacts = replace(contacts, **vectors, **places)
     return replace(

@@ -57,7 +57,7 @@ def export(
     run, out = read(folder), Path(out)
     ending = next((ending for ending in ENDINGS if out.name.lower().endswith(ending)), None)
     if ending is None:
-        raise SceneError(f"{out}: its name tells no format; allowed are {', '.join(ENDINGS)}")
+        raise SceneError(f"{out}: its suffix is no known format; allowed are {', '.join(ENDINGS)}")
     if view not in get_args(View):
         raise SceneError(f"view {view!r} is unknown; allowed are {', '.join(get_args(View))}")
     if out.exists() and not overwrite:
@@ -117,7 +117,7 @@ def _box(run: Run, numbers: list[int], view: View) -> tuple[np.ndarray, list[str
         grains = run.frames.frame(k)
         moves = moves or bool(grains.frame.parts)
         if len(grains.id):
-            position = in_view(grains, view)["position"]
+            position = in_view(grains, view).position
             low = np.minimum(low, (position - grains.radius[:, None]).min(axis=0))
             high = np.maximum(high, (position + grains.radius[:, None]).max(axis=0))
     low, high = np.where(np.isfinite(low), low, 0.0), np.where(np.isfinite(high), high, 1.0)

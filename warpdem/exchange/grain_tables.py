@@ -27,7 +27,7 @@ def columns_of(grains: Snapshot, view: View) -> dict[str, np.ndarray]:
         "mass [kg]": np.asarray(grains.mass, float),
     }
     for name, (key, unit) in vectors.items():
-        columns |= {f"{name}{axis} [{unit}]": np.asarray(seen[key][:, k], float) for k, axis in enumerate("xyz")}
+        columns |= {f"{name}{axis} [{unit}]": np.asarray(getattr(seen, key)[:, k], float) for k, axis in enumerate("xyz")}
     return columns
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ForeignGrains:
-    """Grains of one instant of a file."""
+    """Grains of one time of a file."""
 
     position: np.ndarray
     """Centres [m], shape (n, 3)."""
@@ -24,6 +24,6 @@ class ForeignGrains:
     type: np.ndarray | None = None
     """Types, shape (n,), int64; None if the file has none."""
     when: str = ""
-    """The instant, in the file's own words."""
+    """The time, in the file's own words."""
     ignored: tuple[str, ...] = field(default=())
     """Columns that were not taken."""

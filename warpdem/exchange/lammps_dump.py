@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import sys
 import zlib
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -54,8 +55,8 @@ def write_frame(file: TextIO, grains: Snapshot, view: View, bounds: np.ndarray, 
         first: whether it is the first frame of the file, which also names the units.
     """
     seen = in_view(grains, view)
-    columns = [grains.id[:, None] + 1, grains.type[:, None] + 1, seen["position"], grains.radius[:, None], grains.mass[:, None],
-               seen["velocity"], seen["spin"], seen["force"]]  # fmt: skip
+    columns = [grains.id[:, None] + 1, grains.type[:, None] + 1, seen.position, grains.radius[:, None], grains.mass[:, None],
+               seen.velocity, seen.spin, seen.force]  # fmt: skip
     names, formats = COLUMNS, "%d %d" + " %.9g" * 14
     if grains.orientation is not None and view == "frame":
         columns.append(grains.orientation[:, [1, 2, 3, 0]])
@@ -119,7 +120,7 @@ def _atoms(file: TextIO, names: Sequence[str], head: dict[str, list[str]], path:
         step, count = int(head["TIMESTEP"][0]), int(head["NUMBER OF ATOMS"][0])
     except (KeyError, ValueError) as error:
         raise SceneError(f"{path}: a frame lacks its TIMESTEP or NUMBER OF ATOMS ({error})") from error
-    lines = [*islice(file, max(count, 0))]
+    lines = [*islice(file, min(max(count, 0), sys.maxsize))]
     where = f"{path}: time step {step}"
     if len(lines) < count:
         raise SceneError(f"{where}: {len(lines)} of {count} grains are there: the file is cut off")
@@ -143,9 +144,10 @@ def _grains(
     if place in SCALED:
         if "xy" in head.get("BORDERS", ()):
             raise SceneError(f"{where}: scaled positions of a box that is no cuboid are not read; dump x y z")
-        box = np.array([line.split()[:2] for line in head.get("BOX", ())], float).reshape(-1, 2)
-        if len(box) != 3:
-            raise SceneError(f"{where}: scaled positions need BOX BOUNDS")
+        try:
+            box = np.array([line.split()[:2] for line in head.get("BOX", ())], float).reshape(3, 2)
+        except ValueError as error:
+            raise SceneError(f"{where}: scaled positions need BOX BOUNDS, three lines of two numbers ({error})") from error
         position = box[:, 0] + position * (box[:, 1] - box[:, 0])
     if "radius" not in columns and "diameter" not in columns:
         raise SceneError(f"{where}: has no radius and no diameter; its columns are {' '.join(names)}: dump one of them too")

@@ -23,7 +23,7 @@ READERS: dict[str, Callable[[Path, int | None], ForeignGrains]] = {
 }
 """Formats that are read, LIGGGHTS's as LAMMPS's."""
 SUFFIXES = {".dump": "lammps-dump", ".lammpstrj": "lammps-dump", ".lmp": "lammps-data", ".lammps": "lammps-data"}
-"""Formats that a suffix tells; others are told by their first lines."""
+"""Formats by suffix; others are recognised by their first lines."""
 LENGTHS = {"si": 1.0, "cgs": 1e-2, "mm": 1e-3, "um": 1e-6}
 """Metres of a unit of length of the file, all else in it being in seconds [m]."""
 FORMATS = (".npz", ".csv")
@@ -33,7 +33,7 @@ def format_of(path: Path) -> str:
     """Format of a file by its name, or by its first lines.
 
     Raises:
-        SceneError: neither tells it.
+        SceneError: it is not known by either.
     """
     suffix = [part for part in path.suffixes if part.lower() != ".gz"][-1:]
     if suffix and suffix[0].lower() in SUFFIXES:
@@ -70,7 +70,7 @@ def write_state_file(
     Args:
         source: the file.
         target: .npz or .csv.
-        kind: one of `READERS`; told by the file if not given.
+        kind: one of `READERS`; recognised by the name or the first lines of the file if not given.
         step: time step of a dump, or number of the time of MercuryDPM; the last one if not given.
         only_type: only grains of this type, which has a material of its own in the scene.
         unit: one of `LENGTHS`.
@@ -94,7 +94,7 @@ def write_state_file(
     if kind not in READERS:
         raise SceneError(f"--format {kind}: is unknown; allowed are {', '.join(READERS)}")
     if step is not None and kind in ("lammps-data", "yade"):
-        raise SceneError(f"--step {step}: a file of the format {kind} has one instant")
+        raise SceneError(f"--step {step}: a file of the format {kind} holds one time only")
     grains = READERS[kind](source, step)
     types = np.unique(grains.type).tolist() if grains.type is not None else []
     chosen = np.ones(len(grains.radius), bool)

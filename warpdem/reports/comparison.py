@@ -15,7 +15,7 @@ from warpdem.runs.compare import FAR, LEVEL, Comparison, Difference
 VERDICTS = {
     "same": "The runs are the same within the scatter of the twins.",
     "differs": "The runs differ by more than the scatter of the twins.",
-    "unknown": "Without twins nothing tells a difference from scatter.",
+    "unknown": "Whether the runs differ is unknown: there are no twins, or too few rows in which all runs have a number.",
 }
 
 
@@ -39,7 +39,8 @@ def write_comparison(found: Comparison, names: tuple[str, str], twins: int, out:
         f"Means in time from {found.time[0]:.6g} to {found.time[-1]:.6g} s; of {first} with {twins} twins. p is the "
         "probability that equal runs are so far apart, corrected for the number of columns; below "
         f"{LEVEL:g} they differ. curve is the rms distance of the courses in time over the scatter of the twins, twins the "
-        f"largest such distance of one of these; above {FAR:g} times that they differ."
+        f"largest such distance of one of these; above {FAR:g} times that they differ. Rows in which "
+        "a run has no number do not count."
     )
     body = [("Verdict", [el("p", VERDICTS[found.verdict]), table("All columns", head, rows), el("p", words)])]
     shown = sorted(found.differences, key=_order)

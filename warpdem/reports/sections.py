@@ -15,6 +15,7 @@ from warpdem.reports.charts import STORED
 from warpdem.reports.html import Node, el, number, table
 from warpdem.reports.pairs import headed
 from warpdem.runs import History
+from warpdem.runs.history import TIME
 
 SHORT_TEXT = 200
 """Characters of a value of the scene that its tables show."""
@@ -126,7 +127,7 @@ def energy_budget(history: History) -> list[Node]:
 
 def wall_loads(history: History, walls: Iterable[str]) -> list[Node]:
     """Mean load on each wall over the second half of the run, its scatter, and the largest force."""
-    time = history["time [s]"]
+    time = history[TIME]
     if not len(time):
         return []
     late = time >= 0.5 * (time[0] + time[-1])

@@ -13,6 +13,7 @@ from warpdem.reports.charts import MOST, charts_of
 from warpdem.reports.document import document, page_file, write_page
 from warpdem.reports.html import Node, el
 from warpdem.runs import History, Run, read
+from warpdem.runs.run import RECORD
 
 NAME = "report.html"
 """File of the report in the folder of the run."""
@@ -68,7 +69,7 @@ def page(run: Run, draw: bool, watch: Callable[[str], None]) -> Node:
     body.append(("Methods and citation", sections.method_text(last)))
     body.append(("Versions", sections.origin(last)))
     record, status = run.record, run.status
-    when = datetime.fromtimestamp((run.folder / "run.json").stat().st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    when = datetime.fromtimestamp((run.folder / RECORD).stat().st_mtime, UTC).strftime("%Y-%m-%d %H:%M UTC")
     badge = el("span", status, class_=f"status {'good' if status == 'done' else 'bad'}")
     line: list[Node | str] = [badge, f" {record.get('scene') or ''}, {when}"]
     title = str(record.get("title") or record.get("scene") or run.folder.name)

@@ -24,7 +24,7 @@ from warpdem.errors import WarpdemError
 from warpdem.runs.history import TIME, History
 
 LEVEL = 0.01
-"""Probability at which runs that are equal would be told to differ, in all columns together [-]."""
+"""Probability with which equal runs are reported to differ, in all columns together [-]."""
 FAR = 3.0
 """Distance of the curves, in those of the twins, above which runs differ whatever their means [-]."""
 SAME = 1e-9
@@ -41,7 +41,7 @@ class Difference:
     column: str
     """Header of the column; all numbers but the pure ones are in its unit."""
     first: float
-    """Mean in time of the first run, of it and its twins if there are some."""
+    """Mean in time of the first run, of it and its twins if there are some; nan with too few numbers in common."""
     second: float
     """Mean in time of the second run."""
     scatter: float | None
@@ -57,7 +57,7 @@ class Difference:
 
     @property
     def verdict(self) -> str:
-        """"same", "differs" or, without twins, "unknown"."""
+        """"same", "differs" or, without twins or numbers in common, "unknown"."""
         if self.p is None:
             equal = abs(self.second - self.first) <= SAME * max(abs(self.first), abs(self.second))
             return "same" if equal and not self.curve else "unknown"
@@ -65,7 +65,7 @@ class Difference:
 
     @property
     def reasons(self) -> list[str]:
-        """What told that the runs differ, with its bound; nothing if they are not told to."""
+        """What shows that the runs differ, with its bound; nothing if they are the same."""
         found = [f"p < {LEVEL:g}"] if self.p is not None and self.p < LEVEL else []
         if self.p is not None and self.curve is not None and self.twins is not None:
             bound = FAR * max(self.twins, 1.0)
@@ -147,7 +147,9 @@ def at_times(history: History, name: str, time: np.ndarray) -> np.ndarray:
 
 
 def difference(column: str, a: np.ndarray, b: np.ndarray, time: np.ndarray) -> Difference:
-    """How a curve differs from those of a run and its twins.
+    """How a curve differs from those of a run and its twins, by the rows in which all of them have a number.
+
+    A measure may have none, as the mean velocity in a region without grains.
 
     Args:
         column: its header.
@@ -155,19 +157,18 @@ def difference(column: str, a: np.ndarray, b: np.ndarray, time: np.ndarray) -> D
         b: curve of the second run, shape (rows,).
         time: times of the rows [s], shape (rows,).
     """
+    known = np.isfinite(a).all(axis=0) & np.isfinite(b)
+    if known.sum() < ROWS:
+        return Difference(column, math.nan, math.nan, None, None, None, None, None)
+    a, b, time = a[:, known], b[known], time[known]
     means, second = mean_in_time(a, time), float(mean_in_time(b, time))
     first, n = float(means.mean()), len(a)
     apart = rms(b - a.mean(axis=0))
     if n < 2:
         return Difference(column, first, second, None, None, None, apart or None, None)
     scatter, width = float(means.std(ddof=1)), rms(a.std(axis=0, ddof=1))
-    size = max(abs(first), abs(second))
-    off = abs(second - first)
-    if scatter > SAME * size:
-        t = (second - first) / (scatter * math.sqrt(1.0 + 1.0 / n))
-    else:
-        t = math.copysign(math.inf, second - first) if off > SAME * size else 0.0
-    curve = _over(apart, width * math.sqrt(1.0 + 1.0 / n), size)
+    size, wider = max(abs(first), abs(second)), math.sqrt(1.0 + 1.0 / n)
+    t, curve = _over(second - first, scatter * wider, size), _over(apart, width * wider, size)
     others = None
     if n > 2:
         left = [(a[k], np.delete(a, k, axis=0)) for k in range(n)]
@@ -177,10 +178,10 @@ def difference(column: str, a: np.ndarray, b: np.ndarray, time: np.ndarray) -> D
 
 
 def _over(distance: float, scatter: float, size: float) -> float:
-    """A distance in units of scatter; none at all is 0, one where nothing scatters infinite."""
+    """A distance with its sign in units of scatter; none at all is 0, one where nothing scatters infinite."""
     if scatter > SAME * size:
         return distance / scatter
-    return math.inf if distance > SAME * size else 0.0
+    return math.copysign(math.inf, distance) if abs(distance) > SAME * size else 0.0
 
 
 def mean_in_time(curves: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def run_names(paths: Sequence[Path]) -> list[str]:
-    """A name for each folder: the shortest end of its path that tells it from the others, without a common ``results``."""
+    """A name for each folder: the last part of its path, without ends that all share, as ``results``; else whole paths."""
     parts = [list(path.resolve().parts) for path in paths]
     while len(parts) > 1 and all(len(p) > 1 for p in parts) and len({p[-1] for p in parts}) == 1:
         parts = [p[:-1] for p in parts]

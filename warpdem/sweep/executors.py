@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from queue import SimpleQueue
@@ -98,8 +99,7 @@ def _local(workers: int, gpus: int) -> Iterator[Submit]:
                 process.terminate()
 
         try:
-            device = f"cuda:{slot % gpus}" if gpus else task.device
-            return run_row(Task(task.number, task.folder, task.arguments, device), started)
+            return run_row(replace(task, device=f"cuda:{slot % gpus}") if gpus else task, started)
         finally:
             running.difference_update(mine)
             slots.put(slot)
@@ -111,7 +111,7 @@ def _local(workers: int, gpus: int) -> Iterator[Submit]:
         ending.set()
         for process in list(running):
             with suppress(OSError):
-                process.terminate()  # a run that is told so writes its checkpoint
+                process.terminate()  # on this signal a run writes its checkpoint
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -124,7 +124,7 @@ def _of_job(job: Any) -> Future[int]:
     def wait() -> None:
         try:
             future.set_result(int(job.result()))
-        except Exception as error:
+        except Exception as error:  # of the job or of the cluster: whoever asks for the result gets it
             future.set_exception(error)
 
     threading.Thread(target=wait, daemon=True).start()

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from warpdem.core.atomic_file import replaced
+from warpdem.runs.run import RECORD
 
 RESULT = "result.json"
 """File that a worker leaves in the folder of a row when its run has ended: exit code, and what was said on standard error."""
+OPEN = ("waiting", "running", "interrupted")
+"""Statuses of a row that has not ended."""
 FINAL = ("done", "wrong", "stopped itself")
 """Statuses that another attempt would not change: the same scene gives the same bits."""
 
@@ -21,7 +24,7 @@ def folder_of(sweep: Path, number: int) -> Path:
 
 def record_of(folder: Path) -> dict[str, Any]:
     """run.json of a row; empty if there is none that can be read."""
-    return _read(folder / "run.json")
+    return _read(folder / RECORD)
 
 
 def status_of(folder: Path) -> str:

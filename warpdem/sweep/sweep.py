@@ -16,6 +16,7 @@ from warpdem.core.run_lock import locked
 from warpdem.errors import SceneError, WarpdemError
 from warpdem.output.history import history_columns
 from warpdem.runs import read
+from warpdem.runs.run import RECORD
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
 from warpdem.sweep.executors import executor, require
@@ -86,10 +87,10 @@ class Sweep:
             self._check_quantities(scene)
         wrong = [(number, reason) for number, reason in enumerate(reasons, 1) if reason]
         if wrong and (not skip_wrong or len(wrong) == len(self.rows)):
-            told = "\n".join(f"row {number}: {reason}" for number, reason in wrong[:MOST_WRONG])
+            named = "\n".join(f"row {number}: {reason}" for number, reason in wrong[:MOST_WRONG])
             more = f"\nand {len(wrong) - MOST_WRONG} more" if len(wrong) > MOST_WRONG else ""
             remedy = "" if len(wrong) == len(self.rows) else "; mend them, or give --skip-wrong"
-            raise SceneError(f"{len(wrong)} of {len(self.rows)} rows are wrong, and nothing was run{remedy}:\n{told}{more}")
+            raise SceneError(f"{len(wrong)} of {len(self.rows)} rows are wrong, and nothing was run{remedy}:\n{named}{more}")
         return reasons
 
     def _check_quantities(self, scene: Scene) -> None:
@@ -227,7 +228,7 @@ def _task(sweep: Sweep, one: Outcome, threads: int, device: str | None, precisio
 
 def _kernels_are_there(running: dict[Future[int], Task]) -> bool:
     """Whether the only row that runs has loaded its kernels, or has ended: its run.json is written then."""
-    return any((Path(task.folder) / "run.json").exists() or future.done() for future, task in running.items())
+    return any((Path(task.folder) / RECORD).exists() or future.done() for future, task in running.items())
 
 
 def _refuse_lost(future: Future[int], task: Task) -> None:
