@@ -7,7 +7,7 @@ import pytest
 
 from pictures import FRONT, PANE, SCALE, SIZE, coloured, draw, middle, snapshot
 from warpdem.core.snapshot import ClumpShots
-from warpdem.drawing.bodies import ALONE, bodies_of, spots
+from warpdem.drawing.bodies import ALONE, bodies_of, body_axes, spots
 from warpdem.errors import WarpdemError
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.output.write_vtkhdf import VtkhdfWriter
@@ -68,8 +68,9 @@ def test_a_clump_has_one_colour_and_is_cut_as_a_whole(tmp_path, writer):
 
 
 def test_spots_lie_at_the_ends_of_the_body_axes(tmp_path):
-    turn = np.array([[np.cos(0.2), 0.0, np.sin(0.2), 0.0]])  # about y by 0.4
-    centre, radius, colour = spots(np.ones((1, 3)), np.array([2.0]), np.full((1, 3), 200, np.uint8), turn)
+    fields = {"orientation": np.array([[np.cos(0.2), 0.0, np.sin(0.2), 0.0]])}  # about y by 0.4
+    axes = body_axes(fields, tmp_path)
+    centre, radius, colour = spots(np.ones((1, 3)), np.array([2.0]), np.full((1, 3), 200, np.uint8), axes)
     along = (centre - 1.0) / np.linalg.norm(centre - 1.0, axis=1)[:, None]
     np.testing.assert_allclose(along[0], [np.cos(0.4), 0, -np.sin(0.4)], rtol=0, atol=1e-12)
     np.testing.assert_allclose(along[3:], -along[:3], rtol=0, atol=1e-12)

@@ -69,7 +69,7 @@ def _scattered(number: np.ndarray) -> np.ndarray:
 
 
 def spots(
-    position: np.ndarray, radius: np.ndarray, colour: np.ndarray, orientation: np.ndarray
+    position: np.ndarray, radius: np.ndarray, colour: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Balls that show as dark round spots on others, six on each, at both ends of its body axes.
 
@@ -80,20 +80,19 @@ def spots(
         position: Centres of the grains [m], shape (n, 3).
         radius: Their radii [m], shape (n,).
         colour: Their colours, shape (n, 3), uint8.
-        orientation: Quaternions (w, x, y, z) from body axes to the axes of the positions, shape (n, 4).
+        axes: Their body axes as columns, in the axes of the positions, shape (n, 3, 3).
 
     Returns:
         Centres, radii and colours of the spots, shapes (6 n, 3), (6 n,), (6 n, 3).
     """
-    axes = np.eye(3) + quaternion_rotation_increment(orientation).astype(float)  # columns: body axes
     ends = np.concatenate([axes, -axes], axis=2).transpose(0, 2, 1)
     centre = position[:, None] + SPOT_DEPTH * radius[:, None, None] * ends
     size = np.repeat((1.0 - SPOT_DEPTH + SPOT_HEIGHT) * radius, 6)
     return centre.reshape(-1, 3), size, np.repeat(np.round(SHADE * colour).astype(np.uint8), 6, axis=0)
 
 
-def orientations_of(fields: dict[str, np.ndarray], folder: object) -> np.ndarray:
-    """Orientations of the grains, shape (n, 4).
+def body_axes(fields: dict[str, np.ndarray], folder: object) -> np.ndarray:
+    """Body axes of the grains as columns, in frame axes, shape (n, 3, 3).
 
     Raises:
         WarpdemError: The results do not hold them.
@@ -103,4 +102,4 @@ def orientations_of(fields: dict[str, np.ndarray], folder: object) -> np.ndarray
             f"spots show the orientations of the grains, which {folder} does not hold: run the scene with "
             "output.orientation = true"
         )
-    return fields["orientation"]
+    return np.asarray(np.eye(3) + quaternion_rotation_increment(fields["orientation"]))

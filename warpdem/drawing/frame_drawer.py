@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 
 from warpdem.core.pose import FramePose, RotationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
-from warpdem.drawing.bodies import bodies_of, orientations_of, spots
+from warpdem.drawing.bodies import bodies_of, body_axes, spots
 from warpdem.drawing.camera import camera_of, upright, view_axes
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
@@ -22,7 +22,6 @@ from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
 from warpdem.output.read_frames import AnyResults
-from warpdem.usd.motion import multiply_quaternions, quaternion_of
 
 _WALL_OPACITY, _COLOURED_WALL_OPACITY = 0.16, 0.6
 FARTHEST = 30.0
@@ -211,12 +210,12 @@ class FrameDrawer:
 
     def _with_spots(self, scenery: _Scenery, shown: np.ndarray, balls: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Centres, radii and colours of the grains ``shown``, and of spots on those that are no members of clumps."""
-        turn = orientations_of(scenery.grain_fields, self._runs[0].folder)[shown]
+        axes = body_axes(scenery.grain_fields, self._runs[0].folder)[shown]
         if self._style.view == "laboratory":
-            turn = multiply_quaternions(quaternion_of(scenery.snapshot.frame.rotation)[None].astype(float), turn)
+            axes = scenery.snapshot.frame.rotation @ axes
         alone = np.full(len(shown), True) if scenery.snapshot.clump is None else scenery.snapshot.clump[shown] < 0
         position, radius, colour = (values[alone] for values in balls)
-        added = spots(position, radius, colour, turn[alone])
+        added = spots(position, radius, colour, axes[alone])
         return tuple(np.concatenate(both) for both in zip(balls, added, strict=True))
 
     def _fitted(self, pose: FramePose, walls: list[WallMesh]) -> list[WallMesh]:
