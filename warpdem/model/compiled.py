@@ -197,9 +197,9 @@ def _built(features: Features) -> Built:
     bodies = None
     if laws.clumps:
         with_axes = orientation.build_axes(turning_axes=turns)
-        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes)
+        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes, images)
         bodies = clump_phase.build(
-            arrays, WallContacts, rigid, load, travel, grain_turned, sums, flowing, walls=walls.present
+            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present
         )
     moved_by = move.build(
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
@@ -232,7 +232,9 @@ def _built(features: Features) -> Built:
         shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
-    moved = displacement.build(travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0)
+    moved = displacement.build(
+        travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0, clumps=laws.clumps
+    )
     on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
     graph = again = None
     if backend.resident:
