@@ -149,10 +149,10 @@ def _built(features: Features) -> Built:
     pair_kernels = of_pairs(features)
     arrays = structs.build(pair_kernels)
     seen = {"turning_frame": turns, "table": laws.table}
-    by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
+    by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
-        swept = sweep.build(pair_kernels, backend.lanes, stored=laws.constants, **seen)
+        swept = sweep.build(arrays, pair_kernels, backend.lanes, stored=laws.constants, **seen)
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
