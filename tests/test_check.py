@@ -439,7 +439,7 @@ def test_the_default_formats_of_a_scene_with_clumps_are_those_that_hold_them():
     bare = {key: value for key, value in scene().model_dump(exclude_unset=True).items() if key != "output"}
     assert Scene.model_validate(bare | clumps).output.formats == ["vtk"]
     assert Scene.model_validate(bare).output.formats == ["vtk", "usd"]
-    with pytest.raises(SceneError, match='only "vtk" holds clumps yet'):
+    with pytest.raises(SceneError, match='only "vtk" and "vtkhdf" hold clumps yet'):
         scene(output={"formats": ["vtk", "usd"]}, **clumps)
 
 
