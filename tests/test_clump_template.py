@@ -157,7 +157,6 @@ def test_wrong_clumps_are_named(clump, reason):
         ({}, {"engine": {"integrator": "rk4"}}, "engine.integrator.*\n.*exact_drift"),
         ({}, {"engine": {"precision": "mixed"}}, "engine.precision.*\n.*double"),
         ({}, {"contact": {"rolling": "spring"}}, "contact.rolling.*\n.*shape"),
-        ({}, {"output": {"formats": ["vtk", "usd"]}}, "output.formats.*\n.*vtk"),
         ({}, {"borders": {"x": {"kind": "periodic", "min": 0.0, "max": 1.0}}}, "borders.*\n.*walls"),
         ({}, {"outlets": [{"name": "o", "box": {"min": [1, 1, 1], "max": [2, 2, 2]}}]}, "outlets cannot remove clumps"),
         ({}, {"streams": [STREAM]}, "streams insert no clumps yet"),
