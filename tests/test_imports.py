@@ -27,7 +27,7 @@ RESULTS = {
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
     "output.write_usd": {"pxr"},
-    "scene.write_usd": {"pxr"},
+    "scene.write_usd": {"pxr"}, "scene.write_usd_free": {"pxr"},
     "output.write_vtk": {"vtk", "pyvista"},
     "drawing.colours": {"matplotlib"},
     "drawing.curves": {"matplotlib"},

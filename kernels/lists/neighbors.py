@@ -53,7 +53,7 @@ def build(
         inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg] and 1/I [1/(kg m2)]
         material: wp.array(dtype=wp.int32)  # (n,) material index
         id: wp.array(dtype=wp.int64)  # (n,)
-        clump: wp.array(dtype=wp.int32)  # (n,) of ``kernels.clump``; of size 0 without clumps
+        clumps: of_clumps.Clumps  # of empty arrays without clumps
 
     @wp.struct
     class ListedContacts:
@@ -283,7 +283,7 @@ def build(
         owner = int(0)
         partner = wp.min(1, last)
         if wp.static(clumps):
-            while partner < last and of_clumps.same_clump(grains.clump, 0, partner):
+            while partner < last and of_clumps.same_clump(grains.clumps.of_grain, 0, partner):
                 partner += 1
         if wp.static(apart):
             while owner < last and rows.count[owner] == 0:

@@ -135,7 +135,7 @@ class ListBuild:
             outer_max_displacement: displacement that the outer list allows [m].
         """
         b, references = self.batch, self.structs.references(self.lists.max_displacement, outer_max_displacement)
-        shared = self.state.record, references, b.control, b.watched, self.model.dt
+        shared = self.state.record, self.structs.grains().clumps, references, b.control, b.watched, self.model.dt
         self.launch(self.kernels.displacement.check_lists, self.n, *shared, found, b.clock)
 
     # -- outer list -----------------------------------------------------------------------------

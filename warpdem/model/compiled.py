@@ -149,10 +149,10 @@ def _built(features: Features) -> Built:
     pair_kernels = of_pairs(features)
     arrays = structs.build(pair_kernels)
     seen = {"turning_frame": turns, "table": laws.table}
-    by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
+    by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
-        swept = sweep.build(pair_kernels, backend.lanes, stored=laws.constants, **seen)
+        swept = sweep.build(arrays, pair_kernels, backend.lanes, stored=laws.constants, **seen)
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
@@ -197,9 +197,9 @@ def _built(features: Features) -> Built:
     bodies = None
     if laws.clumps:
         with_axes = orientation.build_axes(turning_axes=turns)
-        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes)
+        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes, images)
         bodies = clump_phase.build(
-            arrays, WallContacts, rigid, load, travel, grain_turned, sums, flowing, walls=walls.present
+            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present
         )
     moved_by = move.build(
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
@@ -232,7 +232,9 @@ def _built(features: Features) -> Built:
         shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
-    moved = displacement.build(travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0)
+    moved = displacement.build(
+        travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0, clumps=laws.clumps
+    )
     on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
     graph = again = None
     if backend.resident:

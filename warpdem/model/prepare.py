@@ -70,7 +70,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         needs.check_places(scene, start)
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
-    start = replace(start, position=borders.wrapped(start.position))
+    start = _within(borders, start)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
@@ -127,6 +127,13 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)
+
+
+def _within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
+    """Grains and clumps at their images within the periodic borders: each member of a clump by its own place."""
+    if grains.clumps is not None:
+        grains = replace(grains, clumps=replace(grains.clumps, position=borders.wrapped(grains.clumps.position)))
+    return replace(grains, position=borders.wrapped(grains.position))
 
 
 def _relative(

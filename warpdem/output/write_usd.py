@@ -165,7 +165,7 @@ class UsdWriter:
         assert self._scene is not None
         tables = scene_tables(self._scene, self._kept_file)
         tables.pop("start", None)  # what it says of frame and walls is in their motions by now
-        write_usd_scene(self._folder / SCENE, tables)
+        write_usd_scene(self._folder / SCENE, tables, bodies=False)
         self._root.subLayerPaths.append(f"./{SCENE}")
         Sdf.CreatePrimInLayer(self._root, _SOURCES).active = False
         grains = self._root.GetPrimAtPath(GRAINS)

@@ -128,6 +128,8 @@ class State:
             radius = record[gone, grain.RADIUS]
             record[gone] = 0.0
             record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, grain.GONE_APART * gone, radius
+        if self.clumps is not None:
+            self.clumps.leave(gone)
         self.mark_left(gone)
 
     def mark_left(self, gone: np.ndarray) -> None:
@@ -195,6 +197,10 @@ class State:
         if self.clumps is None:
             return record[slots, grain.POSITION]
         return record[self.clumps.lead()[slots], grain.POSITION]
+
+    def bodies(self, slots: np.ndarray) -> np.ndarray:
+        """Those of the memory slots that stand for a body: a grain of its own, or the first member of a clump."""
+        return slots if self.clumps is None else slots[self.clumps.lead()[slots] == slots]
 
     def digest(self, step_number: int) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal ones."""

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpdem.usd.reader.bodies import free_bodies, require_single_walls, stated_masses
 from warpdem.usd.reader.clumps import CLUMPS, clump_arrays, is_clumps
 from warpdem.usd.reader.colliders import COLLIDERS, collider
 from warpdem.usd.reader.errors import Refused
@@ -44,6 +45,7 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
     kinds = {path: str(desc.type) for path, desc in records.items()}
     frames = sorted({t for p, k in kinds.items() if k == GRAINS for t in frame_codes(stage.GetPrimAtPath(p))})
     code = frame_code(frames, at, stage.GetTimeCodesPerSecond())
+    free = free_bodies(stage, bodies)
     prims: dict[str, dict[str, Any]] = {}
     arrays: dict[str, np.ndarray] = {}
     stated: list[dict[str, Any]] = []
@@ -83,11 +85,18 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
         elif kind == CLUMPS:
             arrays |= {f"{path} {name}": values for name, values in clump_arrays(prim, code).items()}
+        elif path in free and tables.get("list") == "walls":
+            prims[path]["free"] = path
+        if "free" in prims[path]:
+            prims[path]["masses"] = stated_masses(stage.GetPrimAtPath(prims[path]["free"])) or stated_masses(prim)
+    unused += require_single_walls(free, prims)
+    moving = {*free, *(path for path, prim in prims.items() if "free" in prim)}
+    stated = [{**fields, "free": fields["path"] in moving} for fields in stated]
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
     if not (np.isfinite(kilograms) and kilograms > 0.0):
         raise Refused(f"kilogramsPerUnit = {kilograms:g}, must be above 0")
     check_overs(stage)
-    found = {"prims": list(prims.values()), "physics": stated, "unused": unused}
+    found = {"prims": list(prims.values()), "physics": stated, "unused": unused, "free": free}
     return {**found, "kilograms": kilograms, "code": code if frames else None}, arrays
 
 
