@@ -13,7 +13,7 @@ PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
     "errors", "core", "usd", "scene", "mesh", "filling", "model", "state", "engine", "measure", "output", "runs", "guards",
-    "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "app", "runner", "__init__", "__main__",
+    "ranks", "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "app", "runner", "__init__", "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {
@@ -27,7 +27,7 @@ RESULTS = {
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
     "output.write_usd": {"pxr"},
-    "scene.write_usd": {"pxr"},
+    "scene.write_usd": {"pxr"}, "scene.write_usd_free": {"pxr"},
     "output.write_vtk": {"vtk", "pyvista"},
     "drawing.colours": {"matplotlib"},
     "drawing.curves": {"matplotlib"},
