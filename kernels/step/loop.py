@@ -12,7 +12,7 @@ batches.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.structs import GRAINS, SPAN, WALL_GRAINS, Control, Report, Steps, build_call, every, range_of
@@ -140,4 +140,4 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
             part, s, stage, model, grains, wall_contacts, control, report, max_displacement
         )
 
-    return Built(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)
+    return KernelSet(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)
