@@ -20,6 +20,7 @@ from warpdem.errors import SceneError
 from warpdem.mesh import step_file, usd_geometry
 from warpdem.mesh.parts import ObjectFaces, PartProblem, solid_text
 from warpdem.mesh.polygons import triangulate
+from warpdem.scene.walls import STEP_SUFFIXES
 from warpdem.usd.stage import USD_SUFFIXES
 
 STL_HEADER, STL_TRIANGLE = 84, 50
@@ -61,7 +62,7 @@ def read_any(
     suffix = path.suffix.lower()
     if suffix in USD_SUFFIXES:
         return usd_geometry.read_triangles(path, prim, key, folders)
-    if suffix in step_file.STEP_SUFFIXES:
+    if suffix in STEP_SUFFIXES:
         return step_file.read_triangles(path, key, part, tolerance)
     return read_triangles(path, key, part), ()
 

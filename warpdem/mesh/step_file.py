@@ -7,7 +7,6 @@ import numpy as np
 from warpdem.core import memory, reader_process
 from warpdem.errors import SceneError
 
-STEP_SUFFIXES = (".step", ".stp")
 TOLERANCE = 1.0e-4
 """Largest distance between triangles and surfaces where a scene does not give one [m]."""
 TIME_LIMIT = 300.0

@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, model_validator
 
-from warpdem.mesh.step_file import STEP_SUFFIXES
 from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.free import Free, FreeBody, Hinge, Slider
 from warpdem.scene.motion import FixedPlacement, Motions
@@ -15,6 +14,7 @@ from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 from warpdem.usd.stage import USD_SUFFIXES
 
+STEP_SUFFIXES = (".step", ".stp")
 PART_SUFFIXES = (".stl", ".obj", *STEP_SUFFIXES)
 _Factor = Annotated[float, Quantity("-", gt=0)]
 Scale = Annotated[
