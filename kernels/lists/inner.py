@@ -113,7 +113,9 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         inner_skin = work.inner_skin
         if mode & wp.static(CHECK):
             for i in range(first, last):
-                one = displacement.check_grain(i, grains.record[i], references, control, schedule_row, watched, model.dt)
+                one = displacement.check_grain(
+                    i, grains.record[i], grains.clumps, references, control, schedule_row, watched, model.dt
+                )
                 scratch.found[i] = one
                 found = found | one
             report[(thread + 1) * wp.static(SPAN)] = found

@@ -117,8 +117,10 @@ def clump_sums(
     reading: wp.array(dtype=Reading),  # velocity, spin and angular momentum at the present time
     sums_out: wp.array3d(dtype=wp.int64),
 ):  # fmt: skip
-    """``GRAIN_SUMS`` of the clumps."""
+    """``GRAIN_SUMS`` of the clumps that are present."""
     c = first + wp.tid()
+    if record[c, 0] == wp.float64(wp.static(GONE)):
+        return
     p = part(row, spread, c)
     q = position(record, c)
     mass = wp.float64(1.0) / rate[c][0]

@@ -22,7 +22,7 @@ class Leavers:
         clock: where the run is in time.
 
     Attributes:
-        left: number and mass [kg] of the grains that each border or outlet took, by its name.
+        left: number and mass [kg] of the grains that each border or outlet took, by its name; a clump is one.
         before_leaving: called with the slots of grains that are about to leave.
         departures: takes down each grain that leaves; None where nobody asks for it.
     """
@@ -78,7 +78,8 @@ class Leavers:
             name = self._domain.names[number]
             if self._domain.stops[number]:
                 raise beyond_border(self._state, self._clock, int(gone[through[0]]), name)
+            bodies = self._state.bodies(gone[through])
             if self.departures is not None:
-                self.departures.add(self._state, gone[through], int(number), step)
-            self.left[name][0] += len(through)
+                self.departures.add(self._state, bodies, int(number), step)
+            self.left[name][0] += len(bodies)
             self.left[name][1] += float(mass[through].sum())
