@@ -20,8 +20,8 @@ Friction goes by F + 2 F_c, which is at least F_c (Thornton 1991; LAMMPS the sam
 Softer grains keep F_c, which is free of E, while d_c and the loss grow as E^(-2/3): with w' = w (E'/E)^(2/5) they keep the
 sticking speed instead. LAMMPS ends the contact at the largest pull: ``jkr_fixed_load``.
 
-The quartic for s: with q = sqrt(D + 1) and s = 1 + q z it is z^2 (6 + 4 q z + q^2 z^2) = 3, whose root z falls from 1/sqrt(2) at
-q = 0 to (3/q^2)^(1/4) for large q and is smooth as a function of sqrt(q + 1.5), at infinity too. A quotient of two polynomials
+The quartic for s: with q = sqrt(D + 1) and s = 1 + q z it is z^2 (6 + 4 q z + q^2 z^2) = 3, whose root z falls from 1/sqrt(2)
+at q = 0 to (3/q^2)^(1/4) for large q and is smooth in sqrt(q + 1.5), at infinity too. A quotient of two polynomials
 is within 1.1e-6 of it, and one step of Halley's method gives all digits, from D = -1 to 1e9, with two divisions and two square
 roots; cube roots would leave the SIMD lanes. Of R* a cube root is needed once per contact.
 
