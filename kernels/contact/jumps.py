@@ -7,8 +7,9 @@ step it has acted for is known from the overlap d now and d' one step before, so
     first force   F (1/2 + tau),    tau = (d - a)/(d - d')     it has acted for tau steps, and acts for half a step more
     last force    F (1/2 - tau),    tau = (a - d)/(d' - d)     it ended tau steps ago, and was given for half a step more
 
-and the error is of order 3/2. Both are F (1/2 + (d - a)/|d - d'|). The last force, that at a, is given after its end: a law
-must reach further than a.
+and the error is of order 3/2. Both are F (1/2 + (d - a)/|d - d'|). F is the force at a in both: what it has grown to since it
+began is given in full (weighed too, it adds F' (d - d')^2/12 to the energy of each touch, in the mean over tau). The last force
+is given after its end: a law must reach further than a.
 
 The shares are those of one kick per step. ``rk4`` and ``modified_verlet`` call forces several times at places where another
 share would be due, and keep errors of first order in single impacts. Restitution of a ``jkr`` impact of 0.995, worst of 16

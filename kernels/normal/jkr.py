@@ -172,12 +172,14 @@ def built(real, end: float):
         unit = wp.sqrt(pull_off * real(wp.static(1.0 / 3.0)))  # sqrt(d_e) is s^2 times that
         pull = real(3.0) * stiffness * pull_off * unit
         elastic = pull * s3 * (s3 - real(6.0)) * real(wp.static(1.0 / 9.0))
+        # what jumps is weighed: at the touch F(0), not what it has grown to since
+        jump = real(wp.static(-8.0 / 9.0)) * pull if there else elastic
         dashpot = damping * s * share
         depth = pull_off * s2 * s2 * real(wp.static(1.0 / 3.0))
         load = (elastic + real(2.0) * pull) * pressing
         now = depth if there else real(0.0)
         return (
-            elastic * share - dashpot * speed, load, stiffness * s2 * unit * acts, dashpot, depth,
+            elastic + jump * (share - real(1.0)) - dashpot * speed, load, stiffness * s2 * unit * acts, dashpot, depth,
             before if held else depth, History(now),
         )  # fmt: skip
 

@@ -95,8 +95,11 @@ def test_the_first_and_the_last_force_count_for_the_part_of_the_step_that_they_a
     begun = contacts(jkr, real, inside, -outside, 0.0, **arguments)
     full = contacts(jkr, real, inside, -outside, 1.0, **arguments)
     share = inside / (inside + outside) + 0.5
-    for name in ("force", "load", "dashpot"):
+    for name in ("load", "dashpot"):
         assert begun[name][0] == pytest.approx(full[name][0] * share, rel=20 * TOLERANCE[real])
+    # of the force only what jumps, that of the touch
+    lacking = (share - 1.0) * (-8.0 / 9.0 + full["dashpot"][0])
+    assert begun["force"][0] == pytest.approx(full["force"][0] + lacking, rel=20 * TOLERANCE[real], abs=20 * TOLERANCE[real])
     for name in ("k_n", "depth", "history"):
         assert begun[name][0] == full[name][0]
     ended = contacts(jkr, real, -1.0 - inside, -1.0 + outside, 1.0, **arguments)
