@@ -1,5 +1,6 @@
 """The command ``warpdem`` and its parts."""
 
+import sys
 from collections.abc import Callable
 from typing import Literal
 
@@ -22,7 +23,7 @@ def completion(shell: Literal["bash", "zsh", "fish", "powershell"], /) -> None:
     Args:
         shell: Shell that is to complete them.
     """
-    print(app.generate_completion(prog_name="warpdem", shell=shell))
+    sys.stdout.write(app.generate_completion(prog_name="warpdem", shell=shell) + "\n")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {
