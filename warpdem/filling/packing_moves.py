@@ -26,7 +26,9 @@ def starting_positions(request: Filling, cell: float) -> tuple[np.ndarray, np.nd
     by_space = np.lexsort(np.floor(centre / cell).T)
     place = np.argsort(by_space)  # of each clump in that order
     order = np.argsort(place[clumps.of], kind="stable")
-    sorted_clumps = replace(clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space])
+    sorted_clumps = replace(
+        clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space], size=clumps.size[by_space]
+    )
     rigid = RigidMoves(sorted_clumps, request.radius[order], centre[by_space])
     return order, rigid.positions(), rigid
 
