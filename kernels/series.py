@@ -9,7 +9,7 @@ A function of the C library is called lane by lane; these are not, and have the 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 
 ROOTS, SQUARINGS = 6, 8
 LOG_TERMS, EXP_TERMS = 13, 10
@@ -50,4 +50,4 @@ def build(real):
         whole = p + real(1.0)
         return whole if x > real(0.0) else real(1.0) / whole
 
-    return Built(log=log, exp=exp)
+    return KernelSet(log=log, exp=exp)

@@ -21,7 +21,7 @@ import functools
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.contact import liquid
 from warpdem.kernels.contact.columns import scalars
 from warpdem.kernels.contact.pairs import force_width
@@ -176,7 +176,7 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
                 for f in range(wp.static(liquid.KEPT + width)):
                     history[p, wp.static(at_bridge) + f, k] = real(0.0)
 
-    return Built(
+    return KernelSet(
         exchange=exchange, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed, width=width,
         tension=tension, wetting=wetting,
     )  # fmt: skip

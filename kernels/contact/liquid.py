@@ -30,7 +30,7 @@ from types import ModuleType
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import Built, series
+from warpdem.kernels import KernelSet, series
 from warpdem.kernels.contact import columns, jumps
 from warpdem.kernels.contact.columns import PairKey, scalars
 
@@ -180,7 +180,7 @@ def build(real, liquid: ModuleType, viscous: bool):
         inside = depth if before[1] < real(0.0) else real(0.0)
         return begins * (of_bridge.work(own[0], bridge) + inside * of_bridge.force(real(0.0), own[0], bridge))
 
-    return Built(
+    return KernelSet(
         Own=Own, History=History, constants=constants, force=force, drag=drag, lost=lost, formed=of_bridge.formed, width=width,
         at=at,
     )  # fmt: skip

@@ -18,7 +18,7 @@ import functools
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import Built, series, tiny
+from warpdem.kernels import KernelSet, series, tiny
 from warpdem.kernels.contact import liquid
 from warpdem.kernels.contact.columns import scalars
 
@@ -146,4 +146,4 @@ def build(real):
         """Work from contact to rupture [J]."""
         return bridge[wp.static(at.work)]
 
-    return Built(formed=formed, force=force, work=work)
+    return KernelSet(formed=formed, force=force, work=work)

@@ -17,7 +17,7 @@ import functools
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import liquid
 from warpdem.kernels.contact.columns import scalars
 
@@ -68,4 +68,4 @@ def build(real):
         square = bridge[wp.static(at.square)]
         return pull * (far + wp.sqrt(square) - wp.sqrt(far * far + square))
 
-    return Built(formed=formed, force=force, work=work)
+    return KernelSet(formed=formed, force=force, work=work)

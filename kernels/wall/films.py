@@ -10,7 +10,7 @@ import functools
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import liquid
 from warpdem.kernels.contact.films import RELEASED
 from warpdem.kernels.wall.record import FOUND
@@ -119,4 +119,4 @@ def build(WallContacts, Model, films, at, *, table: bool):
                 point[wp.static(bridge)] = f64(0.0)
                 wall_contacts.point[generation, s] = point
 
-    return Built(exchange=exchange, give_all_back=give_all_back, forget=forget)
+    return KernelSet(exchange=exchange, give_all_back=give_all_back, forget=forget)
