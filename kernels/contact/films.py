@@ -169,7 +169,7 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
             gj = record[j]
             away = pairs.border.nearest(g.position(gi) - g.position(gj))
             cutoff = gi[3] + gj[3] + f64(wp.static(reach))
-            if g.gone(gi) or g.gone(gj) or wp.dot(away, away) > cutoff * cutoff:
+            if g.is_removed(gi) or g.is_removed(gj) or wp.dot(away, away) > cutoff * cutoff:
                 half = wp.int64(counts) // wp.int64(2)
                 wp.atomic_add(film, i, 1, half)
                 wp.atomic_add(film, j, 1, half)

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from warpdem.core.key_path import KeyPath
 from warpdem.scene import models
-from warpdem.scene.base import KeyPath, Problem
+from warpdem.scene.base import Problem
 
 if TYPE_CHECKING:
     from warpdem.scene.model import Scene
