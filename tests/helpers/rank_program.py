@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from rank_scenes import SCENES
 
+from rank_scenes import SCENES
 from warpdem.ranks import rank
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.follower import serve

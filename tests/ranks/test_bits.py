@@ -9,10 +9,9 @@ import pytest
 
 pytest.importorskip("mpi4py")
 
-from rank_scenes import SCENES  # noqa: E402
-
-from warpdem.ranks import launcher  # noqa: E402
-from warpdem.runner import run_scene  # noqa: E402
+from rank_scenes import SCENES
+from warpdem.ranks import launcher
+from warpdem.runner import run_scene
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
 TASKS = [("stirred", 4), ("sizes", 3), ("few", 3), ("poured", 2), ("drained", 3)]
