@@ -1,5 +1,6 @@
 """Clumps of a scene as templates: members in principal axes about the centre of mass, mass and moments of inertia."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +57,7 @@ def clump_templates(scene: Scene) -> dict[str, ClumpTemplate]:
 def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
     key = f"{scene.source}: clumps.{name}"
     centre, radius = _spheres(scene, clump, key)
-    solid = union_of_spheres(centre, radius)
+    solid = _union(centre.tobytes(), radius.tobytes())
     mass = None
     if clump.inertia == "mesh":
         solid = _of_mesh(scene, str(clump.mesh), f"{key}.mesh")
@@ -73,6 +74,12 @@ def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
         name, (centre - middle) @ axes, radius, solid.volume, mass, moments, quaternion_of(axes).astype(float),
         _parts(centre, radius),
     )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=64)
+def _union(centre: bytes, radius: bytes) -> Solid:
+    """Integrals over a union of spheres: each part of a scene that inserts clumps asks for them."""
+    return union_of_spheres(np.frombuffer(centre).reshape(-1, 3), np.frombuffer(radius))
 
 
 def _spheres(scene: Scene, clump: Clump, key: str) -> tuple[np.ndarray, np.ndarray]:
