@@ -24,7 +24,8 @@ def spinning():
     state.force[:] = [[1.0, 0, 0], [2.0, 0, 0], [4.0, 0, 0]]
     clumps = ClumpShots(
         id=np.array([0]), type=np.zeros(1, np.int32), members=np.array([2], np.int32), mass=np.array([7.0]),
-        position=np.zeros((1, 3)), orientation=np.array([[1.0, 0, 0, 0]]), velocity=velocity[None], spin=spin[None],
+        radius=np.array([0.1]), position=np.zeros((1, 3)),
+        orientation=np.array([[1.0, 0, 0, 0]]), velocity=velocity[None], spin=spin[None],
         angular_momentum=np.zeros((1, 3)),
     )  # fmt: skip
     return replace(state, clump=np.array([0, 0, -1]), clumps=clumps)

@@ -88,7 +88,7 @@ class Pairs(ListedGrains):
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
             slot = self.ints(n * self._capacity)
             self.launch(lists.find_neighbors, n, [
-                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), self.skin, start, count, slot
+                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), n, self.skin, start, count, slot
             ])
             longest = int(count.numpy().max())
             if longest <= self._capacity:

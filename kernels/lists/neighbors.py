@@ -33,12 +33,13 @@ class NeighborRows:
 @functools.cache
 def build(
     real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
-    gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False,
+    gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False, ranks: bool = False,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
     them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
+    ``ranks``: the grains from ``owned`` on belong to other processes, and pairs of two of them are not listed.
     """
     g = grain.build(spins)
     Coefficients = law.Coefficients
@@ -127,6 +128,7 @@ def build(
         clump: wp.array(dtype=wp.int32),  # of size 0 without clumps
         material: wp.array(dtype=wp.int32),
         through: wp.array2d(dtype=wp.int32),  # 1 of two materials that pass through each other; of size 0 without any
+        owned: int,  # grains of this process, which stand first
         skin: wp.float64,
         start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
@@ -160,6 +162,8 @@ def build(
                                     near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(clumps):
                                         near = near and not of_clumps.same_clump(clump, i, j)
+                                    if wp.static(ranks):
+                                        near = near and (i < owned or j < owned)
                                     if wp.static(apart):
                                         near = near and through[material[i], material[j]] == 0
                                     if wp.static(border.images > 1):  # a cell may be seen from several images

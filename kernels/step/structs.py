@@ -71,6 +71,7 @@ class Steps:
     hold: wp.int32  # 1: leave the forces after the last step to the next launch
     parity: wp.int32  # of the number of the first step
     max_displacement: wp.float64  # up to which the inner list holds [m]
+    exchange: wp.uint64  # function of the host that ``exchange.exchange`` calls; 0 in a run of one process
 
 
 @wp.struct

@@ -21,6 +21,7 @@ from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
 from warpdem.model.prepare import require_scene
 from warpdem.output.write_tables import write_run_record
+from warpdem.ranks.front import led
 from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import largest_rates
@@ -85,9 +86,9 @@ def _run(
     begin = time.perf_counter()
     saved = checkpoint_file.read(folder / CHECKPOINT) if resume else None
     end = scene.time.end if until is None else until
-    with compiling_ahead(scene, device):
+    with compiling_ahead(scene, device) if led() is None else nullcontext():
         with report_if_long(SETTING_UP, console, quiet):
-            sim = Simulation(scene, device=device, threads=threads)
+            sim = Simulation(scene, device=device, threads=threads, world=led())
         if saved is not None:
             checkpoint.restore(sim, saved)
         warned, told = scene_warnings.warnings(sim), set() if told is None else told

@@ -80,6 +80,7 @@ class ContactLists:
         touching_start, near_start: (n,) where those contacts begin.
         near_feature: wall features closer than the skin, in the wall slots of their grain.
         grids: cell grids of the grains.
+        given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
         row: pair force on one grain in each force slot; the last belongs to no grain.
         entry: energies beside ``row``.
     """
@@ -116,6 +117,7 @@ class ContactLists:
         self.rebuilds = self.refreshes = self.version = 0
         self.known = n
         self.force_parity = 1
+        self.given_order: np.ndarray | None = None
         self.forget_outer()
         self.reference, self.outer_reference = (wp.zeros((0, axes), dtype=wp.vec3d, device=model.device) for _ in range(2))
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)

@@ -121,7 +121,7 @@ def placed(
         mass=mass,
         moments=mass[:, None] * scale[:, None] ** 2 * template.moments,
         axes=np.tile(template.axes, (c, 1)),
-        radius=scale * (template.volume / (4.0 / 3.0 * np.pi)) ** (1.0 / 3.0),
+        radius=scale * template.equal_radius,
         of_grain=np.repeat(np.arange(c), k),
         arm=(scale[:, None, None] * template.arm).reshape(-1, 3),
     )

@@ -207,12 +207,12 @@ def _built(features: Features) -> Built:
         leave=domain.outlets > 0,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
-    step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
+    step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
     readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
     lists = neighbors.build(
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
         inertia_factor=laws.inertia_factor,
-        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
     )  # fmt: skip
     wall_lists = None
     if walls.present:

@@ -49,7 +49,9 @@ def require_scene(scene: Scene) -> None:
     raise TypeError(f"a Scene is needed, not {type(scene).__name__}: give {remedy}")
 
 
-def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
+def prepare(
+    given: Given, device: wp.Device, resident: bool, past: Past | None = None, ranks: bool = False
+) -> tuple[Model, InitialGrains]:
     """The model of a scene, and the grains that it starts with, which move as the integrator holds them.
 
     Args:
@@ -57,6 +59,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         device: where it is run.
         resident: many steps are one captured graph.
         past: what it starts from in place of its own grains; None for its own.
+        ranks: its grains are dealt out to several processes.
 
     Raises:
         SceneError: if the scene cannot be run: a bad mesh, overlapping start, time step above its limit.
@@ -94,6 +97,8 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         clumps=expected.clumps is not None,
     )
     features = as_the_law_allows(features)
+    if ranks:
+        features = replace(features, backend=replace(features.backend, ranks=True))
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
     exits = Exits(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
     domain.check(scene, start, schedule.frame, features.contact.gap, exits)

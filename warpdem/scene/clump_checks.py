@@ -41,9 +41,5 @@ def _unknown_to_clumps(scene: "Scene") -> Iterator[Problem]:
             ("contact", "rolling"), contact.rolling, contact.rolling != "none",
             'rolling resistance stands for a shape, which clumps have: with clumps it is "none"',
         ),
-        (
-            ("output", "formats"), scene.output.formats, "usd" in scene.output.formats,
-            'only "vtk" and "vtkhdf" hold clumps yet: take ["vtk"]',
-        ),
     ]  # fmt: skip
     yield from ((key, value, reason) for key, value, there, reason in refused if there)

@@ -49,6 +49,7 @@ class State:
         next_id: least id that no grain has had so far.
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
+        ghosts: grains of other processes that stand behind the others; 0 in a run of one process.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when it is not requested.
         clumps: the clumps that grains are members of; None in a run without any.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
@@ -89,6 +90,7 @@ class State:
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self.next_id = int(start.id.max(initial=-1)) + 1
+        self.ghosts = 0
         self._all_here(n)
         self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
@@ -108,6 +110,11 @@ class State:
         self.slots = self._count = slots
         self.here = np.ones(slots, dtype=bool)
         self._rank: np.ndarray | None = None
+
+    @property
+    def owned(self) -> int:
+        """Slots of the grains that this process moves."""
+        return self.slots - self.ghosts
 
     @property
     def rank(self) -> np.ndarray:

@@ -22,7 +22,9 @@ from warpdem.core.key_path import KeyPath
 from warpdem.errors import SceneError
 from warpdem.usd import free_walls, unsupported
 from warpdem.usd import stage as usd_stage
+from warpdem.usd.clump_groups import clump_groups
 from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_lengths, similarity
+from warpdem.usd.reader.clumps import CLUMPS
 from warpdem.usd.reader.grains import GRAIN_ARRAYS
 from warpdem.usd.stage_units import StageUnits
 
@@ -117,6 +119,8 @@ class _SceneTables:
                 continue  # noted
             if prim["kind"] == "SpherePointsShape":
                 self.grains(prim)
+            elif prim["kind"] == CLUMPS:
+                self.clumps(prim)
             elif prim["kind"] == "Table":
                 table = self.entry(prim)
                 if prim["dem"]["list"] in WITH_MATERIAL:
@@ -359,6 +363,16 @@ class _SceneTables:
             yield {"axis": spin.tolist(), "origin": origin, "rate": float(np.linalg.norm(spin))}
 
     # -- grains ---------------------------------------------------------------------------------
+
+    def clumps(self, prim: dict[str, Any]) -> None:
+        """The groups of clumps of a frame of a result."""
+        path, dem = prim["path"], prim["dem"]
+        arrays = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
+        names, groups = dem.pop("clumps"), dem.pop("groups", [])
+        materials = [self.names.get(target, target) for target in dem.pop("materials", {"targets": []})["targets"]]
+        for group in clump_groups(self.file, path, arrays, names, materials, groups):
+            table = self.entry(prim, "grains")
+            table |= group
 
     def grains(self, prim: dict[str, Any]) -> None:
         """The groups of grains of a Points prim: one, or one for each of its materials."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpdem.usd.reader.bodies import free_bodies, require_single_walls, stated_masses
+from warpdem.usd.reader.clumps import CLUMPS, clump_arrays, is_clumps
 from warpdem.usd.reader.colliders import COLLIDERS, collider
 from warpdem.usd.reader.errors import Refused
 from warpdem.usd.reader.grains import GRAINS, frame_code, frame_codes, grain_arrays, grain_settings
@@ -27,8 +28,9 @@ STANDARD = {
 def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """All prims that belong to a scene, in the order of the stage.
 
-    Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, one of `COLLIDERS`, or Table), the nearest
-    such ancestor ``above``, its tables ``dem``, the bound ``material``, and the fields of its kind. The arrays are of grains.
+    Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, Clumps, one of `COLLIDERS`, or Table), the
+    nearest such ancestor ``above``, its tables ``dem``, the bound ``material``, and the fields of its kind. The
+    arrays are of grains and clumps.
     """
     from pxr import UsdGeom, UsdPhysics
 
@@ -50,7 +52,7 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
     unused: list[str] = []
     for prim in all_prims(stage):
         path, tables = str(prim.GetPath()), dem_tables(prim)
-        kind = kinds.get(path) or ("Table" if "list" in tables else "")
+        kind = kinds.get(path) or (CLUMPS if is_clumps(prim, tables) else "Table" if "list" in tables else "")
         physics_of_prim = stated_physics(prim, kind)
         stated += [physics_of_prim] if physics_of_prim else []
         if not kind and prim.IsA(UsdGeom.PointInstancer):
@@ -61,7 +63,8 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
                 f"{path} collides (PhysicsCollisionAPI) but is {type_text(prim)}, which cannot be a wall: apply the schema to "
                 "each Mesh or shape that is a wall"
             )
-        if not kind and prim.IsA(UsdGeom.Gprim):
+        within = any(prims.get(p, {}).get("kind") == CLUMPS for p in ancestor_paths(path))  # a prototype
+        if not kind and not within and prim.IsA(UsdGeom.Gprim):
             unused.append(path)
         if not kind:
             if tables:
@@ -80,6 +83,8 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
         elif kind == GRAINS:
             prims[path] |= grain_settings(prim, records[path], bodies, bool(frames))
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
+        elif kind == CLUMPS:
+            arrays |= {f"{path} {name}": values for name, values in clump_arrays(prim, code).items()}
         elif path in free and tables.get("list") == "walls":
             prims[path]["free"] = path
         if "free" in prims[path]:
