@@ -422,8 +422,6 @@ def test_a_pressure_that_pulls_is_warned_of():
     assert "pulls" not in said(walls=[lid | {"servo": servo | {"pressure": 500}}])
 
 
-
-
 def test_a_pressure_in_another_unit_is_told_as_a_pressure():
     servo = {"axis": [0, 0, -1], "pressure": "500 N", "area": 1e-4, "max_speed": 0.01}
     lid = {"name": "lid", "material": "g", "plane": {"point": [0, 0, 0.01], "normal": [0, 0, -1]}, "servo": servo}

@@ -5,7 +5,7 @@ from types import ModuleType
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.api.grains import Load
 from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
@@ -51,7 +51,7 @@ class ContactLaw:
 
 
 @functools.cache
-def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
+def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> KernelSet:
     """The kernels of a contact law in double precision, over a table of coefficients, and those of grains and walls.
 
     Args:
@@ -128,7 +128,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
         i = wall_contacts.grain[r]
         load_out[i] = load_out[i] + wall_contacts.load[i]
 
-    return Built(
+    return KernelSet(
         lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
         pair_load=pair_load,
         wall_forces=wall_forces, structs=arrays, WallHistory=record.history_type(remembered), Result=record.result_type(rolls),

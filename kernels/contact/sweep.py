@@ -9,7 +9,7 @@ too scattered in memory for the hardware to foresee, so a batch is announced som
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.pairs import RESULT_AT
 from warpdem.kernels.simd import rows
@@ -21,7 +21,7 @@ AHEAD = {4: 6, 8: 4}  # contact batches between the prefetch of a contact batch 
 
 
 @functools.cache
-def translated(pairs, turning_frame: bool) -> Built:
+def translated(pairs, turning_frame: bool) -> KernelSet:
     """The functions of one contact in C++, as ``text``, and their names.
 
     Args:
@@ -40,7 +40,7 @@ def translated(pairs, turning_frame: bool) -> Built:
     if turning_frame and pairs.law.history.at.width:
         functions["rotated"] = pairs.law.history.rotated
     names = {name: law.add(function).name for name, function in functions.items()}
-    return Built(text=law.text, **names)
+    return KernelSet(text=law.text, **names)
 
 
 ARRAYS = {

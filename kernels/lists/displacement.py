@@ -9,7 +9,7 @@ that is fast beside a mesh.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, clump, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump, grain
 from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, SCHEDULE_ROW
 from warpdem.kernels.step.schedule import Placement, local, wall_velocity
@@ -88,7 +88,7 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
     ) -> int:  # fmt: skip
         """What has become of grain ``i`` at the present step, that of row ``schedule_row`` of the schedule."""
         found = int(0)
-        if not g.gone(state):
+        if not g.is_removed(state):
             q = g.position(state)
             row = (schedule_row + 1) * wp.static(stages)
             if i < references.outer.shape[0]:
@@ -178,6 +178,6 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
         i = first + wp.tid()
         put_reference(i, g.position(grains[i]), placements, flight, reference_out)
 
-    return Built(
+    return KernelSet(
         check_lists=check_lists, save_reference=save_reference, check_grain=check_grain, put_reference=put_reference
     )

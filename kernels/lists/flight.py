@@ -25,7 +25,7 @@ other grains are first asked for by the boxes around BLOCK of them that follow e
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.lists.displacement import Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, position_at, velocity_at
@@ -120,7 +120,7 @@ def build(
         low = wp.vec3d(far, far, far)
         high = -low
         for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
-            if not in_flight(flight, j) and not g.gone(grains[j]):
+            if not in_flight(flight, j) and not g.is_removed(grains[j]):
                 there = reference[j, 0]
                 r = grains[j][3]
                 room = wp.vec3d(r, r, r)
@@ -191,7 +191,7 @@ def build(
             if first[0] <= last[0]:
                 if gap_to_box(x, first, last) - need < largest_distance(time, speed, acceleration):
                     for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), others.record.shape[0])):
-                        if j != f and not in_flight(others.flight, j) and not g.gone(others.record[j]):
+                        if j != f and not in_flight(others.flight, j) and not g.is_removed(others.record[j]):
                             free = wp.length(border.nearest(x - others.reference[j, 0])) - need - others.record[j][3]
                             until = least_time(free, speed, acceleration)
                             if until < time:
@@ -245,7 +245,7 @@ def build(
                     most = walls.fastest[motion]
                     body = local(walls.placements[now, motion], x)
                     closing = speed + most[0] + most[1] * wp.length(x)
-                    nearest, direction, distance, mask, share = closest_on_feature(
+                    nearest, direction, distance, mask, weight = closest_on_feature(
                         walls.surface, feature, body, radius, wp.float64(FAR)
                     )
                     turning = acceleration + wp.float64(2.0) * most[1] * closing
@@ -311,4 +311,4 @@ def build(
             k += int(go)
         steps_out[t] = k
 
-    return Built(enclose=enclose, steps_of_paths=steps_of_paths, OtherGrains=OtherGrains, WallsAhead=WallsAhead)
+    return KernelSet(enclose=enclose, steps_of_paths=steps_of_paths, OtherGrains=OtherGrains, WallsAhead=WallsAhead)

@@ -13,7 +13,7 @@ id first and summed in order of partner id.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, clump, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 from warpdem.kernels.lists.numbering import Counts, Starts
@@ -393,7 +393,7 @@ def build(
         k = t % wp.static(lanes)
         put_constants(p, k, owner[p, k], partner[p, k], grains, inverse, kind, coefficients, constants_out)
 
-    return Built(
+    return KernelSet(
         insert_grains=insert_grains,
         find_neighbors=find_neighbors,
         carry_contacts=carry_contacts,

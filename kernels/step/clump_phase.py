@@ -7,7 +7,7 @@ which act on the clump, with the first.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.free_rotation import rotation_matrix
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
@@ -180,4 +180,4 @@ def build(
         if wp.static(budget.momentum):
             momenta_out[i] = grains.momenta[i] + momenta(c, i, half, s, model, grains, wall_contacts, control)
 
-    return Built(move=move, read=read, read_budget=read_budget)
+    return KernelSet(move=move, read=read, read_budget=read_budget)

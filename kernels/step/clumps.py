@@ -19,7 +19,7 @@ the sum of the members' F_m . v_m + M_m . W: the books of single grains hold for
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels import clump as clump_arrays
 from warpdem.kernels.clump import Reading
 from warpdem.kernels.field import Numbers
@@ -165,7 +165,7 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes, bord
             grains.inverse[m] = member_inverse(grains.inverse[m], j, r, rate)
         return reached
 
-    return Built(
+    return KernelSet(
         total_load=total_load, accelerations=accelerations, motion_now=motion_now, member_motion=member_motion,
         advance=advance, Clumps=Clumps,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.step.schedule import Row, past_turn, slip_time
 from warpdem.kernels.step.structs import CONTACTS, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
 
@@ -102,4 +102,4 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
                 range_of(thread, wp.static(WALL_GRAINS), control), call, model, grains, wall_contacts, control, report
             )  # fmt: skip
 
-    return Built(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)
+    return KernelSet(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)

@@ -14,7 +14,7 @@ raised: nearly all threads only read.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.clock import (
     ASK_HOST,
     BEYOND_LISTS,
@@ -181,7 +181,7 @@ def build(
             for f in range(wp.static(history)):
                 history_out[p, f, k] = of_new_list[p, f, k]
 
-    return Built(
+    return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
         check_capacity=check_capacity, adopt_history=adopt_history,
     )  # fmt: skip

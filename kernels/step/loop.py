@@ -16,7 +16,7 @@ grains that other ranks own and this one sees (ghosts) get their new state, and 
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
 from warpdem.kernels.step.exchange import TOO_DEEP, exchange
 from warpdem.kernels.step.forces import too_deep
@@ -167,4 +167,4 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
             part, s, stage, model, grains, wall_contacts, control, report, max_displacement
         )
 
-    return Built(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)
+    return KernelSet(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)

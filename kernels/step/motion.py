@@ -9,7 +9,7 @@ on the order of the lists.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, position_at, velocity_at
@@ -22,8 +22,8 @@ from warpdem.kernels.step.schedule import (
     frame_origin,
     frame_velocity,
     gravity,
-    instant,
     local,
+    time_of,
 )
 
 BEYOND, LEFT = 1, 2  # what is said of a grain: beyond what the lists allow, in an outlet
@@ -98,10 +98,10 @@ def joined(before, number: int, force, in_laboratory: bool):
             total = before(f, q, v, mass, radius, numbers)
         if wp.static(in_laboratory):
             axes = frame_axes(f)
-            there = force(axes * q + frame_origin(f), axes * v, mass, radius, instant(f), numbers[number])
+            there = force(axes * q + frame_origin(f), axes * v, mass, radius, time_of(f), numbers[number])
             total = total + wp.transpose(axes) * there
         else:
-            total = total + force(q, v - frame_velocity(f, q), mass, radius, instant(f), numbers[number])
+            total = total + force(q, v - frame_velocity(f, q), mass, radius, time_of(f), numbers[number])
         return total
 
     return fields
@@ -233,7 +233,7 @@ def build_travel(
                 found = wp.static(LEFT)
         return found
 
-    return Built(
+    return KernelSet(
         displaced=displaced, left=left, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
         squared_displacement=squared_displacement, holds=holds,
     )  # fmt: skip

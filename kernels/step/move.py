@@ -7,7 +7,7 @@ stage, flow through planes, periodic image, orientation, displacement since the 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
@@ -118,7 +118,7 @@ def build(
         moved = int(0)
         for i in range(part.first, part.last, part.stride):
             if wp.static(leave):
-                if g.gone(grains.record[i]):
+                if g.is_removed(grains.record[i]):
                     continue
             if wp.static(clumps is not None):
                 c = grains.clumps.of_grain[i]
@@ -178,4 +178,4 @@ def build(
                 moved = moved | far
         return moved
 
-    return Built(move_phase=move_phase)
+    return KernelSet(move_phase=move_phase)

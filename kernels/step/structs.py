@@ -15,7 +15,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Momenta, energies_type
@@ -215,7 +215,7 @@ def build(pairs):
         history: wp.array3d(dtype=real)  # (batches, numbers, lanes)
         trial: wp.array3d(dtype=real)  # history after a stage within the step; it is discarded
 
-    return Built(
+    return KernelSet(
         Model=Model, Grains=Grains, ContactBatches=ContactBatches, Entry=pairs.Entry, PairForce=pairs.PairForce,
         Energies=Energies,
     )  # fmt: skip

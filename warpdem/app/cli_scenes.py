@@ -166,18 +166,26 @@ def convert(
     allow_path: AllowPaths = [],  # noqa: B006
     overwrite: bool = False,
 ) -> None:
-    """Write a scene file in another format: TOML from USD, USD from TOML.
+    """Write a scene file in another format: TOML from USD, USD from TOML, TOML from a script of LIGGGHTS.
+
+    A script is converted with its meshes, materials, contact law, walls, motions and insertions; what is other or missing is
+    said, and written at the head of the scene file.
 
     Args:
-        source: Scene file, as in run.
-        target: File to write: .toml, .usda, .usdc or .usd.
+        source: Scene file, as in run; a file of another suffix is a script of LIGGGHTS.
+        target: File to write: .toml, .usda, .usdc or .usd; .toml of a script.
         overwrite: Allow a target that exists.
     """
     from warpdem.core.file_names import require_usable
+    from warpdem.exchange.liggghts.convert import convert_script
+    from warpdem.scene.convert import SUFFIXES
     from warpdem.scene.convert import convert as write
 
     require_usable("TARGET", target)
-    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    if source.suffix.lower() not in (*SUFFIXES, ".usdz"):
+        notes = convert_script(source, target, overwrite=overwrite)
+    else:
+        notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
     console = Console(highlight=False)
     for note in notes:
         console.print(f"note: {note}", markup=False)

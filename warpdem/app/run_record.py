@@ -57,7 +57,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "turning": asdict(turning) if turning is not None else None,
         "packings": [asdict(packing) for packing in sim.expected.packings],
         "ranks": sim.loop.report() if isinstance(sim.loop, Front) else [],
-        "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
+        "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.inner_rebuilds, "skin": sim.lists.skin},
         "seconds": {**sim.seconds, "total": wall_seconds},
         "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
     }  # fmt: skip

@@ -66,7 +66,7 @@ class Flights:
         walls, clumps = self.model.features.walls, self.model.features.contact.clumps  # whose members fly along no parabola
         return self.model.features.frame.tracked and not walls.images and not walls.dynamic and not clumps
 
-    def _instant(self) -> tuple[int, float]:
+    def _now(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""
         base, _ = self.batch.row()
         return (base + 1) * self.batch.stages, float(self.clock.step_number)
@@ -169,7 +169,7 @@ class Flights:
         model, lists, record, kernels = self.model, self.lists, self.state.record, self.model.kernels.paths
         blocks = -(-lists.known // BLOCK)
         low, high = (self.pool.buffer(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
-        row, now = self._instant()
+        row, now = self._now()
         longest, fastest = self._walls_ahead()
         others = put(
             kernels.OtherGrains(), record=record, reference=lists.outer_reference, flight=lists.flight, low=low, high=high,
@@ -237,10 +237,10 @@ class Flights:
                     with changed(reference) as values:
                         values[slots] = np.inf  # far from every position, so that the path is always checked
 
-    def leave(self, gone: np.ndarray) -> None:
-        """Grains in slots ``gone`` have left the domain."""
-        if len(self.slots) and np.isin(gone, self.slots).any():
-            self.slots = np.setdiff1d(self.slots, gone)
+    def leave(self, removed: np.ndarray) -> None:
+        """Grains in slots ``removed`` have left the domain."""
+        if len(self.slots) and np.isin(removed, self.slots).any():
+            self.slots = np.setdiff1d(self.slots, removed)
             path = self.lists.flight.numpy().reshape(-1, 12).copy()
-            path[gone, 11] = -1.0
+            path[removed, 11] = -1.0
             self.lists.flight.assign(path)

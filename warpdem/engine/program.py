@@ -28,7 +28,7 @@ import warp as wp
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.list_structs import ListStructs, of_each
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
@@ -113,7 +113,7 @@ class ListBuild:
     ) -> None:
         self.model, self.state, self.lists, self.batch = model, state, lists, batch
         self.launch, self.decide = launch, decide
-        self.kernels: Built = model.kernels
+        self.kernels: KernelSet = model.kernels
 
     @functools.cached_property
     def structs(self) -> ListStructs:

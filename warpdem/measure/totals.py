@@ -207,7 +207,7 @@ class Totals:
         record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
         if state.clumps is not None:  # fields act on a clump as on a sphere of its volume
             alone, clumps = state.clumps.of_grain.numpy()[here] == NONE, state.clumps.record.numpy()
-            there = clumps[:, 0] != grain.GONE
+            there = clumps[:, 0] != grain.REMOVED_X
             record = np.concatenate([record[alone], clumps[there]])
             mass = np.concatenate([mass[alone], 1.0 / state.clumps.rate.numpy()[there, 0]])
         position, radius = record[:, :3], record[:, 3]

@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import warp as wp
 
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
@@ -35,7 +35,7 @@ from warpdem.scene.models import model
 from warpdem.scene.user_models import is_file, using
 
 
-def compile_kernels(features: Features, device: wp.Device | None = None) -> Built:
+def compile_kernels(features: Features, device: wp.Device | None = None) -> KernelSet:
     """Kernels and array structs of the chosen features.
 
     Nothing is compiled until it is launched, except on ``device`` what holds the user's own models: their mistakes come
@@ -63,7 +63,7 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     return built
 
 
-def step_kernels(kernels: Built) -> list[wp.Kernel]:
+def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
     """Kernels that the steps and the lists of a CPU launch in any run, the step itself first: it takes longest to compile.
 
     Args:
@@ -93,7 +93,7 @@ def turning(features: Features) -> bool:
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
-def of_pairs(features: Features) -> Built:
+def of_pairs(features: Features) -> KernelSet:
     """Namespace of ``pairs.build``."""
     laws, domain, real = features.contact, features.domain, features.backend.real
     tangential = model("tangential", laws.tangential) if laws.tangential else None
@@ -126,7 +126,7 @@ def no_lanes(features: Features) -> str:
 
 
 @functools.cache
-def _built(features: Features) -> Built:
+def _built(features: Features) -> KernelSet:
     """Kernels and array structs of the chosen features, each built once."""
     laws, frame, walls = features.contact, features.frame, features.walls
     domain, backend, measures = features.domain, features.backend, features.measures
@@ -243,7 +243,7 @@ def _built(features: Features) -> Built:
             stages=stages, lanes=backend.lanes,
         )  # fmt: skip
         again = rebuild.build(WallContacts)
-    return Built(
+    return KernelSet(
         structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
         dynamic=dynamic,

@@ -117,4 +117,4 @@ class RankLists(NeighborLists):
     def _count(self) -> None:
         """Take note of a build; a rank without grains built nothing, and takes note of it too."""
         if not self.state.slots:
-            self.refreshes += 1
+            self.inner_rebuilds += 1

@@ -131,7 +131,8 @@ class ClumpState:
         record = self.record.numpy().copy()
         radius = record[slots, grain.RADIUS]
         record[slots] = 0.0
-        record[slots, 0], record[slots, 1], record[slots, grain.RADIUS] = grain.GONE, grain.GONE_APART * first[slots], radius
+        record[slots, 0], record[slots, 1] = grain.REMOVED_X, grain.REMOVED_SPACING * first[slots]
+        record[slots, grain.RADIUS] = radius
         self.record.assign(record)
 
     def moving(self, clumps: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -134,7 +134,7 @@ class State:
         with changed(self.record) as record:
             radius = record[gone, grain.RADIUS]
             record[gone] = 0.0
-            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, grain.GONE_APART * gone, radius
+            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.REMOVED_X, grain.REMOVED_SPACING * gone, radius
         if self.clumps is not None:
             self.clumps.leave(gone)
         self.mark_left(gone)
