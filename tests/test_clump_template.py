@@ -156,11 +156,6 @@ def test_wrong_clumps_are_named(clump, reason):
         ({}, {"engine": {"integrator": "rk4"}}, "engine.integrator.*\n.*exact_drift"),
         ({}, {"engine": {"precision": "mixed"}}, "engine.precision.*\n.*double"),
         ({}, {"contact": {"rolling": "spring"}}, "contact.rolling.*\n.*shape"),
-<<<<<<< HEAD
-        ({}, {"output": {"formats": ["vtk", "usd"]}}, "output.formats.*\n.*vtk"),
-=======
-        ({}, {"streams": [STREAM]}, "streams insert no clumps yet"),
->>>>>>> main
     ],
 )
 def test_what_clumps_cannot_be_with_is_named(grains, more, reason):
