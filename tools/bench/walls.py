@@ -35,7 +35,7 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
     b, last = engine.batch, len(sim.state)
     shared = b.model, b.control, grains
     calls = {
-        "pairs": (loop.pair_forces, [1, contacts.owner.shape[0], base, 0, *shared, contacts, b.report]),
+        "pairs": (loop.pair_forces, [1, lists.totals[0] // sim.model.features.backend.lanes, base, 0, *shared, contacts, b.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, rows, b.report]),
         "motion": (loop.move, [1, last, base - 1, 0, *shared, rows, b.report, lists.max_displacement]),
     }

@@ -1,6 +1,5 @@
 """Clumps of a scene as templates: members in principal axes about the centre of mass, mass and moments of inertia."""
 
-import functools
 import hashlib
 from dataclasses import dataclass
 
@@ -94,7 +93,7 @@ def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
         centre, radius = fit.centre, fit.radius
     else:
         centre, radius = _spheres(scene, clump, key)
-    solid = _of_mesh(mesh) if clump.mass_of == "mesh" and mesh is not None else _union(centre.tobytes(), radius.tobytes())
+    solid = _of_mesh(mesh) if clump.mass_of == "mesh" and mesh is not None else union_of_spheres(centre, radius)
     mass = None
     if clump.mass_of == "given":
         assert clump.mass is not None and clump.moments is not None
@@ -109,12 +108,6 @@ def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
         name, (centre - middle) @ axes, radius, solid.volume, mass, moments, quaternion_of(axes).astype(float),
         _parts(centre, radius), fit,
     )  # fmt: skip
-
-
-@functools.lru_cache(maxsize=64)
-def _union(centre: bytes, radius: bytes) -> Solid:
-    """Integrals over a union of spheres: each part of a scene that inserts clumps asks for them."""
-    return union_of_spheres(np.frombuffer(centre).reshape(-1, 3), np.frombuffer(radius))
 
 
 def _spheres(scene: Scene, clump: Clump, key: str) -> tuple[np.ndarray, np.ndarray]:
