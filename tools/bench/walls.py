@@ -32,10 +32,10 @@ def phases(sim: Simulation, launches: int) -> dict[str, float]:
     engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
     grains, contacts, rows = engine.structs.arguments()
     base, _ = engine.batch.row()
-    b, last = engine.batch, len(sim.state)
+    b, last, batches = engine.batch, len(sim.state), lists.totals[0] // sim.model.features.backend.lanes
     shared = b.model, b.control, grains
     calls = {
-        "pairs": (loop.pair_forces, [1, lists.totals[0] // sim.model.features.backend.lanes, base, 0, *shared, contacts, b.report]),
+        "pairs": (loop.pair_forces, [1, batches, base, 0, *shared, contacts, b.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, rows, b.report]),
         "motion": (loop.move, [1, last, base - 1, 0, *shared, rows, b.report, lists.max_displacement]),
     }
