@@ -12,7 +12,7 @@ from warpdem.filling.fill_request import Filling
 from warpdem.filling.initial_positions import initial_positions
 from warpdem.filling.packing_neighbors import NeighborTable
 from warpdem.filling.packing_walls import MARGIN, PackingWall, keep_this_side, walls_of
-from warpdem.filling.rigid_moves import RigidMoves
+from warpdem.filling.rigid_moves import PlacedClumps, RigidMoves
 from warpdem.filling.size_grids import finest_cell, size_classes
 
 OVERLAP = 1e-6
@@ -130,15 +130,15 @@ class PackingRun:
     def __exit__(self, *_: object) -> None:
         self._threads.close()
 
-    def positions(self) -> list[np.ndarray | tuple[np.ndarray, np.ndarray]]:
+    def positions(self) -> list[np.ndarray | PlacedClumps]:
         """Positions [m] of the grains of each filling, shape (n, 3), in the order in which sizes were drawn.
 
-        Of clumps, centres of mass [m], shape (c, 3), and quaternions from the principal axes to the frame axes, shape (c, 4).
+        Clumps are in an order of their own.
         """
-        found: list[np.ndarray | tuple[np.ndarray, np.ndarray]] = []
+        found: list[np.ndarray | PlacedClumps] = []
         for part, order, rigid in zip(self._parts, self._order, self._rigid, strict=True):
             if rigid is not None:
-                found.append((rigid.centre, rigid.turn))
+                found.append(PlacedClumps(rigid.centre, rigid.turn, rigid.size))
                 continue
             points = np.empty((len(order), 3))
             points[order] = self._position[part]
@@ -321,7 +321,9 @@ def _placed(request: Filling, cell: float) -> tuple[np.ndarray, np.ndarray, Rigi
     by_space = np.lexsort(np.floor(centre / cell).T)
     place = np.argsort(by_space)  # of each clump in that order
     order = np.argsort(place[clumps.of], kind="stable")
-    sorted_clumps = replace(clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space])
+    sorted_clumps = replace(
+        clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space], size=clumps.size[by_space]
+    )
     rigid = RigidMoves(sorted_clumps, request.radius[order], centre[by_space])
     return order, rigid.positions(), rigid
 
