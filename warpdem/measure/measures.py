@@ -74,6 +74,7 @@ def columns(scene: Scene) -> list[Column]:
     found += [column for region in asked.all_regions for column in region_columns(region)]
     found += [column for one in asked.residence for column in _residence(one)]
     found += _wear(scene)
+    found += _liquid() if scene.contact.liquid != "none" else []
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -85,7 +86,7 @@ def measured(view: RunView) -> dict[str, float]:
 
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
-    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.located(scene.contact.normal)))]
+    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.normal_law))]
     names = [*ENERGY, *losses, *(["jacobi"] if frame_chain(scene).moves else [])]
     return [Column(name, "J", _energy_term(name)) for name in (*names, *(f"{wall.name} work" for wall in scene.walls))]
 
@@ -158,6 +159,17 @@ def _wear(scene: Scene) -> list[Column]:
 def _worn(wall: str, name: str) -> Callable[[Readings], float]:
     """Reads the total of a wall."""
     return lambda readings: float(np.sum(getattr(readings.wear[wall], name)))
+
+
+def _liquid() -> list[Column]:
+    """Where the liquid is."""
+
+    def volume(name: str) -> Callable[[Readings], float]:
+        return lambda readings: readings.totals.liquid.volume(name)
+
+    names = {"films": "films", "bridges": "bridges", "from walls": "from_walls", "left": "left", "brought": "brought"}
+    found = [Column(f"liquid {said}", "m3", volume(name)) for said, name in names.items()]
+    return [*found, Column("liquid bridge_count", "-", lambda readings: float(readings.totals.liquid.bridge_count))]
 
 
 def _mixing(asked: Mixing) -> Column:

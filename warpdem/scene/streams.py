@@ -6,7 +6,18 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import GROUP_NAME, Duration, Label, SceneModel, Vec3, Whole, exactly_one, validation_error
+from warpdem.scene.base import (
+    GROUP_NAME,
+    LIQUID_CONTENT,
+    Duration,
+    Label,
+    LiquidContent,
+    SceneModel,
+    Vec3,
+    Whole,
+    exactly_one,
+    validation_error,
+)
 from warpdem.scene.regions import VOLUMES, DiskFace, MeshFace, Region
 from warpdem.scene.size_distribution import Diameter, SizeLaw, size_law
 from warpdem.scene.units import Quantity, Vector
@@ -81,6 +92,7 @@ class Portion(_Bodies):
 
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     mass_share: Annotated[float, Quantity("-", gt=0)] | None = Field(
         None, description="Part of the stream's mass, relative to those of the other portions [-], > 0; this or number_share."
     )
@@ -111,6 +123,7 @@ class Stream(_Bodies, Region):
 
     name: Label | None = GROUP_NAME
     material: str | None = Field(None, description="Name of the material; this and diameter or clump, or recipe.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     recipe: list[Portion] | None = Field(
         None,
         min_length=1,
@@ -154,8 +167,8 @@ class Stream(_Bodies, Region):
         if self.recipe is not None:
             return self.recipe
         assert self.material is not None
-        same = {key: getattr(self, key) for key in ("diameter", "clump", "size", "orientation", "name")}
-        return [Portion.model_construct(material=self.material, **same)]
+        same = ("material", "diameter", "clump", "size", "orientation", "name", "liquid_content")
+        return [Portion.model_construct(**{key: getattr(self, key) for key in same})]
 
     @property
     def by_mass(self) -> bool:
@@ -222,6 +235,8 @@ class Stream(_Bodies, Region):
                 if getattr(self, key) is None and (key == "material" or self.clump is None):
                     raise validation_error([((key,), None, "missing: give material and diameter or clump, or a recipe")])
             return
+        if self.liquid_content > 0.0:
+            raise validation_error([(("liquid_content",), self.liquid_content, "give it in the portions of the recipe")])
         for key in ("material", "diameter", "clump"):
             if (given := getattr(self, key)) is not None:
                 raise validation_error([((key,), given, "cannot be given with a recipe, whose portions have their own")])
