@@ -9,9 +9,11 @@ from pydantic_core import core_schema
 
 from warpdem.scene.base import (
     GROUP_NAME,
+    LIQUID_CONTENT,
     FileName,
     Label,
     Length,
+    LiquidContent,
     Point,
     SceneModel,
     Whole,
@@ -165,6 +167,7 @@ class Grains(SceneModel):
         None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
     )
     fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     velocities_in: Literal["frame", "laboratory"] = Field(
         "frame", description='Axes that velocities and spins are relative to: "frame" (default) or "laboratory".'
     )
