@@ -35,7 +35,7 @@ def tiny(real) -> float:
     return 1.0e-300 if real is wp.float64 else 1.0e-30
 
 
-class Built(SimpleNamespace):
+class KernelSet(SimpleNamespace):
     """What a cached factory returns: named functions, types and kernels; equal only to itself, so it can be a cache key."""
 
     __eq__ = object.__eq__

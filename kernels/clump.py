@@ -21,7 +21,7 @@ with normal n acts as on a mass m_eff: what the restitution of the contact point
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 
 WIDTH = {False: 2, True: 8}  # numbers of ``inverse``, by whether there are clumps
 NONE = -1  # clump of a grain of its own
@@ -75,4 +75,4 @@ def build(clumps: bool):
         """Whether grains ``i`` and ``j`` are members of one clump."""
         return of_grain[i] != wp.static(NONE) and of_grain[i] == of_grain[j]
 
-    return Built(Clumps=Clumps, Inverse=Inverse, inverse_mass=inverse_mass, same_clump=same_clump, there=clumps)
+    return KernelSet(Clumps=Clumps, Inverse=Inverse, inverse_mass=inverse_mass, same_clump=same_clump, there=clumps)

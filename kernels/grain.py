@@ -8,18 +8,18 @@ Position in frame axes; velocity and spin are absolute, resolved in frame axes, 
 (design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
 friction the record ends after the acceleration.
 
-A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = GONE, where no other
+A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = REMOVED_X, where no other
 grain is: none is carried so far, and no moving position takes exactly this value.
 """
 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 
 WIDTH = {True: 16, False: 10}  # numbers per grain, by whether grains spin
-GONE = 1048583.0  # x of what has left [m]: the law stays finite so far apart, in float32 too
-GONE_APART = 16.0  # y of what has left over its memory slot [m]
+REMOVED_X = 1048583.0  # x of what has left [m]: the law stays finite so far apart, in float32 too
+REMOVED_SPACING = 16.0  # y of what has left over its memory slot [m]
 POSITION, RADIUS, VELOCITY, SPIN = slice(0, 3), 3, slice(4, 7), slice(10, 13)  # places in the record
 
 
@@ -33,16 +33,16 @@ def build(spins: bool):
         return wp.vec3d(g[0], g[1], g[2])
 
     @wp.func
-    def gone(g: Record) -> bool:
+    def is_removed(g: Record) -> bool:
         """Whether the grain has left the domain."""
-        return g[0] == wp.float64(wp.static(GONE))
+        return g[0] == wp.float64(wp.static(REMOVED_X))
 
     @wp.func
     def removed(g: Record, slot: int) -> Record:
         """The same grain out of the domain, at rest at a place of its own."""
         out = Record()
-        out[0] = wp.float64(wp.static(GONE))
-        out[1] = wp.float64(wp.static(GONE_APART)) * wp.float64(slot)
+        out[0] = wp.float64(wp.static(REMOVED_X))
+        out[1] = wp.float64(wp.static(REMOVED_SPACING)) * wp.float64(slot)
         out[3] = g[3]
         return out
 
@@ -97,10 +97,10 @@ def build(spins: bool):
         ) -> Record:
             return Record(q[0], q[1], q[2], r, v[0], v[1], v[2], a[0], a[1], a[2])
 
-    return Built(
+    return KernelSet(
         Record=Record,
         position=position,
-        gone=gone,
+        is_removed=is_removed,
         removed=removed,
         placed=placed,
         velocity=velocity,

@@ -422,27 +422,6 @@ def test_a_pressure_that_pulls_is_warned_of():
     assert "pulls" not in said(walls=[lid | {"servo": servo | {"pressure": 500}}])
 
 
-def test_the_default_formats_of_a_scene_with_clumps_are_those_that_hold_them():
-    pair = {"spheres": [{"centre": [0, 0, 0], "radius": 1e-3}, {"centre": [0, 0, 1e-3], "radius": 1e-3}]}
-    clumps = {"clumps": {"pair": pair}, "grains": [{"material": "g", "clump": "pair", "positions": [[0, 0, 5e-3]]}]}
-    left_out = "only vtk holds clumps yet, and output.formats is not given"
-    for output in ({}, {"interval": 2e-3}):
-        data = {key: value for key, value in {"output": output}.items() if value}
-        sim = Simulation(Scene.model_validate(scene().model_dump(exclude_unset=True) | {"output": {}} | clumps | data))
-        assert sim.scene.output.formats == ["vtk"]
-        assert "formats" not in sim.scene.model_dump(exclude_unset=True)["output"]
-        assert left_out in "\n".join(sim.plan.explain())
-        if output:
-            assert sim.scene.output.interval == 2e-3
-    given = scene(output={"formats": ["vtk"]}, **clumps)
-    assert left_out not in "\n".join(Simulation(given, device="cpu", threads=1).plan.explain())
-    bare = {key: value for key, value in scene().model_dump(exclude_unset=True).items() if key != "output"}
-    assert Scene.model_validate(bare | clumps).output.formats == ["vtk"]
-    assert Scene.model_validate(bare).output.formats == ["vtk", "usd"]
-    with pytest.raises(SceneError, match='only "vtk" holds clumps yet'):
-        scene(output={"formats": ["vtk", "usd"]}, **clumps)
-
-
 @pytest.mark.parametrize("recipe", [False, True])
 def test_a_clump_in_a_stream_is_refused_as_such(recipe):
     portion = {"material": "g", "diameter": 2e-3, "clump": "pair"}

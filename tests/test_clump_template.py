@@ -157,15 +157,20 @@ def test_wrong_clumps_are_named(clump, reason):
         ({}, {"engine": {"integrator": "rk4"}}, "engine.integrator.*\n.*exact_drift"),
         ({}, {"engine": {"precision": "mixed"}}, "engine.precision.*\n.*double"),
         ({}, {"contact": {"rolling": "spring"}}, "contact.rolling.*\n.*shape"),
-        ({}, {"output": {"formats": ["vtk", "usd"]}}, "output.formats.*\n.*vtk"),
-        ({}, {"borders": {"x": {"kind": "periodic", "min": 0.0, "max": 1.0}}}, "borders.*\n.*walls"),
-        ({}, {"outlets": [{"name": "o", "box": {"min": [1, 1, 1], "max": [2, 2, 2]}}]}, "outlets cannot remove clumps"),
         ({}, {"streams": [STREAM]}, "streams insert no clumps yet"),
     ],
 )
 def test_what_clumps_cannot_be_with_is_named(grains, more, reason):
     with pytest.raises(warpdem.SceneError, match=reason):
         warpdem.Scene.model_validate(table({"spheres": TWO}, grains, **more))
+
+
+def test_a_period_below_two_lengths_of_a_clump_is_refused():
+    """By its bounding sphere: with the largest member it would pass."""
+    borders = {"x": {"kind": "periodic", "min": -3e-3, "max": 3e-3}}
+    made = warpdem.Scene.model_validate(table({"spheres": TWO}, {}, borders=borders))
+    with pytest.raises(warpdem.SceneError, match=r"borders.x: its length of 0.006 m is below 2.05 .* clump, end to end"):
+        warpdem.Simulation(made, device="cpu")
 
 
 @pytest.mark.parametrize(("height", "reason"), [(0.0, "enclose|thickness|closed"), (None, "closed|open")])

@@ -109,6 +109,9 @@ def everything(folder: Path) -> Scene:
                 {"name": "sieve", "material": "steel", "plane": {"point": [0, 0, 6], "normal": [0, 0, -1]},
                  "fixed_to": "laboratory",
                  "free": {"joint": "slider", "axis": [0, 0, 1], "mass": 0.1, "stiffness": 1 / 3, "damping": 0.1, "rest": 0.1}},
+                {"name": "rotor", "material": "steel", "plane": {"point": [0, 0, 4], "normal": [0, 0, -1]},
+                 "fixed_to": "laboratory",
+                 "free": {"joint": "none", "mass": 1, "centre": [0, 0, 1 / 3], "inertia": [1, 2, 2.5], "axes": [1, 0, 2, 0]}},
                 {"name": "vane", "material": "steel", "plane": {"point": [0, 0, 8], "normal": [0, 0, -1]},
                  "servo": {"axis": [0, 1, 0], "origin": [0.1, 0, 0], "torque": 0.1, "max_rate": "5 rpm"}},
                 {

@@ -91,7 +91,7 @@ def test_grains_that_fall_alike_need_no_lists():
     places = np.concatenate([cluster, pair])
     flying, still = both(scene(places, np.zeros_like(places) - [0, 0, 3.0], gravity=[0, 0, -9.81]), 10_000)
     assert still.lists.rebuilds > 200
-    assert flying.lists.rebuilds + flying.lists.refreshes < 15
+    assert flying.lists.rebuilds + flying.lists.inner_rebuilds < 15
     assert flying.lists.flights.laid <= 2  # one path, the parabola, holds all the time
 
 

@@ -13,19 +13,22 @@ PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
     "errors", "core", "usd", "scene", "mesh", "filling", "model", "state", "engine", "measure", "output", "runs", "guards",
-    "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "calibration", "app", "runner", "__init__", "__main__",
+    "ranks", "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "calibration", "app", "runner", "__init__",
+    "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {
     "warp", "functools", "numpy", "ctypes", "os", "types", "math", "dataclasses", "typing", "collections",
     "ast", "inspect", "textwrap",  # of the translator to SIMD lanes
 }  # fmt: skip
-RESULTS = {"errors", "core.atomic_file", "core.pose", "core.snapshot", "core.vtk_header", "mesh.plane_patch"}
+RESULTS = {
+    "errors", "core.atomic_file", "core.pose", "core.rigid_motion", "core.snapshot", "core.vtk_header", "mesh.plane_patch",
+}  # fmt: skip
 """What pictures may know besides the formats that results are written in: files only, no simulation."""
 HEAVY = {"pyvista", "vtk", "pxr", "trimesh", "matplotlib", "imageio"}
 HEAVY_OWNERS = {
     "output.write_usd": {"pxr"},
-    "scene.write_usd": {"pxr"},
+    "scene.write_usd": {"pxr"}, "scene.write_usd_free": {"pxr"},
     "output.write_vtk": {"vtk", "pyvista"},
     "drawing.colours": {"matplotlib"},
     "drawing.curves": {"matplotlib"},

@@ -356,4 +356,4 @@ def test_a_grain_that_goes_with_a_fast_wall_needs_no_new_lists(make_simulation):
     update, asked = sim.lists.update, []
     sim.lists.update = lambda **keys: (asked.append(1), update(**keys))
     sim.step(100)
-    assert max(sim.lists.rebuilds, sim.lists.refreshes, len(asked)) < 10
+    assert max(sim.lists.rebuilds, sim.lists.inner_rebuilds, len(asked)) < 10

@@ -11,7 +11,7 @@ from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.graph import GraphExecutor
 from warpdem.measure.observers import read_contacts
 from warpdem.measure.snapshot import take_snapshot
-from warpdem.output.instant import Instant, StagingBuffer
+from warpdem.output.staged_state import StagedState, StagingBuffer
 
 STEPS = 150
 RADIUS = 1.0e-3
@@ -80,9 +80,9 @@ def test_inner_lists_are_built_in_the_graph(in_a_box):
     own, graph = in_a_box
     resident = graph.engine.executor
     assert resident.inner_builds > 3
-    assert graph.lists.refreshes == graph.lists.version + resident.inner_builds
+    assert graph.lists.inner_rebuilds == graph.lists.version + resident.inner_builds
     # not much more often than by the host, which steers the margin at each
-    assert graph.lists.refreshes < 1.5 * own.lists.refreshes
+    assert graph.lists.inner_rebuilds < 1.5 * own.lists.inner_rebuilds
     assert resident.captures <= graph.lists.version
 
 
@@ -130,7 +130,7 @@ def test_readers_see_the_lists_of_the_device(in_a_box):
 def test_an_instant_of_the_graph_is_read_without_the_device(in_a_box, monkeypatch):
     _, graph = in_a_box
     there, contacts = graph.snapshot(), graph.contacts()
-    still = Instant(graph.view, StagingBuffer(graph.device)).view()
+    still = StagedState(graph.view, StagingBuffer(graph.device)).view()
 
     launch = wp.launch
 

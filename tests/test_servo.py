@@ -10,7 +10,7 @@ from warpdem.app import summary
 from warpdem.measure.column import Readings
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import Instant, StagingBuffer
+from warpdem.output.staged_state import StagedState, StagingBuffer
 
 R, DT = 1e-3, 5e-6
 E_STAR = 50e6 / (2 * (1 - 0.3**2))  # of two grains; a grain and a wall of one material are alike
@@ -238,7 +238,7 @@ def test_what_was_read_stays_when_the_run_goes_on(tmp_path):
     sim = run(bed()[0])
     sim.step(500)
     now = sim.snapshot()
-    copy = Instant(sim.view, StagingBuffer(sim.device))
+    copy = StagedState(sim.view, StagingBuffer(sim.device))
     sim.step(500)
     then = take_snapshot(copy.view())
     np.testing.assert_array_equal(then.walls["lid"].translation, now.walls["lid"].translation)

@@ -12,6 +12,7 @@ from warpdem.core.log import log
 from warpdem.core.snapshot import WallMesh
 from warpdem.measure.budget import Budget
 from warpdem.mesh.tessellation import drawings
+from warpdem.ranks.world import World
 from warpdem.runs.recorded import RecordedRun, Rows
 from warpdem.scene.model import Scene
 from warpdem.state import checkpoint, checkpoint_file, same_scene
@@ -27,6 +28,7 @@ class Simulation(RecordedRun):
         start: checkpoint of another run to start from in place of the scene's grains, as the scene's key start.
         resident: many steps as one captured graph on one thread; None takes it on a GPU and not on a CPU, where it shows that
             the GPU's launches give the CPU's bits.
+        world: the ranks (MPI processes) that this process leads, which share the work; None: it does all itself.
 
     Attributes:
         notes: what of the scene's file was not taken, and what is odd or was mended in its meshes, for people.
@@ -46,8 +48,9 @@ class Simulation(RecordedRun):
         start: str | Path | None = None,
         *,
         resident: bool | None = None,
+        world: World | None = None,
     ) -> None:
-        self._parts = parts = Parts.of(scene, device, threads, start, resident)
+        self._parts = parts = Parts.of(scene, device, threads, start, resident, world)
         self.model, self.state, self._clock, self.engine = parts.model, parts.state, parts.clock, parts.engine
         self.streams, self.loop, self.live, self.guards = parts.streams, parts.loop, parts.view, parts.guards
         self.timers, self.seconds, self.rows, self.notes = parts.timers, parts.timers.seconds, Rows(), parts.notes

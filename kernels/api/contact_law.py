@@ -5,8 +5,8 @@ from types import ModuleType
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
-from warpdem.kernels.api.grains import Load, Pair, Record
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
+from warpdem.kernels.api.grains import Load
 from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
@@ -51,7 +51,7 @@ class ContactLaw:
 
 
 @functools.cache
-def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Built:
+def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> KernelSet:
     """The kernels of a contact law in double precision, over a table of coefficients, and those of grains and walls.
 
     Args:
@@ -66,8 +66,9 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     wall_law = contact_law.build(real, normal, tangential, rolling, torsion, wall=True)
     pair_law = contact_law.build(real, normal, tangential, rolling, torsion)
     pair_kernels = pair_contacts.build(real, pair_law, None, around, spins=True, gap=gap)
+    arrays = structs.build(pair_kernels)
     evaluate_pair = thread_contact.build(
-        pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
+        arrays, pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
     )
     lists = neighbors.build(
         real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],
@@ -78,7 +79,6 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
     one = contact.build(
         wall_law, None, around, seen, spins=True, turning_frame=False, moving_frame=False, moving=0, **met
     )
-    arrays = structs.build(pair_kernels)
     walls = evaluate.build(arrays, one, closest, around, seen, table=True, meshes=True, gap=gap)
     WallContacts, evaluate_wall_contacts = walls.WallContacts, walls.evaluate
     beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
@@ -86,39 +86,27 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
 
     @kernel
     def pair_forces(
-        record: wp.array(dtype=Record),  # (n,)
-        inverse: wp.array(dtype=Pair),
-        owner: wp.array2d(dtype=wp.int32),  # (contacts, 1)
-        partner: wp.array2d(dtype=wp.int32),
-        pair: wp.array2d(dtype=wp.int32),
-        coefficients: wp.array(dtype=pair_kernels.Coefficients),
         row: wp.array(dtype=Row),  # (1,)
-        dt: wp.float64,
-        history_of: wp.array3d(dtype=wp.float64),  # (contacts, numbers, 1), read and written
-        slot_i: wp.array2d(dtype=wp.int32),
-        slot_j: wp.array2d(dtype=wp.int32),
-        share_out: wp.array(dtype=pair_kernels.PairForce),  # (2 contacts + 1,)
-        entry_out: wp.array(dtype=pair_kernels.Entry),  # (0,)
+        model: arrays.Model,
+        # written
+        grains: arrays.Grains,
+        contacts: arrays.ContactBatches,  # of one contact each
     ):
         """Evaluate one contact per thread."""
-        t = wp.tid()
-        evaluate_pair(
-            t, 0, record, owner, partner, inverse, pair, coefficients, pair_kernels.Turn(), slip_time(row[0]), dt,
-            history_of,
-            slot_i, slot_j, history_of, share_out, entry_out,
-        )  # fmt: skip
+        no_turn = pair_kernels.Turn()
+        evaluate_pair(wp.tid(), 0, no_turn, slip_time(row[0]), model, grains, contacts, contacts.history)
 
     @kernel
     def pair_load(
         start: wp.array(dtype=wp.int32),  # (n + 1,)
-        share: wp.array(dtype=pair_kernels.PairForce),
+        pair_force: wp.array(dtype=pair_kernels.PairForce),
         no_walls: wp.array(dtype=wp.int32),
         none: wp.array(dtype=Load),
         load_out: wp.array(dtype=Load),  # (n,)
     ):
         """Sum over the contacts of each grain, in order of partner."""
         i = wp.tid()
-        load_out[i] = load_of(i, start, share, no_walls, none)
+        load_out[i] = load_of(i, start, pair_force, no_walls, none)
 
     @kernel
     def wall_forces(
@@ -140,7 +128,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Bui
         i = wall_contacts.grain[r]
         load_out[i] = load_out[i] + wall_contacts.load[i]
 
-    return Built(
+    return KernelSet(
         lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
         pair_load=pair_load,
         wall_forces=wall_forces, structs=arrays, WallHistory=record.history_type(remembered), Result=record.result_type(rolls),

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.api.grains import Grains, Load, Pair, Record
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.step import motion
@@ -12,7 +12,7 @@ from warpdem.kernels.step.schedule import FrameRow, Row
 
 
 @functools.cache
-def motion_kernels() -> Built:
+def motion_kernels() -> KernelSet:
     """Kernels that know no contact law."""
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     g = grain.build(True)
@@ -39,7 +39,7 @@ def motion_kernels() -> Built:
         if not (wp.length(g.position(record[i]) - reference[i]) <= most):
             out[0] = 1
 
-    return Built(move=move, displaced=displaced)
+    return KernelSet(move=move, displaced=displaced)
 
 
 @functools.cache

@@ -43,12 +43,11 @@ class Pairs(ListedGrains):
         self._capacity = CAPACITY
         self._old: NeighborRows | None = None
         self._no_walls, self._no_load = self.ints(0), wp.zeros(0, dtype=Load, device=grains.device)
-        self._no_entry = wp.zeros(0, dtype=self.kernels.pair_kernels.Entry, device=grains.device)
         self.history = wp.zeros((0, max(law.history, 1), 1), dtype=wp.float64, device=grains.device)
         if len(grains) < 2:
             self.owner = self.partner = self.ints((0, 1))
             self.start = self._row_start = self.ints(len(grains) + 1)
-            self._share = wp.zeros(1, dtype=self.kernels.pair_kernels.PairForce, device=grains.device)
+            self._pair_force = wp.zeros(1, dtype=self.kernels.pair_kernels.PairForce, device=grains.device)
 
     def apply(self, dt: float) -> None:
         """Write the sum of the contact forces and torques on each grain to ``grains.load``, for a step of ``dt`` [s]."""
@@ -57,11 +56,13 @@ class Pairs(ListedGrains):
             self.update()
         row = step_row(dt, (0.0, 0.0, 0.0), g.steps == 0, g.device.alias)
         if len(self.owner):
-            self.launch(k.pair_forces, len(self.owner), [
-                g.record, g.inverse, self.owner, self.partner, self._pair, self._table, row, dt, self.history,
-                self._slot_i, self._slot_j, self._share, self._no_entry,
-            ])  # fmt: skip
-        self.launch(k.pair_load, len(g), [self._row_start, self._share, self._no_walls, self._no_load, g.load])
+            model, grains, contacts = k.structs.Model(), k.structs.Grains(), k.structs.ContactBatches()
+            model.coefficients, model.dt = self._table, dt
+            grains.record, grains.inverse, grains.row = g.record, g.inverse, self._pair_force
+            contacts.owner, contacts.partner, contacts.kind = self.owner, self.partner, self._pair
+            contacts.slot_i, contacts.slot_j, contacts.history = self._slot_i, self._slot_j, self.history
+            self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts])
+        self.launch(k.pair_load, len(g), [self._row_start, self._pair_force, self._no_walls, self._no_load, g.load])
 
     def _grid(self) -> SizeGrids:
         """One grid of cells as wide as two of the largest grains and the skin."""
@@ -87,7 +88,7 @@ class Pairs(ListedGrains):
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
             slot = self.ints(n * self._capacity)
             self.launch(lists.find_neighbors, n, [
-                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), self.skin, start, count, slot
+                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), n, self.skin, start, count, slot
             ])
             longest = int(count.numpy().max())
             if longest <= self._capacity:
@@ -121,4 +122,4 @@ class Pairs(ListedGrains):
         self.start, self.count, self.neighbor = start, count, slot
         self.owner, self.partner, self.history = owner, partner, history
         self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, rows
-        self._share = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)
+        self._pair_force = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)

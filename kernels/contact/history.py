@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact.columns import LOAD, TWIST, Columns
 
 
@@ -92,7 +92,7 @@ def build(real, at: Columns, own: Columns):
         a = angle(h)
         return joined(s + rate * s, a + rate * a, load(h), twist(h), own_of(h))
 
-    return Built(
+    return KernelSet(
         History=History, Own=Own, Rotation=Rotation, at=at, spring=spring, angle=angle, twist=twist, own=own_of, joined=joined,
         rotated=rotated,
     )  # fmt: skip

@@ -16,7 +16,7 @@ so friction never creates energy: (F_t - F_spring) . v_t <= 0.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, rotation, tiny
+from warpdem.kernels import KernelSet, rotation, tiny
 from warpdem.kernels.contact import columns, history, normal_law
 
 
@@ -132,7 +132,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
             twist = limited_twist
         return total, torque, past.joined(spring, angle, load, twist, own)
 
-    return Built(
+    return KernelSet(
         force=force, constants=of_normal.constants, Coefficients=Coefficients, Constants=Constants, History=History,
         history=past, at=at, normal=of_normal, losses=of_normal.losses,
     )  # fmt: skip

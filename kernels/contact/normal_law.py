@@ -50,7 +50,7 @@ import functools
 from types import ModuleType
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import columns
 
 NORMAL_CAP, TANGENTIAL_CAP = 0.3, 0.25  # damping coefficient times the time step over m* and over m_t [-]
@@ -187,7 +187,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
         _f, _l, k_n, _g, depth, _b, _h = of_speed(overlap, overlap, real(0.0), k, history)
         return k_n, depth
 
-    return Built(
+    return KernelSet(
         Coefficients=Coefficients, Constants=Constants, Own=Own, History=History, at=at, constants=constants, force=force,
         elastic=elastic, lost=lost, losses=losses.names,
     )  # fmt: skip

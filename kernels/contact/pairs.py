@@ -12,7 +12,7 @@ give the same bits in any lane, so a contact's result does not depend on its pla
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT, with_losses
 
@@ -190,7 +190,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         """R* [m]."""
         return gi[3] * gj[3] / (gi[3] + gj[3])
 
-    return Built(
+    return KernelSet(
         contact=contact, constants_of_clumps=constants_of_clumps, clumps=of_clumps, margin=margin,
         margin_before=margin_before, reduced_radius=reduced_radius,
         cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,

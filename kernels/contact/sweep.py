@@ -9,18 +9,19 @@ too scattered in memory for the hardware to foresee, so a batch is announced som
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.pairs import RESULT_AT
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import LANE, NUMBER, declarations
 from warpdem.kernels.simd.translate import Translator
+from warpdem.kernels.step.structs import Range
 
 AHEAD = {4: 6, 8: 4}  # contact batches between the prefetch of a contact batch and its use, by lanes
 
 
 @functools.cache
-def translated(pairs, turning_frame: bool) -> Built:
+def translated(pairs, turning_frame: bool) -> KernelSet:
     """The functions of one contact in C++, as ``text``, and their names.
 
     Args:
@@ -39,7 +40,15 @@ def translated(pairs, turning_frame: bool) -> Built:
     if turning_frame and pairs.law.history.at.width:
         functions["rotated"] = pairs.law.history.rotated
     names = {name: law.add(function).name for name, function in functions.items()}
-    return Built(text=law.text, **names)
+    return KernelSet(text=law.text, **names)
+
+
+ARRAYS = {
+    "grains.inverse": "inverse", "grains.row": "row", "grains.entry": "entry", "contacts.owner": "owner",
+    "contacts.partner": "partner", "contacts.constants": "constants", "contacts.kind": "kind", "contacts.history": "history_in",
+    "contacts.slot_i": "slot_i", "contacts.slot_j": "slot_j", "model.coefficients": "coefficients",
+}  # fmt: skip
+"""Arrays of the structs under names of their own: what is stored through one of them does not change where others are."""
 
 
 def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool) -> str:
@@ -103,16 +112,19 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     struct batch {{
         enum {{ LANES = {lanes} }};
 {rows.helpers(real, lanes)}{rows.helpers(wp.float64, lanes) if real is not wp.float64 else ""}{law.text}    }};
-    const double* const records = grains.data[0].c;
+    const double* const records = grains.record.data[0].c;
+{"".join(f"    const auto {name} = {array};" + chr(10) for array, name in ARRAYS.items())}\
+    const double dt = model.dt;
+    const int at = part.slot, stride = part.stride, last = part.last;
     wp::mat_t<3, 3, {lane}> turn;
     for (int f = 0; f < 9; ++f) turn.data[f / 3][f % 3] = turn_rate.data[f / 3][f % 3];
     wp::vec_t<{coefficients}, f64> c;
     for (int f = 0; f < {coefficients}; ++f) c.c[f] = coefficients.data[0].c[f];
     {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
-    for (long long p = first; p < last; p += stride) {{  // products of it are longer than 32 bits
+    for (long long p = part.first; p < last; p += stride) {{  // products of it are longer than 32 bits
         const long long ahead = p + {AHEAD.get(lanes, 4)} * stride < last ? p + {AHEAD.get(lanes, 4)} * stride : p;
         for (long long k = ahead * {lanes}; k < (ahead + 1) * {lanes}; ++k) {{
-            const char* record = (const char*)(grains.data + partner.data[k]);
+            const char* record = (const char*)(grains.record.data + partner.data[k]);
             __builtin_prefetch(record);
             __builtin_prefetch(record + 64);
 {prefetch}\
@@ -158,10 +170,11 @@ def _given(pairs, lanes: int, places: list[str]) -> str:
 
 
 @functools.cache
-def build(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool):
-    """Return ``sweep``: evaluates the contact batches ``first`` to ``last``.
+def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool):
+    """Return ``sweep``: evaluates the contact batches of a range.
 
     Args:
+        structs: namespace of ``step.structs.build``.
         pairs: namespace of ``pairs.build``.
         lanes: contacts of a batch: 2, 4 or 8.
         stored: columns of the constants that are kept of each contact.
@@ -171,34 +184,21 @@ def build(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: boo
     Raises:
         NotStraight: the law cannot be evaluated in lanes.
     """
-    g = grain.build(pairs.spins)
     real = pairs.real
 
     @wp.func_native(source(pairs, lanes, stored=stored, turning_frame=turning_frame, table=table))
     def sweep(
-        first: int, last: int, stride: int,
-        # state, read
-        grains: wp.array(dtype=g.Record),
-        owner: wp.array2d(dtype=wp.int32),  # (batches, lanes)
-        partner: wp.array2d(dtype=wp.int32),
-        constants: wp.array3d(dtype=real),  # (batches, numbers, lanes)
-        # coefficients
-        kind: wp.array2d(dtype=wp.int32),
-        coefficients: wp.array(dtype=pairs.Coefficients),
-        turn_rate: pairs.Turn,
+        part: Range,
+        turn_rate: pairs.Turn,  # of the axes over the last step
         slip_time: wp.float64,
-        dt: wp.float64,
-        history_in: wp.array3d(dtype=real),  # (batches, numbers, lanes), of the step before
-        slot_i: wp.array2d(dtype=wp.int32),
-        slot_j: wp.array2d(dtype=wp.int32),
-        inverse: wp.array(dtype=pairs.clumps.Inverse),  # read where there are clumps
+        model: structs.Model,
+        # read and written: forces, energy entries
+        grains: structs.Grains,
+        contacts: structs.ContactBatches,
         # written
-        history_out: wp.array3d(dtype=real),  # may be the same array
-        row: wp.array(dtype=pairs.PairForce),
-        entry: wp.array(dtype=pairs.Entry),  # beside row, when energies are added up
-        extreme: wp.array(dtype=wp.float64),  # from ``at``: largest overlap ratio [-] and approach speed [m/s]
-        at: int,
-    ):  # fmt: skip
+        history_out: wp.array3d(dtype=real),  # may be that of ``contacts``
+        extreme: wp.array(dtype=wp.float64),  # from the slot of the range: largest overlap ratio [-], approach speed [m/s]
+    ):
         """Evaluate contact batches; what is out of reach gets zeros."""
         ...
 

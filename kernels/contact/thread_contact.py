@@ -9,14 +9,14 @@ of its grains: a GPU computes faster than it reads. Bits are those of ``sweep``:
 import functools
 
 import warp as wp
-from warpdem.kernels import grain
 
 
 @functools.cache
-def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float):
+def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float):
     """Return ``evaluate``.
 
     Args:
+        structs: namespace of ``step.structs.build``.
         pairs: namespace of ``pairs.build``.
         constants: of ``law.build`` in float64.
         spins: grains spin.
@@ -24,64 +24,53 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
         turning_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
     """
-    g, real, law, parts = grain.build(spins), pairs.real, pairs.law, pairs.has_parts
+    real, law, parts = pairs.real, pairs.law, pairs.has_parts
     past, remembers = law.history, law.history.at.width
     Constants, History = law.Constants, law.History
-    PairForce, Entry = pairs.PairForce, pairs.Entry
-    Inverse = pairs.clumps.Inverse
+    PairForce = pairs.PairForce
 
     @wp.func
     def evaluate(
         p: int,
         k: int,
-        # state, read
-        grains: wp.array(dtype=g.Record),
-        owner: wp.array2d(dtype=wp.int32),
-        partner: wp.array2d(dtype=wp.int32),
-        inverse: wp.array(dtype=Inverse),
-        # coefficients
-        kind: wp.array2d(dtype=wp.int32),
-        coefficients: wp.array(dtype=pairs.Coefficients),
-        turn_rate: pairs.Turn,
+        turn_rate: pairs.Turn,  # of the axes over the last step
         slip_time: wp.float64,
-        dt: wp.float64,
-        history_in: wp.array3d(dtype=real),  # of the step before
-        slot_i: wp.array2d(dtype=wp.int32),
-        slot_j: wp.array2d(dtype=wp.int32),
+        model: structs.Model,
+        # read and written: forces, energy entries
+        grains: structs.Grains,
+        contacts: structs.ContactBatches,
         # written
-        history_out: wp.array3d(dtype=real),  # may be the same array
-        row_out: wp.array(dtype=PairForce),
-        entry_out: wp.array(dtype=Entry),
+        history_out: wp.array3d(dtype=real),  # may be that of ``contacts``
     ):
         """Evaluate lane ``k`` of contact batch ``p``; return its overlap ratio [-] and approach speed [m/s]."""
-        at_i = slot_i[p, k]
-        at_j = slot_j[p, k]
-        if at_i + 1 == row_out.shape[0]:  # an empty lane of its contact batch
+        at_i = contacts.slot_i[p, k]
+        at_j = contacts.slot_j[p, k]
+        if at_i + 1 == grains.row.shape[0]:  # an empty lane of its contact batch
             return wp.float64(0.0), wp.float64(0.0)
-        i = owner[p, k]
-        j = partner[p, k]
-        gi = grains[i]
-        gj = grains[j]
+        i = contacts.owner[p, k]
+        j = contacts.partner[p, k]
+        gi = grains.record[i]
+        gj = grains.record[j]
         # the energy that a contact loses when it opens is found in the step after its last one
         if wp.static(not parts):
             if pairs.margin(gi, gj) < wp.float64(0.0):
-                row_out[at_i] = PairForce()
-                row_out[at_j] = PairForce()
+                grains.row[at_i] = PairForce()
+                grains.row[at_j] = PairForce()
                 for f in range(wp.static(remembers)):
                     history_out[p, f, k] = real(0.0)
                 return wp.float64(0.0), wp.float64(0.0)
-        coefficients_64 = coefficients[0]
+        coefficients_64 = model.coefficients[0]
         if wp.static(table):
-            coefficients_64 = coefficients[kind[p, k]]
-        inv_i = inverse[i]
-        inv_j = inverse[j]
+            coefficients_64 = model.coefficients[contacts.kind[p, k]]
+        inv_i = grains.inverse[i]
+        inv_j = grains.inverse[j]
         radius = pairs.reduced_radius(gi, gj)
         inertia = wp.float64(0.0)
         if wp.static(rolling):
             inertia = wp.float64(wp.static(inertia_factor)) / (inv_i[1] + inv_j[1])
         history = History()
         for f in range(wp.static(remembers)):
-            history[f] = history_in[p, f, k]
+            history[f] = contacts.history[p, f, k]
         if wp.static(turning_frame):
             history = past.rotated(history, turn_rate)
         c = pairs.cast_coefficients(coefficients_64)
@@ -95,17 +84,17 @@ def build(pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, 
             for f in range(wp.static(Constants._length_)):
                 numbers[f] = real(constants_64[f])
         result, now, ratio, speed, for_i, for_j = pairs.contact(
-            gi, gj, numbers, real(radius), real(inertia), c, history, slip_time, dt
+            gi, gj, numbers, real(radius), real(inertia), c, history, slip_time, model.dt
         )
         if wp.static(spins):
-            row_out[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
-            row_out[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
+            grains.row[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
+            grains.row[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
         else:
-            row_out[at_i] = PairForce(result[0], result[1], result[2])
-            row_out[at_j] = PairForce(-result[0], -result[1], -result[2])
+            grains.row[at_i] = PairForce(result[0], result[1], result[2])
+            grains.row[at_j] = PairForce(-result[0], -result[1], -result[2])
         if wp.static(parts):
-            entry_out[at_i] = for_i
-            entry_out[at_j] = for_j
+            grains.entry[at_i] = for_i
+            grains.entry[at_j] = for_j
         for f in range(wp.static(remembers)):
             history_out[p, f, k] = now[f]
         return wp.float64(ratio), wp.float64(speed)

@@ -8,7 +8,7 @@ With sizes within a factor of about two there is one class, and one grid.
 A grid wraps around: cells that are a multiple of its size apart share a list, so that a grain far from the others costs no
 memory. To find the grains near a place, walk the cells that the box around it overlaps, no cell twice:
 
-    low, box = box_around(grids, size, place, reach)
+    low, box = box_around(grids, size, place, half_width)
     for z in range(box[2]):
         for y in range(box[1]):
             line = line_of(grids, size, low, y, z)
@@ -89,9 +89,9 @@ def insert(grids: SizeGrids, i: int, place: wp.vec3d, radius: wp.float64):
 
 
 @wp.func
-def box_around(grids: SizeGrids, size: int, place: wp.vec3d, reach: wp.float64):
-    """First cell, within the grid, and number of different cells in each direction, of the box of half width ``reach`` [m]."""
-    corner = wp.vec3d(reach, reach, reach)
+def box_around(grids: SizeGrids, size: int, place: wp.vec3d, half_width: wp.float64):
+    """First cell, within the grid, and number of different cells in each direction, of the box of this half width [m]."""
+    corner = wp.vec3d(half_width, half_width, half_width)
     low = cell_of(grids, size, place - corner)
     box = wp.min(cell_of(grids, size, place + corner) - low + wp.vec3i(1, 1, 1), grids.cells[size])
     return wrapped(grids, size, low), box

@@ -9,7 +9,7 @@ that is fast beside a mesh.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump, grain
 from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, SCHEDULE_ROW
 from warpdem.kernels.step.schedule import Placement, local, wall_velocity
@@ -48,7 +48,7 @@ class References:
 
 
 @functools.cache
-def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool):
+def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool, clumps: bool = False):
     """Return the kernels.
 
     Args:
@@ -58,7 +58,9 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
         moving: number of wall motions relative to the frame.
         stages: force calls per step.
         leave: grains may leave the domain.
+        clumps: there are clumps, which leave as a whole, where their centre does.
     """
+    Clumps = clump.build(clumps).Clumps
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
@@ -81,11 +83,12 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
 
     @wp.func
     def check_grain(
-        i: int, state: g.Record, references: References, control: Control, schedule_row: int, watched: Watched, dt: wp.float64
+        i: int, state: g.Record, of_clumps: Clumps, references: References, control: Control, schedule_row: int,
+        watched: Watched, dt: wp.float64,
     ) -> int:  # fmt: skip
         """What has become of grain ``i`` at the present step, that of row ``schedule_row`` of the schedule."""
         found = int(0)
-        if not g.gone(state):
+        if not g.is_removed(state):
             q = g.position(state)
             row = (schedule_row + 1) * wp.static(stages)
             if i < references.outer.shape[0]:
@@ -106,7 +109,12 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
                         found = found | wp.static(OUTER_HALF)
                     if not (square <= left * left):
                         found = found | wp.static(OUTER)
-            number = travel.outlet_of(q, control.outlet, control.placement, row)
+            centre = q
+            if wp.static(clumps):
+                c = of_clumps.of_grain[i]
+                if c != wp.static(clump.NONE):
+                    centre = g.position(of_clumps.record[c])
+            number = travel.outlet_of(centre, control.outlet, control.placement, row)
             if number >= 0:
                 found = found | wp.static(IN_OUTLET) | (number << wp.static(OUTLET_NUMBER))
             if border.crossed(q):
@@ -121,6 +129,7 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
     def check_lists(
         first: int,
         grains: wp.array(dtype=g.Record),  # (n,)
+        of_clumps: Clumps,  # of empty arrays without clumps
         references: References,
         control: Control,
         watched: Watched,
@@ -131,7 +140,7 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
     ):
         """What has become of each grain; conditions BUILD_OUTER and ASK_HOST of the clock."""
         i = first + wp.tid()
-        found = check_grain(i, grains[i], references, control, clock_out[SCHEDULE_ROW], watched, dt)
+        found = check_grain(i, grains[i], of_clumps, references, control, clock_out[SCHEDULE_ROW], watched, dt)
         if found_out.shape[0] > 0:
             found_out[i] = found
         if (found & wp.static(OUT_OF_DATE)) > 0:
@@ -169,6 +178,6 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool)
         i = first + wp.tid()
         put_reference(i, g.position(grains[i]), placements, flight, reference_out)
 
-    return Built(
+    return KernelSet(
         check_lists=check_lists, save_reference=save_reference, check_grain=check_grain, put_reference=put_reference
     )

@@ -25,7 +25,7 @@ other grains are first asked for by the boxes around BLOCK of them that follow e
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.lists.displacement import Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, position_at, velocity_at
@@ -78,6 +78,33 @@ def build(
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     periodic = border.images > 1
 
+    @wp.struct
+    class OtherGrains:
+        """The grains that a path must keep away from; read only."""
+
+        record: wp.array(dtype=g.Record)  # (n,)
+        reference: wp.array2d(dtype=wp.vec3d)  # (n, 1 + motions) of the outer list
+        flight: wp.array(dtype=Flight)  # (n,)
+        flyer: wp.array(dtype=wp.int32)  # slots of those in flight
+        low: wp.array(dtype=wp.vec3d)  # (blocks,) of ``enclose``
+        high: wp.array(dtype=wp.vec3d)
+        rows: NeighborRows  # the outer list
+        skin: wp.float64  # of it [m]
+
+    @wp.struct
+    class WallsAhead:
+        """The walls that a path must keep away from, and where they will be; read only."""
+
+        surface: Surface
+        mesh: wp.array(dtype=wp.uint64)  # (meshes,) tree of each
+        mesh_wall: wp.array(dtype=wp.int32)  # (meshes,) number of its wall
+        watched: Watched
+        placements: wp.array2d(dtype=Placement)  # (rows, motions)
+        row: wp.int32  # of the placements at present
+        fastest: wp.array(dtype=wp.vec2d)  # (motions,) largest speed at the origin [m/s] and spin [rad/s]
+        wall_contacts: WallContacts
+        near_feature: wp.array(dtype=wp.int32)  # (wall slots,) features listed beside each grain
+
     @kernel
     def enclose(
         first: int,
@@ -93,7 +120,7 @@ def build(
         low = wp.vec3d(far, far, far)
         high = -low
         for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
-            if not in_flight(flight, j) and not g.gone(grains[j]):
+            if not in_flight(flight, j) and not g.is_removed(grains[j]):
                 there = reference[j, 0]
                 r = grains[j][3]
                 room = wp.vec3d(r, r, r)
@@ -152,76 +179,74 @@ def build(
     @wp.func
     def until_grain(
         f: int, x: wp.vec3d, speed: wp.float64, acceleration: wp.float64, need: wp.float64, best: wp.float64,
-        grains: wp.array(dtype=g.Record), reference: wp.array2d(dtype=wp.vec3d), flight: wp.array(dtype=Flight), at: int,
-        count: int, slot: wp.array(dtype=wp.int32), low: wp.array(dtype=wp.vec3d), high: wp.array(dtype=wp.vec3d),
+        others: OtherGrains,
     ) -> wp.float64:  # fmt: skip
         """Time [s], at most ``best``, for which the grain at ``x`` meets none at its reference."""
         time = best
-        for b in range(low.shape[0]):
-            first = low[b]
-            last = high[b]
+        start = others.rows.start[f]
+        count = others.rows.count[f]
+        for b in range(others.low.shape[0]):
+            first = others.low[b]
+            last = others.high[b]
             if first[0] <= last[0]:
                 if gap_to_box(x, first, last) - need < largest_distance(time, speed, acceleration):
-                    for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
-                        if j != f and not in_flight(flight, j) and not g.gone(grains[j]):
-                            free = wp.length(border.nearest(x - reference[j, 0])) - need - grains[j][3]
+                    for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), others.record.shape[0])):
+                        if j != f and not in_flight(others.flight, j) and not g.is_removed(others.record[j]):
+                            free = wp.length(border.nearest(x - others.reference[j, 0])) - need - others.record[j][3]
                             until = least_time(free, speed, acceleration)
                             if until < time:
-                                if not is_listed(j, at, count, slot):
+                                if not is_listed(j, start, count, others.rows.slot):
                                     time = until
         return time
 
     @wp.func
     def until_wall(
         f: int, k: int, x: wp.vec3d, v: wp.vec3d, radius: wp.float64, acceleration: wp.float64, need: wp.float64,
-        best: wp.float64,
-        surface: Surface, mesh: wp.array(dtype=wp.uint64), mesh_wall: wp.array(dtype=wp.int32),
-        placements: wp.array2d(dtype=Placement), row: int, swiftest: wp.array(dtype=wp.vec2d), watched: Watched, dt: wp.float64,
-        wall_contacts: WallContacts, near_feature: wp.array(dtype=wp.int32),
+        best: wp.float64, dt: wp.float64, walls: WallsAhead,
     ) -> wp.float64:  # fmt: skip
         """Time [s], at most ``best``, for which the grain at ``x`` meets no wall, ``k`` steps from now."""
         time = best
-        now = row
+        now = walls.row
         if wp.static(moving > 0):
-            now = row + k * wp.static(stages)
+            now = walls.row + k * wp.static(stages)
         speed = wp.length(v)
         if wp.static(meshes):
-            for m in range(mesh.shape[0]):
-                wall = mesh_wall[m]
-                motion = surface.motion[wall]
-                most = swiftest[motion]
-                body = local(placements[now, motion], x)
+            for m in range(walls.mesh.shape[0]):
+                wall = walls.mesh_wall[m]
+                motion = walls.surface.motion[wall]
+                most = walls.fastest[motion]
+                body = local(walls.placements[now, motion], x)
                 closing = speed + most[0] + most[1] * wp.length(x)
                 turning = acceleration + wp.float64(2.0) * most[1] * closing
-                away = gap_to_box_alone(body, watched.low[m], watched.high[m])
+                away = gap_to_box_alone(body, walls.watched.low[m], walls.watched.high[m])
                 # what is fast beside a mesh is for the guard of the travel to see (``travel``)
                 free = away - need - closing * dt * wp.float64(2.0)
-                slow = closing * dt * wp.float64(1.1) < watched.max_travel[m] * radius
+                slow = closing * dt * wp.float64(1.1) < walls.watched.max_travel[m] * radius
                 ahead = largest_distance(time, closing, turning)
                 if slow and free < ahead:
                     p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
                     # nothing further than that matters; somewhat more for the rounding of single precision
                     within = (need + ahead) * wp.float64(1.001) + wp.float64(1.0e-4) * wp.length(body)
-                    within = within + wp.float64(2.0) * surface.rounding[wall]
-                    found = wp.mesh_query_point_no_sign(mesh[m], p, wp.float32(wp.min(within, wp.float64(FAR))))
+                    within = within + wp.float64(2.0) * walls.surface.rounding[wall]
+                    found = wp.mesh_query_point_no_sign(walls.mesh[m], p, wp.float32(wp.min(within, wp.float64(FAR))))
                     free = ahead
                     if found.result:
-                        point = wp.mesh_eval_position(mesh[m], found.face, found.u, found.v)
+                        point = wp.mesh_eval_position(walls.mesh[m], found.face, found.u, found.v)
                         apart = body - wp.vec3d(wp.float64(point[0]), wp.float64(point[1]), wp.float64(point[2]))
-                        rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + surface.rounding[wall]
+                        rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + walls.surface.rounding[wall]
                         free = wp.length(apart) - need - rounding
                 time = wp.min(time, least_time(free, closing, turning))
         if wp.static(shapes):
-            for s in range(surface.planes + surface.revolutions + surface.spheres):
-                feature = surface.triangles + s
-                begin = wall_contacts.first[f]
-                if not is_listed(feature, begin, wall_contacts.first[f + 1] - begin, near_feature):
-                    motion = surface.motion[surface.wall[feature]]
-                    most = swiftest[motion]
-                    body = local(placements[now, motion], x)
+            for s in range(walls.surface.planes + walls.surface.revolutions + walls.surface.spheres):
+                feature = walls.surface.triangles + s
+                begin = walls.wall_contacts.first[f]
+                if not is_listed(feature, begin, walls.wall_contacts.first[f + 1] - begin, walls.near_feature):
+                    motion = walls.surface.motion[walls.surface.wall[feature]]
+                    most = walls.fastest[motion]
+                    body = local(walls.placements[now, motion], x)
                     closing = speed + most[0] + most[1] * wp.length(x)
-                    nearest, direction, distance, mask, share = closest_on_feature(
-                        surface, feature, body, radius, wp.float64(FAR)
+                    nearest, direction, distance, mask, weight = closest_on_feature(
+                        walls.surface, feature, body, radius, wp.float64(FAR)
                     )
                     turning = acceleration + wp.float64(2.0) * most[1] * closing
                     time = wp.min(time, least_time(distance - need, closing, turning))
@@ -231,25 +256,10 @@ def build(
     def steps_of_paths(
         first: int,
         wanted: wp.array(dtype=wp.int32),  # (k,) slots of the grains whose paths are looked at
-        flyer: wp.array(dtype=wp.int32),  # of all in flight, those among them
         now: wp.float64,  # present step
         longest: int,  # steps to look ahead
-        grains: wp.array(dtype=g.Record),  # (n,)
-        reference: wp.array2d(dtype=wp.vec3d),  # (n, 1 + motions) of the outer list
-        flight: wp.array(dtype=Flight),  # (n,)
-        low: wp.array(dtype=wp.vec3d),  # (blocks,) of ``enclose``
-        high: wp.array(dtype=wp.vec3d),
-        rows: NeighborRows,  # the outer list
-        skin: wp.float64,
-        wall_contacts: WallContacts,
-        near_feature: wp.array(dtype=wp.int32),
-        surface: Surface,
-        mesh: wp.array(dtype=wp.uint64),
-        mesh_wall: wp.array(dtype=wp.int32),
-        placements: wp.array2d(dtype=Placement),
-        row: int,  # of the placements at present
-        swiftest: wp.array(dtype=wp.vec2d),  # of each motion: largest speed at the origin [m/s] and spin [rad/s]
-        watched: Watched,
+        others: OtherGrains,  # all grains, those of the paths among them
+        walls: WallsAhead,
         dt: wp.float64,
         steps_out: wp.array(dtype=wp.int32),  # (k,)
     ):
@@ -258,23 +268,21 @@ def build(
         f = wanted[t]
         steps_out[t] = 0
         if wp.static(meshes):
-            for e in range(wall_contacts.first[f], wall_contacts.first[f + 1]):
-                if near_feature[e] < surface.triangles:  # the distance of a mesh is that of all its triangles
+            for e in range(walls.wall_contacts.first[f], walls.wall_contacts.first[f + 1]):
+                if walls.near_feature[e] < walls.surface.triangles:  # the distance of a mesh is that of all its triangles
                     return
-        path = flight[f]
-        radius = grains[f][3]
-        at = rows.start[f]
-        own = rows.count[f]
+        path = others.flight[f]
+        radius = others.record[f][3]
         base = radius + wp.float64(wp.static(gap)) + path[9]
         steps = int(longest)
-        for n in range(flyer.shape[0]):
-            j = flyer[n]
+        for n in range(others.flyer.shape[0]):
+            j = others.flyer[n]
             if j != f:
-                other = flight[j]
-                until = until_meeting(path, other, now, dt, base + grains[j][3] + other[9]) / dt
+                other = others.flight[j]
+                until = until_meeting(path, other, now, dt, base + others.record[j][3] + other[9]) / dt
                 # a path that ends before does not count beyond its end: a new one will be laid against this one
                 if until < wp.float64(steps) and until < other[11] - now:
-                    if not is_listed(j, at, own, rows.slot):
+                    if not is_listed(j, others.rows.start[f], others.rows.count[f], others.rows.slot):
                         steps = int(until)
         k = int(0)
         look = int(0)
@@ -294,16 +302,13 @@ def build(
                     time = wp.float64(0.0)
                 time = wp.min(time, least_time(wp.float64(wp.static(0.2 * shortest)), speed, bent))
             if wp.static(meshes or shapes):
-                time = until_wall(
-                    f, k, x, v, radius, bent, base, time, surface, mesh, mesh_wall, placements, row, swiftest, watched, dt,
-                    wall_contacts, near_feature,
-                )  # fmt: skip
-            half = wp.float64(0.5) * skin
-            time = until_grain(f, x, speed, bent, base + half, time, grains, reference, flight, at, own, rows.slot, low, high)
+                time = until_wall(f, k, x, v, radius, bent, base, time, dt, walls)
+            half = wp.float64(0.5) * others.skin
+            time = until_grain(f, x, speed, bent, base + half, time, others)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)
             k += int(go)
         steps_out[t] = k
 
-    return Built(enclose=enclose, steps_of_paths=steps_of_paths)
+    return KernelSet(enclose=enclose, steps_of_paths=steps_of_paths, OtherGrains=OtherGrains, WallsAhead=WallsAhead)

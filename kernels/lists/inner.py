@@ -18,7 +18,7 @@ A thread takes whole blocks of grains, so that its batches of contacts are its o
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.lists.displacement import FOR_THE_HOST, INNER, OUT_OF_DATE, References, Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import BLOCK, Counts, Starts, Sums, block_sums, joined, start_block
@@ -113,7 +113,9 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         inner_skin = work.inner_skin
         if mode & wp.static(CHECK):
             for i in range(first, last):
-                one = displacement.check_grain(i, grains.record[i], references, control, schedule_row, watched, model.dt)
+                one = displacement.check_grain(
+                    i, grains.record[i], grains.clumps, references, control, schedule_row, watched, model.dt
+                )
                 scratch.found[i] = one
                 found = found | one
             report[(thread + 1) * wp.static(SPAN)] = found
@@ -188,4 +190,4 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             clear_rest(starts.touching[b * wp.static(BLOCK)], touching, pair, work.unused_slot, contacts)
             clear_rest(starts.near[b * wp.static(BLOCK)], near, pair, work.unused_slot, contacts)
 
-    return Built(build_inner=build_inner, Work=Work)
+    return KernelSet(build_inner=build_inner, Work=Work)

@@ -13,7 +13,7 @@ id first and summed in order of partner id.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, clump, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
 from warpdem.kernels.lists.numbering import Counts, Starts
@@ -33,12 +33,13 @@ class NeighborRows:
 @functools.cache
 def build(
     real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
-    gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False,
+    gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False, ranks: bool = False,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
     them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
+    ``ranks``: the grains from ``owned`` on belong to other processes, and pairs of two of them are not listed.
     """
     g = grain.build(spins)
     Coefficients = law.Coefficients
@@ -53,7 +54,7 @@ def build(
         inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg] and 1/I [1/(kg m2)]
         material: wp.array(dtype=wp.int32)  # (n,) material index
         id: wp.array(dtype=wp.int64)  # (n,)
-        clump: wp.array(dtype=wp.int32)  # (n,) of ``kernels.clump``; of size 0 without clumps
+        clumps: of_clumps.Clumps  # of empty arrays without clumps
 
     @wp.struct
     class ListedContacts:
@@ -127,6 +128,7 @@ def build(
         clump: wp.array(dtype=wp.int32),  # of size 0 without clumps
         material: wp.array(dtype=wp.int32),
         through: wp.array2d(dtype=wp.int32),  # 1 of two materials that pass through each other; of size 0 without any
+        owned: int,  # grains of this process, which stand first
         skin: wp.float64,
         start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
@@ -160,6 +162,8 @@ def build(
                                     near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(clumps):
                                         near = near and not of_clumps.same_clump(clump, i, j)
+                                    if wp.static(ranks):
+                                        near = near and (i < owned or j < owned)
                                     if wp.static(apart):
                                         near = near and through[material[i], material[j]] == 0
                                     if wp.static(border.images > 1):  # a cell may be seen from several images
@@ -283,7 +287,7 @@ def build(
         owner = int(0)
         partner = wp.min(1, last)
         if wp.static(clumps):
-            while partner < last and of_clumps.same_clump(grains.clump, 0, partner):
+            while partner < last and of_clumps.same_clump(grains.clumps.of_grain, 0, partner):
                 partner += 1
         if wp.static(apart):
             while owner < last and rows.count[owner] == 0:
@@ -389,7 +393,7 @@ def build(
         k = t % wp.static(lanes)
         put_constants(p, k, owner[p, k], partner[p, k], grains, inverse, kind, coefficients, constants_out)
 
-    return Built(
+    return KernelSet(
         insert_grains=insert_grains,
         find_neighbors=find_neighbors,
         carry_contacts=carry_contacts,

@@ -9,7 +9,7 @@ that the next forces will write.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.clock import ASK_HOST, BUILD_OUTER, OUTER_BUILDS_LEFT, OUTER_NOT_BEFORE, PARITY, STEPS_DONE
@@ -97,7 +97,7 @@ def build(WallContacts):
         for k in range(n):
             wall_contacts.point[old, slots[i] + k] = wall_contacts.point[new, slots[i] + k]
 
-    return Built(
+    return KernelSet(
         ask_outer=ask_outer, check_outer_capacity=check_outer_capacity, replace_outer=replace_outer,
         move_wall_contacts=move_wall_contacts, settle_wall_contacts=settle_wall_contacts,
     )  # fmt: skip

@@ -19,7 +19,7 @@ What does not close when all is added up is the error of the time integration.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT, with_losses
 from warpdem.kernels.field import Numbers
@@ -310,7 +310,7 @@ def build(
             for wall in range(wall_contacts.power.shape[1]):
                 work_out[i, wall] = work_out[i, wall] + wall_contacts.power[i, wall] * weight
 
-    return Built(
+    return KernelSet(
         contact_energies=contact_energies, field_energies=field_energies, energies=energies,
         contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, turned=turned, lifted=lifted,
         shifted=shifted, wall_works=wall_works,

@@ -11,7 +11,7 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, SHARED_READERS
 from warpdem.kernels.clump import NONE, Reading
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.grain import GONE, RADIUS
+from warpdem.kernels.grain import RADIUS, REMOVED_X
 from warpdem.kernels.measure.exact_sum import add, rounded
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall import plane, revolved, sphere
@@ -86,7 +86,7 @@ def grain_sums(
 ):  # fmt: skip
     """``GRAIN_SUMS`` of the grains that are present."""
     i = first + wp.tid()
-    if record[i, 0] == wp.float64(wp.static(GONE)):
+    if record[i, 0] == wp.float64(wp.static(REMOVED_X)):
         return
     if clump.shape[0] > 0:
         if clump[i] != wp.static(NONE):
@@ -117,8 +117,10 @@ def clump_sums(
     reading: wp.array(dtype=Reading),  # velocity, spin and angular momentum at the present time
     sums_out: wp.array3d(dtype=wp.int64),
 ):  # fmt: skip
-    """``GRAIN_SUMS`` of the clumps."""
+    """``GRAIN_SUMS`` of the clumps that are present."""
     c = first + wp.tid()
+    if record[c, 0] == wp.float64(wp.static(REMOVED_X)):
+        return
     p = part(row, spread, c)
     q = position(record, c)
     mass = wp.float64(1.0) / rate[c][0]
@@ -145,7 +147,7 @@ def column_sums(
     """Sums of the columns of an array."""
     i = first + wp.tid()
     if record.shape[0] > 0:
-        if record[i, 0] == wp.float64(wp.static(GONE)):
+        if record[i, 0] == wp.float64(wp.static(REMOVED_X)):
             return
     for k in range(value.shape[1]):
         add(value[i, k], part(row, spread, i), column + k, sums_out)
@@ -163,7 +165,7 @@ def wall_sums(
     """``WALL_SUMS`` of each wall, over the contact points of the last force call."""
     r = first + wp.tid()
     i = grain[r]
-    if record[i, 0] == wp.float64(wp.static(GONE)):
+    if record[i, 0] == wp.float64(wp.static(REMOVED_X)):
         return
     p = part(row, spread, r)
     for s in range(slot[i], slot[i] + point_count[parity, i]):
@@ -194,7 +196,7 @@ def furthest_behind(
 ):  # fmt: skip
     """The most that a grain's centre is behind an analytic wall that has a solid side, in radii; below 0 in front of all."""
     i = first + wp.tid()
-    if record[i, 0] == wp.float64(wp.static(GONE)):
+    if record[i, 0] == wp.float64(wp.static(REMOVED_X)):
         return
     q = position(record, i)
     radius = record[i, wp.static(RADIUS)]
@@ -209,9 +211,9 @@ def furthest_behind(
             shape = surface.revolved[f - planes]
             if shape[12] != wp.float64(0.0):
                 axis = wp.vec3d(shape[3], shape[4], shape[5])
-                way = at - wp.vec3d(shape[0], shape[1], shape[2])
-                height = wp.dot(way, axis)
-                _axial, _radial, distance = revolved.from_line(height, wp.length(way - axis * height), shape)
+                offset = at - wp.vec3d(shape[0], shape[1], shape[2])
+                height = wp.dot(offset, axis)
+                _axial, _radial, distance = revolved.from_line(height, wp.length(offset - axis * height), shape)
         else:
             _foot, _normal, distance = sphere.closest(at, surface.ball[f - planes - surface.revolutions])
         most = wp.max(most, -distance / radius)
@@ -246,7 +248,7 @@ def pair_overlaps(
         return
     i = owner[t]
     j = partner[t]
-    if record[i, 0] == wp.float64(wp.static(GONE)) or record[j, 0] == wp.float64(wp.static(GONE)):
+    if record[i, 0] == wp.float64(wp.static(REMOVED_X)) or record[j, 0] == wp.float64(wp.static(REMOVED_X)):
         return
     across = position(record, i) - position(record, j)
     for k in range(3):

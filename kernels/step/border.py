@@ -11,7 +11,7 @@ Straight-line code, as contacts need it; nothing is compiled for axes that are n
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 
 
 @functools.cache
@@ -73,36 +73,36 @@ def build(period: tuple[float, float, float], lower: tuple[float, float, float])
         )
 
     @wp.func
-    def axis_may_cross(q: wp.float64, way: wp.float64, low: wp.float64, length: wp.float64, travel: wp.float64) -> bool:
-        below = way > wp.float64(0.0) and q - low <= travel
-        above = way < wp.float64(0.0) and low + length - q <= travel
-        return way == wp.float64(0.0) or below or above
+    def axis_may_cross(q: wp.float64, direction: wp.float64, low: wp.float64, length: wp.float64, travel: wp.float64) -> bool:
+        below = direction > wp.float64(0.0) and q - low <= travel
+        above = direction < wp.float64(0.0) and low + length - q <= travel
+        return direction == wp.float64(0.0) or below or above
 
     @wp.func
     def may_cross(q: wp.vec3d, number: int, travel: wp.float64) -> bool:
         """Whether a grain that goes up to ``travel`` [m] may come round to image ``number`` of its place."""
         may = True
         if wp.static(x > 0.0):
-            way = wp.static(shifts)[3 * number]
-            may = may and axis_may_cross(q[0], way, wp.float64(wp.static(a)), wp.float64(wp.static(x)), travel)
+            direction = wp.static(shifts)[3 * number]
+            may = may and axis_may_cross(q[0], direction, wp.float64(wp.static(a)), wp.float64(wp.static(x)), travel)
         if wp.static(y > 0.0):
-            way = wp.static(shifts)[3 * number + 1]
-            may = may and axis_may_cross(q[1], way, wp.float64(wp.static(b)), wp.float64(wp.static(y)), travel)
+            direction = wp.static(shifts)[3 * number + 1]
+            may = may and axis_may_cross(q[1], direction, wp.float64(wp.static(b)), wp.float64(wp.static(y)), travel)
         if wp.static(z > 0.0):
-            way = wp.static(shifts)[3 * number + 2]
-            may = may and axis_may_cross(q[2], way, wp.float64(wp.static(c)), wp.float64(wp.static(z)), travel)
+            direction = wp.static(shifts)[3 * number + 2]
+            may = may and axis_may_cross(q[2], direction, wp.float64(wp.static(c)), wp.float64(wp.static(z)), travel)
         return may
 
     @wp.func
-    def within(q: wp.vec3d, reach: wp.float64) -> bool:
-        """Whether a place is closer than ``reach`` [m] to the domain."""
+    def within(q: wp.vec3d, distance: wp.float64) -> bool:
+        """Whether a place is closer than ``distance`` [m] to the domain."""
         near = True
         if wp.static(x > 0.0):
-            near = near and q[0] > wp.float64(wp.static(a)) - reach and q[0] < wp.float64(wp.static(a + x)) + reach
+            near = near and q[0] > wp.float64(wp.static(a)) - distance and q[0] < wp.float64(wp.static(a + x)) + distance
         if wp.static(y > 0.0):
-            near = near and q[1] > wp.float64(wp.static(b)) - reach and q[1] < wp.float64(wp.static(b + y)) + reach
+            near = near and q[1] > wp.float64(wp.static(b)) - distance and q[1] < wp.float64(wp.static(b + y)) + distance
         if wp.static(z > 0.0):
-            near = near and q[2] > wp.float64(wp.static(c)) - reach and q[2] < wp.float64(wp.static(c + z)) + reach
+            near = near and q[2] > wp.float64(wp.static(c)) - distance and q[2] < wp.float64(wp.static(c + z)) + distance
         return near
 
     @wp.func
@@ -117,6 +117,6 @@ def build(period: tuple[float, float, float], lower: tuple[float, float, float])
             far = far or wp.abs(q[2] - wp.float64(wp.static(c + 0.5 * z))) > wp.float64(wp.static(0.501 * z))
         return far
 
-    return Built(
+    return KernelSet(
         nearest=nearest, wrapped=wrapped, crossed=crossed, image=image, may_cross=may_cross, within=within, images=len(every)
     )

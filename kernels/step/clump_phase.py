@@ -7,17 +7,19 @@ which act on the clump, with the first.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.free_rotation import rotation_matrix
-from warpdem.kernels.step.schedule import kick_time
+from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import Control
 
 vec6 = wp.types.vector(6, wp.float64)
 
 
 @functools.cache
-def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow, *, walls: bool):
+def build(
+    structs, WallContacts, clumps, load, travel, border, orientation, budget, flow, *, walls: bool
+):  # fmt: skip
     """Return ``move``, ``read`` and ``read_budget`` of a clump.
 
     Args:
@@ -26,6 +28,7 @@ def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow
         clumps: of ``clumps.build``.
         load: sum over the contacts of a grain, of ``motion.build_load``.
         travel: of ``motion.build_travel``.
+        border: periodic images, of ``border.build``.
         orientation: of ``orientation.build``; None when orientations are not requested.
         budget: namespace of ``budget.build``, or None.
         flow: of ``flow.build``, or None.
@@ -55,7 +58,11 @@ def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow
     ) -> Momenta:  # fmt: skip
         """Impulses of member ``i`` of clump ``c`` over ``weight`` [s]."""
         total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
-        found = budget.contact_momenta(i, grains.record[i], total, weight, at, wall_contacts, control)
+        state = grains.record[i]
+        if wp.static(border.images > 1):  # where it is on its clump, not the image of it within the borders
+            arm = rotation_matrix(grains.clumps.turn[c]) * grains.clumps.arm[i]
+            state = g.placed(state, g.position(grains.clumps.record[c]) + arm)
+        found = budget.contact_momenta(i, state, total, weight, at, wall_contacts, control)
         if i == grains.clumps.first[c]:
             inverse_mass = grains.clumps.rate[c][0]
             found = budget.field_momenta(
@@ -94,11 +101,23 @@ def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow
                 grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
 
     @wp.func
+    def add_image_shift(c: int, shift: wp.vec3d, row: Row, grains: Grains):
+        """As of ``move``, of clump ``c``, whose ``velocity`` is that of the step."""
+        first = grains.clumps.first[c]
+        mass = wp.float64(1.0) / grains.clumps.rate[c][0]
+        if wp.static(budget.energy):
+            grains.energies[first] = grains.energies[first] + budget.lifted(shift, gravity(row) * mass)
+        if wp.static(budget.momentum):
+            grains.momenta[first] = grains.momenta[first] + budget.shifted(
+                shift, g.velocity(grains.clumps.record[c]) * mass
+            )
+
+    @wp.func
     def move(
         c: int, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
         max_displacement: wp.float64,
     ) -> int:  # fmt: skip
-        """As ``move_phase``, of clump ``c`` and all its members."""
+        """As ``move_phase``, of clump ``c`` and all its members: where its centre is decides on borders and outlets."""
         row = control.row[s]
         dt = model.dt
         all = grains.clumps
@@ -109,22 +128,23 @@ def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow
             motion = clumps.motion_now(c, a, torque, all, row, control.frame, s, dt)
             add_to_budget(c, motion, s, model, grains, wall_contacts, control)
         before = g.position(all.record[c])
-        clumps.advance(c, a, torque, grains, row, control.frame, s, dt)
+        reached = clumps.advance(c, a, torque, grains, row, control.frame, s, dt)
         if wp.static(flow is not None):
             flow(
-                first, before, g.position(all.record[c]), wp.float64(1.0) / all.rate[c][0], control.plane, control.frame, s,
-                s + 1, grains.flow,
-            )  # fmt: skip
+                first, before, reached, wp.float64(1.0) / all.rate[c][0], control.plane, control.frame, s, s + 1, grains.flow
+            )
+        if wp.static(border.images > 1):
+            if wp.static(budget is not None):
+                add_image_shift(c, g.position(all.record[c]) - reached, row, grains)
         moved = int(0)
         for i in range(first, first + all.count[c]):
             state = grains.record[i]
             if wp.static(orientation is not None):
                 grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
-            moved = moved | travel.travelled(
-                i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin, s + 2, dt,
-                max_displacement,
-            )  # fmt: skip
-        return moved
+            moved = moved | travel.displaced(
+                i, state, grains.reference, grains.flight, control.placement, control.origin, s + 2, dt, max_displacement
+            )
+        return moved | travel.left(g.position(all.record[c]), control.outlet, control.placement, s + 2)
 
     @wp.func
     def read(
@@ -160,4 +180,4 @@ def build(structs, WallContacts, clumps, load, travel, orientation, budget, flow
         if wp.static(budget.momentum):
             momenta_out[i] = grains.momenta[i] + momenta(c, i, half, s, model, grains, wall_contacts, control)
 
-    return Built(move=move, read=read, read_budget=read_budget)
+    return KernelSet(move=move, read=read, read_budget=read_budget)

@@ -19,7 +19,7 @@ the sum of the members' F_m . v_m + M_m . W: the books of single grains hold for
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels import clump as clump_arrays
 from warpdem.kernels.clump import Reading
 from warpdem.kernels.field import Numbers
@@ -58,7 +58,7 @@ def member_inverse(inv: vec8, j: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8
 
 
 @functools.cache
-def build(structs, WallContacts, load, acceleration, integrator, with_axes):
+def build(structs, WallContacts, load, acceleration, integrator, with_axes, border):
     """Return the functions of a clump.
 
     Args:
@@ -68,6 +68,7 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes):
         acceleration: of ``motion.build_acceleration``.
         integrator: (advance, reading) of ``exact_drift``.
         with_axes: how a quaternion turns with the axes, of ``orientation.build_axes``.
+        border: periodic images, of ``border.build``: a clump comes round with its centre, each member with its own.
     """
     g = grain.build(True)
     Clumps = clump_arrays.build(True).Clumps
@@ -121,8 +122,8 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes):
     def advance(
         c: int, a: wp.vec3d, torque: wp.vec3d, grains: Grains, row: Row, frames: wp.array(dtype=FrameRow), at: int,
         dt: wp.float64,
-    ):  # fmt: skip
-        """Kick, drift and rotate a clump, and write its members."""
+    ) -> wp.vec3d:  # fmt: skip
+        """Kick, drift and rotate a clump, and write its members; returns its centre before it comes round a border [m]."""
         clumps = grains.clumps
         state = clumps.record[c]
         rate = clumps.rate[c]
@@ -131,6 +132,9 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes):
         p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(rate), dt)
         state = advance_record(0, c, state, a, torque, row, frames, at, dt, grains.store)
         turn = with_axes(product(turn, p), row)
+        reached = g.position(state)
+        if wp.static(border.images > 1):
+            state = g.placed(state, border.wrapped(reached))
         clumps.record[c] = state
         clumps.turn[c] = turn
         axes = rotation_matrix(turn)
@@ -154,10 +158,14 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes):
             way = across * scalar - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r, in the body's axes
             velocity = v + axes * way * per_step
             there = predicted_velocity + wp.cross(predicted_spin, r)
-            grains.record[m] = g.record(q + r, grains.record[m][3], velocity, (there - velocity) * back, spin, angular)
+            place = q + r
+            if wp.static(border.images > 1):
+                place = border.wrapped(place)
+            grains.record[m] = g.record(place, grains.record[m][3], velocity, (there - velocity) * back, spin, angular)
             grains.inverse[m] = member_inverse(grains.inverse[m], j, r, rate)
+        return reached
 
-    return Built(
+    return KernelSet(
         total_load=total_load, accelerations=accelerations, motion_now=motion_now, member_motion=member_motion,
         advance=advance, Clumps=Clumps,
     )  # fmt: skip

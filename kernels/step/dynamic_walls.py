@@ -38,7 +38,7 @@ The placement that the host has written is where the wall would be at s = 0; the
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.measure.exact_sum import WIDTH, add, rounded
 from warpdem.kernels.measure.readings import WALL_SUMS, add_wall_contact
@@ -200,7 +200,7 @@ def build(one, WallContacts, bodies: bool):
         for r in range(first, last):
             i = wall_contacts.grain[r]
             state = record[i]
-            if g.gone(state):
+            if g.is_removed(state):
                 continue
             start = wall_contacts.first[i]
             for slot in range(start, start + wall_contacts.point_count[parity, i]):
@@ -335,4 +335,4 @@ def build(one, WallContacts, bodies: bool):
         for k in range(base, base + count):
             advance(1, k, rows, placements, dt, walls)
 
-    return Built(add_loads=add_loads, advance=advance, advance_alone=advance_alone)
+    return KernelSet(add_loads=add_loads, advance=advance, advance_alone=advance_alone)

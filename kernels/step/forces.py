@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.step.schedule import Row, past_turn, slip_time
 from warpdem.kernels.step.structs import CONTACTS, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
 
@@ -46,11 +46,7 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
         approach = report.extreme[part.slot + 1]
         for p in range(part.first, part.last, part.stride):
             for k in range(wp.static(lanes)):
-                a, b = evaluate_lane(
-                    p, k, grains.record, contacts.owner, contacts.partner, grains.inverse, contacts.kind,
-                    model.coefficients, turn, slip_time(row), model.dt, contacts.history, contacts.slot_i, contacts.slot_j,
-                    history_out, grains.row, grains.entry,
-                )  # fmt: skip
+                a, b = evaluate_lane(p, k, turn, slip_time(row), model, grains, contacts, history_out)
                 overlap_ratio = wp.max(overlap_ratio, a)
                 approach = wp.max(approach, b)
         report.extreme[part.slot] = overlap_ratio
@@ -66,12 +62,8 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
         if call.stage > 0:
             history_out = contacts.trial
         if wp.static(sweep is not None):
-            sweep(
-                part.first, part.last, part.stride, grains.record, contacts.owner, contacts.partner, contacts.constants,
-                contacts.kind, model.coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), model.dt,
-                contacts.history, contacts.slot_i, contacts.slot_j, grains.inverse, history_out, grains.row, grains.entry,
-                report.extreme, part.slot,
-            )  # fmt: skip
+            turn = pairs.cast_rotation(past_turn(row))
+            sweep(part, turn, slip_time(row), model, grains, contacts, history_out, report.extreme)
             if never():
                 pair_phase_by_lane(part, row, history_out, model, grains, contacts, report)
         else:
@@ -110,4 +102,4 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
                 range_of(thread, wp.static(WALL_GRAINS), control), call, model, grains, wall_contacts, control, report
             )  # fmt: skip
 
-    return Built(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)
+    return KernelSet(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)

@@ -10,7 +10,7 @@ whose moments of inertia are equal). Where w or the frame's velocity jumps, rela
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.step.schedule import (
     FrameRow,
     frame_acceleration,
@@ -56,7 +56,7 @@ def build(moving_frame: bool):
             return frames[at]
         return FrameRow()
 
-    return Built(
+    return KernelSet(
         read=read,
         spin_before=spin_before,
         spin_after=spin_after,

@@ -14,7 +14,7 @@ raised: nearly all threads only read.
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.clock import (
     ASK_HOST,
     BEYOND_LISTS,
@@ -67,23 +67,10 @@ def build(
     real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
-    @wp.struct
-    class Contacts:
-        """Grain-grain contacts, as ``structs.ContactBatches``, with one array element per lane."""
-
-        owner: wp.array2d(dtype=wp.int32)
-        partner: wp.array2d(dtype=wp.int32)
-        kind: wp.array2d(dtype=wp.int32)
-        slot_i: wp.array2d(dtype=wp.int32)
-        slot_j: wp.array2d(dtype=wp.int32)
-        history: wp.array3d(dtype=real)
-        trial: wp.array3d(dtype=real)
-        next: wp.array3d(dtype=real)  # contact history in the list that is being built
-
     @kernel
     def pair_forces(
-        first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains, contacts: Contacts,
-        report: Report, clock: wp.array(dtype=wp.int32),
+        first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains,
+        contacts: structs.ContactBatches, report: Report, clock: wp.array(dtype=wp.int32),
     ):  # fmt: skip
         t = first + wp.tid()
         if t >= clock[CONTACT_LANES] or not forces_due(clock, ahead, stage):
@@ -93,9 +80,8 @@ def build(
         if stage > 0:
             history_out = contacts.trial
         overlap_ratio, approach = evaluate(
-            t // wp.static(lanes), t % wp.static(lanes), grains.record, contacts.owner, contacts.partner, grains.inverse,
-            contacts.kind, model.coefficients, pairs.cast_rotation(past_turn(row)), slip_time(row), model.dt,
-            contacts.history, contacts.slot_i, contacts.slot_j, history_out, grains.row, grains.entry,
+            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), model, grains,
+            contacts, history_out,
         )  # fmt: skip
         raise_to(report.extreme, 0, overlap_ratio)
         raise_to(report.extreme, 1, approach)
@@ -184,16 +170,18 @@ def build(
             clock_out[RUN] = 0
 
     @kernel
-    def adopt_history(first: int, contacts: Contacts, clock: wp.array(dtype=wp.int32)):
+    def adopt_history(
+        first: int, of_new_list: wp.array3d(dtype=real), clock: wp.array(dtype=wp.int32), history_out: wp.array3d(dtype=real)
+    ):  # fmt: skip
         """The contact history of the new list, where the launches of the step expect it."""
         t = first + wp.tid()
         if t < clock[CONTACT_LANES]:
+            p = t // wp.static(lanes)
+            k = t % wp.static(lanes)
             for f in range(wp.static(history)):
-                contacts.history[t // wp.static(lanes), f, t % wp.static(lanes)] = contacts.next[
-                    t // wp.static(lanes), f, t % wp.static(lanes)
-                ]
+                history_out[p, f, k] = of_new_list[p, f, k]
 
-    return Built(
+    return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
-        check_capacity=check_capacity, adopt_history=adopt_history, Contacts=Contacts,
+        check_capacity=check_capacity, adopt_history=adopt_history,
     )  # fmt: skip

@@ -7,19 +7,24 @@ time evaluated, so reading results never computes anything again. It stops befor
 than the lists allow (or is no longer finite); then new lists are built and the forces come first. A batch of steps also ends
 at the force call in which an overlap exceeds the allowed one, so that this step does not depend on how a run is divided into
 batches.
+
+In a run over several processes (ranks) thread 0 calls the host after each stage, between two meetings of the threads: there the
+grains that other ranks own and this one sees (ghosts) get their new state, and all ranks agree on whether to stop
+(``step/exchange.py``). So they stop after the same step.
 """
 
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built
+from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
+from warpdem.kernels.step.exchange import TOO_DEEP, exchange
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.structs import GRAINS, SPAN, WALL_GRAINS, Control, Report, Steps, build_call, every, range_of
 
 
 @functools.cache
-def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
+def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ranks: bool = False):
     """Return the CPU kernel ``run``, and kernels of each phase alone, so that it can be timed.
 
     Args:
@@ -29,6 +34,7 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
         dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
         WallContacts: of ``wall.evaluate.build``.
         stages: force calls per step.
+        ranks: the run is over several processes.
     """
     Model, Grains, ContactBatches = structs.Model, structs.Grains, structs.ContactBatches
     force_call = build_call(stages)
@@ -40,6 +46,16 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
         if threads > 1:
             arrive_and_wait(report.arrivals, target + threads, control.wait_modes)
         return target + threads
+
+    @wp.func
+    def agreed(threads: int, step: int, steps: Steps, control: Control, report: Report) -> int:
+        """What was found of the grains of all ranks after ``step`` steps, that in ``report`` on this one."""
+        found = int(0)
+        for t in range(threads):
+            found = found | report.moved[t * wp.static(SPAN)]
+            if too_deep(report.extreme, t * wp.static(SPAN), control.max_overlap):
+                found = found | wp.static(TOO_DEEP)
+        return exchange(steps.exchange, step, wp.static(stages - 1), found)
 
     @wp.func
     def wall_motion_phase(
@@ -93,6 +109,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
                                 target = wait_for_all(target, threads, control, report)
+                                if wp.static(ranks):
+                                    if thread == 0:
+                                        exchange(steps.exchange, k, stage, 0)
+                                    target = wait_for_all(target, threads, control, report)
                                 forces.force_phase(
                                     thread, force_call(s, stage + 1, (steps.parity + k - 1) & 1), model, grains, contacts,
                                     wall_contacts, control, report,
@@ -100,8 +120,14 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
                                 target = wait_for_all(target, threads, control, report)
                     report.moved[slot] = moved
                     target = wait_for_all(target, threads, control, report)
-                    for t in range(threads):
-                        stop = stop | report.moved[t * wp.static(SPAN)]
+                    if wp.static(ranks):
+                        if thread == 0:
+                            report.moved[0] = agreed(threads, k, steps, control, report)
+                        target = wait_for_all(target, threads, control, report)
+                        stop = report.moved[0]
+                    else:
+                        for t in range(threads):
+                            stop = stop | report.moved[t * wp.static(SPAN)]
                 if thread == 0:
                     report.done[0] = k
                 if stop == 0 and (k > 0 or steps.forces_first == 1) and (k < steps.count or steps.hold == 0):
@@ -110,9 +136,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
                         control, report,
                     )  # fmt: skip
                     target = wait_for_all(target, threads, control, report)
-                    for t in range(threads):
-                        if too_deep(report.extreme, t * wp.static(SPAN), control.max_overlap):
-                            stop = 1
+                    if wp.static(not ranks):  # else all stop after the next step: ``agreed``
+                        for t in range(threads):
+                            if too_deep(report.extreme, t * wp.static(SPAN), control.max_overlap):
+                                stop = 1
 
     @kernel
     def pair_forces(
@@ -140,4 +167,4 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int):
             part, s, stage, model, grains, wall_contacts, control, report, max_displacement
         )
 
-    return Built(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)
+    return KernelSet(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)

@@ -9,7 +9,7 @@ on the order of the lists.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, position_at, velocity_at
@@ -22,11 +22,11 @@ from warpdem.kernels.step.schedule import (
     frame_origin,
     frame_velocity,
     gravity,
-    instant,
     local,
+    time_of,
 )
 
-BEYOND, LEFT = 1, 2  # what ``travelled`` says of a grain: beyond what the lists allow, in an outlet
+BEYOND, LEFT = 1, 2  # what is said of a grain: beyond what the lists allow, in an outlet
 vec6 = wp.types.vector(6, wp.float64)
 
 
@@ -98,10 +98,10 @@ def joined(before, number: int, force, in_laboratory: bool):
             total = before(f, q, v, mass, radius, numbers)
         if wp.static(in_laboratory):
             axes = frame_axes(f)
-            there = force(axes * q + frame_origin(f), axes * v, mass, radius, instant(f), numbers[number])
+            there = force(axes * q + frame_origin(f), axes * v, mass, radius, time_of(f), numbers[number])
             total = total + wp.transpose(axes) * there
         else:
-            total = total + force(q, v - frame_velocity(f, q), mass, radius, instant(f), numbers[number])
+            total = total + force(q, v - frame_velocity(f, q), mass, radius, time_of(f), numbers[number])
         return total
 
     return fields
@@ -146,7 +146,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool, clumps: bo
 def build_travel(
     border, outlet_of, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int
 ):  # fmt: skip
-    """Return ``travelled``, what it is made of, and ``outlet_of``.
+    """Return ``displaced``, what it is made of, ``left`` and ``outlet_of``.
 
     Neighbor lists hold as long as no grain has moved far in axes common to all grains: those of the frame, or of any wall. So
     where every wall moves, the displacement in frame axes does not count, and grains that turn with a drum have not moved.
@@ -202,22 +202,18 @@ def build_travel(
         return now <= path[11] and wp.dot(displacement, displacement) <= left * left
 
     @wp.func
-    def travelled(
+    def displaced(
         i: int,
         state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
         flight: wp.array(dtype=Flight),
         placements: wp.array2d(dtype=Placement),
-        outlets_at: Regions,
         origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
         max_displacement: wp.float64,
     ) -> int:
-        """BEYOND when the grain is further than ``max_displacement`` [m] from its reference, or off its path, or not finite.
-
-        And LEFT when it is in an outlet.
-        """
+        """BEYOND when the grain is further than ``max_displacement`` [m] from its reference, or off its path, or not finite."""
         left = allowed_displacement(state, max_displacement, dt)
         moved = int(0)
         if not (squared_displacement(i, state, reference, placements, next_row) <= left * left):  # so that NaN is noticed here
@@ -226,12 +222,18 @@ def build_travel(
                 now = wp.float64(origin[0] + next_row // wp.static(stages) - 1)
                 if holds(flight[i], state, now, dt):
                     moved = 0
-        if wp.static(outlets > 0):
-            if outlet_of(g.position(state), outlets_at, placements, next_row) >= 0:
-                moved = moved | wp.static(LEFT)
         return moved
 
-    return Built(
-        travelled=travelled, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
+    @wp.func
+    def left(q: wp.vec3d, outlets_at: Regions, placements: wp.array2d(dtype=Placement), next_row: int) -> int:
+        """LEFT when a grain or clump at ``q`` [m] is in an outlet."""
+        found = int(0)
+        if wp.static(outlets > 0):
+            if outlet_of(q, outlets_at, placements, next_row) >= 0:
+                found = wp.static(LEFT)
+        return found
+
+    return KernelSet(
+        displaced=displaced, left=left, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
         squared_displacement=squared_displacement, holds=holds,
     )  # fmt: skip

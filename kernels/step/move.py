@@ -7,7 +7,7 @@ stage, flow through planes, periodic image, orientation, displacement since the 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
@@ -70,20 +70,14 @@ def build(
             grains.momenta[i] = grains.momenta[i] + budget.shifted(shift, g.velocity(state) * mass)
 
     @wp.func
-    def leave_domain(
-        i: int, s: int, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report
-    ) -> bool:  # fmt: skip
-        """Whether grain ``i``, which is in an outlet after step ``s``, is removed from the domain in this step.
+    def remove(
+        i: int, number: int, s: int, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report
+    ):  # fmt: skip
+        """Take grain ``i``, which is in outlet ``number`` after step ``s``, out of the domain.
 
         It keeps its slot in the lists and touches nothing there. The host counts it at the end of the batch of steps.
         """
-        state = grains.record[i]
-        number = travel.outlet_of(
-            g.position(state), control.outlet, control.placement, (s + 2) * wp.static(stages)
-        )
-        if control.removes_in_step[number] == 0:
-            return False
-        grains.record[i] = g.removed(state, i)
+        grains.record[i] = g.removed(grains.record[i], i)
         grains.exit[i, 0] = number + 1
         grains.exit[i, 1] = control.origin[0] + s + 1
         report.removed[0] = 1
@@ -95,6 +89,21 @@ def build(
             wall_contacts.candidates[i] = 0
             for generation in range(wall_contacts.point_count.shape[0]):
                 wall_contacts.point_count[generation, i] = 0
+
+    @wp.func
+    def leave_domain(
+        first: int, count: int, q: wp.vec3d, s: int, grains: Grains, wall_contacts: WallContacts, control: Control,
+        report: Report,
+    ) -> bool:  # fmt: skip
+        """Whether grain ``first``, or a clump with ``count`` members from there on, is removed from the domain in this step.
+
+        Its centre ``q`` [m] is in an outlet after step ``s``.
+        """
+        number = travel.outlet_of(q, control.outlet, control.placement, (s + 2) * wp.static(stages))
+        if control.removes_in_step[number] == 0:
+            return False
+        for i in range(first, first + count):
+            remove(i, number, s, grains, wall_contacts, control, report)
         return True
 
     @wp.func
@@ -109,13 +118,22 @@ def build(
         moved = int(0)
         for i in range(part.first, part.last, part.stride):
             if wp.static(leave):
-                if g.gone(grains.record[i]):
+                if g.is_removed(grains.record[i]):
                     continue
             if wp.static(clumps is not None):
                 c = grains.clumps.of_grain[i]
                 if c != wp.static(clump.NONE):
                     if grains.clumps.first[c] == i:
-                        moved = moved | clumps.move(c, s, model, grains, wall_contacts, control, max_displacement)
+                        strayed = clumps.move(c, s, model, grains, wall_contacts, control, max_displacement)
+                        if wp.static(leave):
+                            if (strayed & wp.static(LEFT)) > 0:
+                                centre = g.position(grains.clumps.record[c])
+                                if leave_domain(
+                                    i, grains.clumps.count[c], centre, s, grains, wall_contacts, control, report
+                                ):  # fmt: skip
+                                    grains.clumps.record[c] = g.removed(grains.clumps.record[c], i)
+                                    strayed = 0
+                        moved = moved | strayed
                     continue
             total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
@@ -148,15 +166,16 @@ def build(
                 if stage == wp.static(stages - 1):
                     grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
-                far = travel.travelled(
-                    i, state, grains.reference, grains.flight, control.placement, control.outlet, control.origin,
-                    (s + 2) * wp.static(stages), dt, max_displacement,
-                )  # fmt: skip
+                next_row = (s + 2) * wp.static(stages)
+                far = travel.displaced(
+                    i, state, grains.reference, grains.flight, control.placement, control.origin, next_row, dt, max_displacement
+                )
                 if wp.static(leave):
+                    far = far | travel.left(g.position(state), control.outlet, control.placement, next_row)
                     if (far & wp.static(LEFT)) > 0:
-                        if leave_domain(i, s, grains, wall_contacts, control, report):
+                        if leave_domain(i, 1, g.position(state), s, grains, wall_contacts, control, report):
                             far = 0
                 moved = moved | far
         return moved
 
-    return Built(move_phase=move_phase)
+    return KernelSet(move_phase=move_phase)

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, clump
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.step.schedule import kick_time
 from warpdem.kernels.step.structs import Control
@@ -101,4 +101,4 @@ def build(structs, WallContacts, load, acceleration, reading, budget, clumps=Non
                     i, state, total, half, s, model, grains, wall_contacts, control
                 )
 
-    return Built(read=read, read_budget=read_budget)
+    return KernelSet(read=read, read_budget=read_budget)

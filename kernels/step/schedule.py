@@ -127,7 +127,7 @@ def frame_acceleration(f: FrameRow) -> wp.vec3d:
 
 
 @wp.func
-def instant(f: FrameRow) -> wp.float64:
+def time_of(f: FrameRow) -> wp.float64:
     """Time [s]."""
     return f[30]
 

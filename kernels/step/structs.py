@@ -15,7 +15,7 @@
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.measure.budget import Momenta, energies_type
@@ -71,6 +71,7 @@ class Steps:
     hold: wp.int32  # 1: leave the forces after the last step to the next launch
     parity: wp.int32  # of the number of the first step
     max_displacement: wp.float64  # up to which the inner list holds [m]
+    exchange: wp.uint64  # function of the host that ``exchange.exchange`` calls; 0 in a run of one process
 
 
 @wp.struct
@@ -214,7 +215,7 @@ def build(pairs):
         history: wp.array3d(dtype=real)  # (batches, numbers, lanes)
         trial: wp.array3d(dtype=real)  # history after a stage within the step; it is discarded
 
-    return Built(
+    return KernelSet(
         Model=Model, Grains=Grains, ContactBatches=ContactBatches, Entry=pairs.Entry, PairForce=pairs.PairForce,
         Energies=Energies,
     )  # fmt: skip

@@ -8,7 +8,7 @@ is how far a grain may go, in the wall's body axes, before the list is rebuilt. 
 import functools
 
 import warp as wp
-from warpdem.kernels import MODULE_OPTIONS, Built, grain
+from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
@@ -56,7 +56,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
         i = first + wp.tid()
         state = grains[i]
         if wp.static(leave):
-            if g.gone(state):
+            if g.is_removed(state):
                 count_out[i] = 0
                 return
         q = g.position(state)
@@ -122,7 +122,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             within = wp.float64(wp.static(FAR))
         last = wall_contacts.first[i + 1]
         if wp.static(leave):
-            if g.gone(state):
+            if g.is_removed(state):
                 last = at
         for e in range(at, last):
             c = near_feature[e]
@@ -174,7 +174,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
             d = now.first[i] + k
             now.point[parity, d] = before.point[parity, s]
 
-    return Built(
+    return KernelSet(
         near_features=near_features, close_features=close_features, carry_wall_contacts=carry_wall_contacts,
         select_features=select_features,
     )  # fmt: skip

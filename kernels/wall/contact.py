@@ -12,7 +12,7 @@ slip takes that of mid-step.
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, clump, grain
+from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
 from warpdem.kernels.step.schedule import (
@@ -275,7 +275,7 @@ def build(
             rest[6] = begins
         return memory, load, rest, overlap / radius, -wp.dot(velocity, n), entry, power
 
-    return Built(
+    return KernelSet(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
         normal_in=normal_in, force_in=force_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, WallHistory=WallHistory,

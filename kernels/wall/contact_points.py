@@ -39,9 +39,9 @@ Hit = wp.types.vector(8, wp.float64)  # distance [m], fraction of a full contact
 
 
 @wp.func
-def packed(distance: wp.float64, share: wp.float64, point: wp.vec3d, direction: wp.vec3d) -> Hit:
+def packed(distance: wp.float64, weight: wp.float64, point: wp.vec3d, direction: wp.vec3d) -> Hit:
     """A hit of these parts."""
-    return Hit(distance, share, point[0], point[1], point[2], direction[0], direction[1], direction[2])
+    return Hit(distance, weight, point[0], point[1], point[2], direction[0], direction[1], direction[2])
 
 
 @wp.func
@@ -141,7 +141,7 @@ def build(WallContacts, closest_on_feature, around, *, meshes: bool, moving: int
                 closer = hit[0] - other[0]
                 if closer > tolerance or (closer >= -tolerance and o < c):
                     point = point_of(other) + direction_of(other) * other[0] - direction_of(hit) * hit[0]
-                    nearest, direction, distance, mask, share = closest_on_feature(surface, f, point, radius, radius)
+                    nearest, direction, distance, mask, weight = closest_on_feature(surface, f, point, radius, radius)
                     if wp.abs(distance) <= tolerance:
                         return True
         return False
@@ -222,14 +222,14 @@ def build(WallContacts, closest_on_feature, around, *, meshes: bool, moving: int
             body = around.seen(q, around.image_of(surface, wall_contacts.feature[c]))
             if wp.static(moving > 0):
                 body = local(placements[now_row, surface.motion[surface.wall[f]]], body)
-            point, direction, distance, mask, share = closest_on_feature(surface, f, body, radius, cutoff)
+            point, direction, distance, mask, weight = closest_on_feature(surface, f, body, radius, cutoff)
             wall_contacts.hit_state[c] = wp.static(IDLE)
             if distance < cutoff:
                 wall_contacts.hit_state[c] = wp.static(HIT)
                 hits += 1
                 hit = c
             wall_contacts.hit_mask[c] = mask
-            wall_contacts.hit[c] = packed(distance, share, point, direction)
+            wall_contacts.hit[c] = packed(distance, weight, point, direction)
         if hits == 0:
             return 0
         if hits == 1:  # the usual case has nothing to sort out

@@ -64,12 +64,12 @@ def signed_from_face(
         x: Point [m].
         a, b, c: Corners of the closest face [m].
     """
-    share = closest_on_triangle(x, a, b, c)
-    offset = x - (share[0] * a + share[1] * b + share[2] * c)
+    barycentric = closest_on_triangle(x, a, b, c)
+    offset = x - (barycentric[0] * a + barycentric[1] * b + barycentric[2] * c)
     gradient = wp.normalize(wp.cross(b - a, c - a))
     distance = wp.length(offset)
     sign = wp.float64(1.0)
-    if wp.min(share) > wp.float64(0.0):
+    if wp.min(barycentric) > wp.float64(0.0):
         if wp.dot(offset, gradient) < wp.float64(0.0):
             sign = wp.float64(-1.0)
     else:
@@ -123,16 +123,16 @@ def pierced(
 ):
     """Which lines lead through a triangle, and not only along it, at its border, or from or to it."""
     i = wp.tid()
-    way = end[i] - start[i]
-    length = wp.length(way)
+    path = end[i] - start[i]
+    length = wp.length(path)
     hit_out[i] = 0
     begin = float(1.0e-3)
     for _k in range(8):  # triangles that the line lies in come before others
         if length > 0.0 and begin < 0.999:
-            query = wp.mesh_query_ray(mesh, start[i] + way * begin, way / length, length * (0.999 - begin))
+            query = wp.mesh_query_ray(mesh, start[i] + path * begin, path / length, length * (0.999 - begin))
             if query.result:
                 within = wp.min(wp.min(query.u, query.v), 1.0 - query.u - query.v)
-                if within > 1.0e-4 and wp.abs(wp.dot(query.normal, way)) > 1.0e-3 * length:
+                if within > 1.0e-4 and wp.abs(wp.dot(query.normal, path)) > 1.0e-3 * length:
                     hit_out[i] = 1
                 begin += query.t / length + 1.0e-3
             else:

@@ -12,7 +12,7 @@ skin) and its contact points are at the start of that range. Each step, for the 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built, grain
+from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.step.structs import ForceCall
@@ -224,4 +224,4 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
             approach = wp.max(approach, b)
         return overlap_ratio, approach
 
-    return Built(WallContacts=WallContacts, search=search, evaluate=evaluate)
+    return KernelSet(WallContacts=WallContacts, search=search, evaluate=evaluate)

@@ -19,16 +19,16 @@ def build(meshes: bool, planes: bool, revolutions: bool, spheres: bool):
     """Return the function of a feature's closest point for walls that are made of these kinds of shapes."""
 
     @wp.func
-    def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64, reach: wp.float64):
-        """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m], corner mask, share [-].
+    def closest_on_feature(surface: Surface, f: int, q: wp.vec3d, radius: wp.float64, cutoff: wp.float64):
+        """Closest point of feature ``f`` to body point ``q`` [m], unit direction to q, distance [m], corner mask, weight [-].
 
-        A distance of ``reach`` or more is only known to be so. The share is that of a full contact, see ``revolved``.
+        A distance of ``cutoff`` or more is only known to be so. The weight is 1 for a full contact, see ``revolved``.
         """
         point = wp.vec3d()
         direction = wp.vec3d()
-        distance = reach
+        distance = cutoff
         mask = int(wp.static(FACE))
-        share = wp.float64(1.0)
+        weight = wp.float64(1.0)
         k = f - surface.triangles  # number among the analytic shapes
         if wp.static(meshes or planes):
             if k < surface.planes:
@@ -41,7 +41,7 @@ def build(meshes: bool, planes: bool, revolutions: bool, spheres: bool):
                         distance = wp.abs(height)
                         if height < wp.float64(0.0):
                             direction = -normal
-                        if distance < reach:  # its plane beyond reach, a triangle is too
+                        if distance < cutoff:  # where its plane is beyond the cutoff, the triangle is too
                             nearest, corners = closest_point(q, surface.corner[f])
                             if corners != wp.static(FACE):
                                 away = q - nearest
@@ -59,7 +59,7 @@ def build(meshes: bool, planes: bool, revolutions: bool, spheres: bool):
                 point = nearest
                 direction = towards
                 distance = apart
-                share = part
+                weight = part
         if wp.static(spheres):
             b = k - surface.planes - surface.revolutions
             if b >= 0:
@@ -67,6 +67,6 @@ def build(meshes: bool, planes: bool, revolutions: bool, spheres: bool):
                 point = nearest
                 direction = towards
                 distance = apart
-        return point, direction, distance, mask, share
+        return point, direction, distance, mask, weight
 
     return closest_on_feature

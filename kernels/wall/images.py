@@ -6,13 +6,13 @@ images it counts (``Surface.images``, a bit for each). Contact points stay those
 when the grain comes round a border.
 
 Grains are wrapped between two makings of the lists. So a candidate is listed if the grain may reach it from where it is, or
-from where it comes round to on its way.
+from the position that it is wrapped to.
 """
 
 import functools
 
 import warp as wp
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import Surface
 
@@ -81,7 +81,7 @@ def build(closest_on_feature, border, *, repeated: bool):
 
     @wp.func
     def reached(
-        surface: Surface, placement: Placement, candidate: int, q: wp.vec3d, radius: wp.float64, reach: wp.float64,
+        surface: Surface, placement: Placement, candidate: int, q: wp.vec3d, radius: wp.float64, cutoff: wp.float64,
         travel: wp.float64,
     ) -> int:  # fmt: skip
         """Number of the first position, of where a grain is and may come round to, that reaches a candidate; else -1."""
@@ -92,14 +92,14 @@ def build(closest_on_feature, border, *, repeated: bool):
             if wp.static(images > 1):
                 near = border.may_cross(q, around, travel)
             if near:
-                point, direction, distance, mask, share = closest_on_feature(
-                    surface, f, local(placement, seen(position, around)), radius, reach
+                point, direction, distance, mask, weight = closest_on_feature(
+                    surface, f, local(placement, seen(position, around)), radius, cutoff
                 )
-                if distance < reach:
+                if distance < cutoff:
                     return around
         return -1
 
-    return Built(
+    return KernelSet(
         features=features, feature_of=feature_of, image_of=image_of, candidate_of=candidate_of, counts=counts, seen=seen,
         nearest_displacement=nearest_displacement, reached=reached, images=images,
     )  # fmt: skip

@@ -11,8 +11,8 @@ around: one contact point still, whose direction leans from the near side to the
 
     n = n_axial + g n_radial,   g = s (3 - s^2)/2,   s = (overlap_near - overlap_far)/overlap_near in [0, 1],
 
-so that it is carried along the axis and the force across it goes to zero with the way off the axis, where the closest point
-alone would throw it from side to side. The length of n < 1 scales the force.
+so that it is carried along the axis and the force across it goes to zero with the distance from the axis, where the closest
+point alone would throw it from side to side. The length of n < 1 scales the force.
 """
 
 import warp as wp
@@ -42,22 +42,22 @@ def from_line(height: wp.float64, across: wp.float64, shape: Revolved):
 
 @wp.func
 def closest(q: wp.vec3d, radius: wp.float64, shape: Revolved):
-    """Closest point to body point ``q`` [m], direction [-], signed distance [m] and the share of a full contact [-]."""
+    """Closest point to body point ``q`` [m], direction, signed distance [m] and weight of the contact [-], 1 for a full one."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     axis = wp.vec3d(shape[3], shape[4], shape[5])
-    way = q - wp.vec3d(shape[0], shape[1], shape[2])
-    height = wp.dot(way, axis)
-    outwards = way - axis * height
+    offset = q - wp.vec3d(shape[0], shape[1], shape[2])
+    height = wp.dot(offset, axis)
+    outwards = offset - axis * height
     across = wp.length(outwards)
     outwards = outwards / across if across > zero else wp.vec3d()
     axial, radial, distance = from_line(height, across, shape)
-    share = one
+    weight = one
     if radial < zero and distance < radius:
         _, _, far = from_line(height, -across, shape)
         s = (far - distance) / (radius - distance)
         if s < one:
             radial *= s * (wp.float64(3.0) - s * s) * wp.float64(0.5)
-            share = wp.sqrt(axial * axial + radial * radial)
-    direction = (axis * axial + outwards * radial) / (share if share > zero else one)
-    return q - direction * distance, direction, distance, share
+            weight = wp.sqrt(axial * axial + radial * radial)
+    direction = (axis * axial + outwards * radial) / (weight if weight > zero else one)
+    return q - direction * distance, direction, distance, weight

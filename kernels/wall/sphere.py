@@ -10,10 +10,10 @@ from warpdem.kernels.wall.surface import Ball
 @wp.func
 def closest(q: wp.vec3d, ball: Ball):
     """Closest point to body point ``q`` [m], unit normal on the grains' side, and signed distance [m]."""
-    way = q - wp.vec3d(ball[0], ball[1], ball[2])
-    length = wp.length(way)
+    offset = q - wp.vec3d(ball[0], ball[1], ball[2])
+    length = wp.length(offset)
     # at the very centre, which only a grain of the sphere's size could touch from, the first axis stands in
-    outwards = way / length if length > wp.float64(0.0) else wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
+    outwards = offset / length if length > wp.float64(0.0) else wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
     normal = outwards * ball[4]
     distance = (length - ball[3]) * ball[4]
     return q - normal * distance, normal, distance

@@ -178,6 +178,13 @@ def test_screen_lets_small_grains_through():
     assert found["residence large_under grains [-]"] == 0
 
 
+def test_lid_of_the_shear_cell_comes_down_and_bears_its_load():
+    low = ("walls.1.translate=[0.024,0,0.008]", "grains.0.fill.box.max=[0.024,0.012,0.008]")
+    pressure, above, below = sheared(simulation("shear_cell", *low), 0.04, 0.03)
+    assert abs(pressure / 2000.0 - 1.0) < 0.01
+    assert above > 0.05 and abs(above - below) < 0.05
+
+
 # --- in full --------------------------------------------------------------------------------------------------------
 
 
@@ -322,6 +329,15 @@ def test_screen_parts_two_sizes():
     assert found["residence large_over mean [s]"] < 1.5
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("load", [2, 4])
+def test_grains_in_the_shear_cell_have_the_friction_of_glass_beads(load):
+    stiffer = (f"walls.1.servo.pressure='{load} kPa'", f"time.max_speed='{0.1 if load == 2 else 0.3} m/s'")
+    pressure, above, below = sheared(simulation("shear_cell", *stiffer), 1.5, 0.5)
+    assert abs(pressure / (1e3 * load) - 1.0) < 0.01
+    assert abs(above - 0.38) < 0.04 and abs(above - below) < 0.005
+
+
 # --- measured by several --------------------------------------------------------------------------------------------
 
 
@@ -356,3 +372,11 @@ def loss_in_chute(sim, until: float) -> tuple[float, int]:
     out = (sim.particles.position - [0.02, 0.0, 0.0]) @ [math.sqrt(0.5), 0.0, -math.sqrt(0.5)] > 0.305
     gain = 0.5 * (sim.particles.velocity[out] ** 2).sum(1).mean() - speed
     return float((start - jacobi(sim)[out].mean()) / gain), int(out.sum())
+
+
+def sheared(sim, until: float, start: float) -> tuple[float, float, float]:
+    """Mean normal stress on the lid [Pa], and shear forces on lid and floor over its normal force, from ``start`` [s] on."""
+    sim.run(until=until, record=1e-3)
+    late = sim.history["time"] > start
+    lid, along, below = (np.mean(sim.history[name][late]) for name in ("lid force z", "lid force x", "floor force x"))
+    return lid / (0.024 * 0.012), along / lid, -below / lid

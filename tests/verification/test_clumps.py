@@ -189,8 +189,8 @@ def test_the_contact_point_has_the_restitution_asked_for(tilt):
 # -- clouds -----------------------------------------------------------------------------------------------------------
 
 
-def cloud(restitution=0.7, friction=0.4, step=4e-6, **more):
-    """27 clumps of three spheres of several sizes, and 8 spheres, that fly together and bounce on."""
+def cloud(restitution=0.7, friction=0.4, step=4e-6, outwards=-40.0, **more):
+    """27 clumps of three spheres of several sizes, and 8 spheres, that fly together (or ``outwards`` [1/s]) and bounce on."""
     rng = np.random.default_rng(5)
     place = (np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3) - 1.0) * 4.5e-3
     own = (np.stack(np.meshgrid(*[np.arange(2)] * 3), axis=-1).reshape(-1, 3) - 0.5) * 4.5e-3
@@ -200,11 +200,11 @@ def cloud(restitution=0.7, friction=0.4, step=4e-6, **more):
     ]  # fmt: skip
     grains = [
         {
-            "material": "stone", "clump": "three", "positions": place, "velocities": -40.0 * place,
+            "material": "stone", "clump": "three", "positions": place, "velocities": outwards * place,
             "spins": rng.normal(0, 60.0, place.shape), "orientations": rng.normal(size=(27, 4)),
             "sizes": rng.uniform(0.7, 1.0, 27),
         },
-        {"material": "stone", "positions": own, "velocities": -30.0 * own, "radius": 0.6e-3},
+        {"material": "stone", "positions": own, "velocities": 0.75 * outwards * own, "radius": 0.6e-3},
     ]  # fmt: skip
     return scene({"three": {"spheres": three}}, grains, step=step, friction=friction, restitution=restitution, **more)
 
@@ -238,19 +238,72 @@ def test_a_cloud_of_clumps_keeps_its_momenta_and_its_energy_closes():
 
 
 def test_bits_do_not_depend_on_threads_lists_and_resume(tmp_path):
-    wall = {"name": "floor", "material": "stone", "plane": {"point": [0, 0, -9e-3], "normal": [0, 0, 1]}}
-    more = {"walls": [wall], "gravity": [0.0, 0.0, -9.81], "frame": {"axis": [0, 0, 1], "rate": 5.0}}
-    want = run(cloud(**more), 4000)
-    assert run(cloud(**more), 4000, threads=2).state_hash() == want.state_hash()
-    assert run(cloud(**more, engine={"skin": 3e-5}), 4000).state_hash() == want.state_hash()
-    assert run(cloud(**more), 4000, resident=True).state_hash() == want.state_hash()
-    half = run(cloud(**more), 1500)
+    """With a wall, a frame that turns, borders that clumps come round, and an outlet that they leave by."""
+    drum = {"name": "drum", "material": "stone", "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 1.05e-2}}
+    chute = {"name": "chute", "box": {"min": [-1.0, -1.0, -1.0], "max": [1.0, -6e-3, 1.0]}}
+    more = {
+        "walls": [drum], "gravity": [0.0, -300.0, 0.0], "frame": {"axis": [0, 0, 1], "rate": 20.0}, "outlets": [chute],
+        "borders": {"z": {"kind": "periodic", "min": -7e-3, "max": 7e-3}}, "outwards": 150.0,
+    }  # fmt: skip
+    want = run(cloud(**more), 1500)
+    assert 5 < want.left["chute"][0] < 30
+    assert want.particles.position[:, 2].max() > 6e-3, "none is near the border"
+    assert run(cloud(**more), 1500, threads=2).state_hash() == want.state_hash()
+    assert run(cloud(**more, engine={"skin": 3e-5}), 1500).state_hash() == want.state_hash()
+    assert run(cloud(**more), 1500, resident=True).state_hash() == want.state_hash()
+    half = run(cloud(**more), 700)
     half.save_checkpoint(tmp_path / "half.h5")
     again = warpdem.Simulation.from_checkpoint(tmp_path / "half.h5", device="cpu", threads=1)
     assert again.state_hash() == half.state_hash()
-    again.step(2500)
+    again.step(800)
     assert again.state_hash() == want.state_hash()
     np.testing.assert_array_equal(again.clumps.spin, want.clumps.spin)
+
+
+def test_clumps_come_round_borders_with_their_centre_and_the_books_close():
+    """Each member keeps within the borders; what the shift to the other side gives is carried in."""
+    side = 7e-3
+    borders = {axis: {"kind": "periodic", "min": -side, "max": side} for axis in "xyz"}
+    made = cloud(
+        outwards=200.0, borders=borders, measures={"energy": True, "momentum": True}, step=2e-6, gravity=[0.5, 0.0, -1.0]
+    )
+    sim = warpdem.Simulation(made, device="cpu", threads=1)
+    first, mass = sum(sim.energy().values()), sim.particles.mass.sum()
+    sim.step(5000)
+    assert np.abs(sim.clumps.position).max() <= side and np.abs(sim.particles.position).max() <= side
+    arm = sim.particles.position[:81] - np.repeat(sim.clumps.position, 3, axis=0)
+    assert (np.abs(arm) > side).any(), "no clump is on both sides"
+    arm -= 2.0 * side * np.rint(arm / (2.0 * side))
+    assert np.linalg.norm(arm, axis=1).max() < 1e-3
+    books, now = sim.budget.energy(), sim.budget.momentum()
+    assert abs(books["carried_in"]) > 1e-4 * first and books["dissipated_normal_damping"] > 0.05 * first
+    assert abs(books["integration_error"]) < 1e-3 * first
+    for axis in "xyz":
+        assert abs(now[f"momentum_{axis} error"]) < 1e-12 * mass
+        assert abs(now[f"angular_momentum_{axis} error"]) < 1e-14 * mass
+
+
+def test_clumps_leave_whole_where_their_centre_does():
+    """By a box that the steps take them out in and, where books are kept, by the host; each counts once, with its mass."""
+    low = -6.3e-3
+    below = {"name": "below", "box": {"min": [-1.0, -1.0, -1.0], "max": [1.0, 1.0, low]}}
+    for books in (False, True):
+        measures = {"energy": books, "momentum": books, "residence": [{"name": "all"}]}
+        sim = run(cloud(outwards=0.0, outlets=[below], gravity=[0.0, 0.0, -300.0], measures=measures), 0)
+        mass, first, volume = sim.particles.mass.sum(), sum(sim.energy().values()), sim.clumps.mass / 2500.0
+        sim.step(1600)
+        count, gone = sim.left["below"]
+        alone = int((sim.particles.id >= 81).sum())
+        assert count == 27 - len(sim.clumps.id) + 8 - alone == 13
+        assert len(sim.particles.id) == alone + 3 * len(sim.clumps.id)
+        assert gone == pytest.approx(mass - sim.particles.mass.sum(), rel=1e-12)
+        assert sim.clumps.position[:, 2].min() > low > sim.particles.position[:, 2].min()
+        whole = sim.departed().id < 81
+        radius = (0.75 / np.pi * volume[sim.departed().id[whole] // 3]) ** (1.0 / 3.0)
+        np.testing.assert_allclose(sim.departed().radius[whole], radius)
+    terms = sim.budget.energy()
+    assert terms["integration_error"] == pytest.approx(0.0, abs=3e-6 * first)
+    assert terms["carried_in"] > first
 
 
 def test_a_scene_that_starts_from_a_checkpoint_goes_on_with_its_clumps(tmp_path):

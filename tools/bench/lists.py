@@ -84,13 +84,13 @@ def window(scene: dict, threads: int, settings: Settings) -> dict:
     gc.collect()
     sim = warpdem.Simulation(warpdem.Scene.model_validate(scene), device="cpu", threads=threads, resident=settings.resident)
     sim.step(settings.warm)
-    there, rebuilds, refreshes = len(sim.state), sim.lists.rebuilds, sim.lists.refreshes
+    there, rebuilds, refreshes = len(sim.state), sim.lists.rebuilds, sim.lists.inner_rebuilds
     begin = time.process_time()
     sim.step(settings.steps)
     seconds = time.process_time() - begin
     out = {
         "seconds_per_step": seconds / settings.steps, "rebuilds": sim.lists.rebuilds - rebuilds,
-        "refreshes": sim.lists.refreshes - refreshes, "came_or_left": abs(len(sim.state) - there),
+        "refreshes": sim.lists.inner_rebuilds - refreshes, "came_or_left": abs(len(sim.state) - there),
         "state_hash": sim.state_hash(),
     }  # fmt: skip
     sim.threads.close()

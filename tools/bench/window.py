@@ -68,14 +68,14 @@ def window(start: Start, model: Model, threads: int, settings: Settings) -> Wind
     scene = scene_of(start, model, settings)
     sim = warpdem.Simulation(scene, device=settings.device, threads=threads, resident=settings.resident)
     sim.step(settings.warm)
-    before, rebuilds, refreshes = dict(sim.seconds), sim.lists.rebuilds, sim.lists.refreshes
+    before, rebuilds, refreshes = dict(sim.seconds), sim.lists.rebuilds, sim.lists.inner_rebuilds
     begin = time.perf_counter()
     sim.step(settings.steps)
     seconds = time.perf_counter() - begin
     stages = {
         key: sim.seconds.get(key, 0.0) - before.get(key, 0.0) for key in ("steps", "lists", "refresh", "schedule")
     }
-    rebuilds, refreshes = sim.lists.rebuilds - rebuilds, sim.lists.refreshes - refreshes
+    rebuilds, refreshes = sim.lists.rebuilds - rebuilds, sim.lists.inner_rebuilds - refreshes
     particles, contacts = sim.particles, sim.contacts()
     if not all(np.isfinite(a).all() for a in (particles.position, particles.velocity, particles.spin)):
         raise RuntimeError(f"{start.name}, {model}: the state is not finite after {sim.step_number} steps")

@@ -7,6 +7,7 @@
     belt.stl              endless belt around two drums, an open sheet without thickness, millimetres; drums along y
     screw.stl             right-handed flight around the x axis, an open sheet, millimetres
     screen.stl            deck of bars along x, each a closed box, millimetres
+    ribs.stl              plate of ribs along y, an open sheet, in units of their distance: 8 by 4, half as high; scale it
     hopper.stl            flat-bottomed bin with a round hole over a closed chamber, millimetres; the hole at the origin
 
 A hourglass of other dimensions: `python tools/dev/meshes.py --out my.stl --neck-radius 2 ...`.
@@ -25,6 +26,7 @@ PAPER = {"neck_radius": 2.025, "neck_length": 1.0, "half_angle": 30.0, "rim_radi
 HOPPER = {"hole_radius": 20.0, "bin_radius": 50.0, "bin_height": 120.0, "chamber_height": 50.0}
 BELT = {"distance": 200.0, "radius": 20.0, "width": 40.0, "segments": 20}
 SCREW = {"pitch": 40.0, "turns": 3, "inner": 7.5, "outer": 24.0, "segments": 32, "strips": 3}
+RIBS = {"ribs": 8, "width": 4.0, "depth": 0.5}
 SCREEN = {"length": 150.0, "bars": 8, "pitch": 6.0, "thickness": 2.0, "height": 3.0}
 
 
@@ -130,6 +132,21 @@ def strip(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
+def ribs(ribs: int, width: float, depth: float) -> np.ndarray:
+    """Triangles (t, 3, 3) of a sheet folded into ribs along y a unit apart, their edges at z = 0, upper sides towards +z.
+
+    Args:
+        ribs: Number of ribs, from x = 0 on.
+        width: Length of the ribs.
+        depth: Height of an edge above the grooves.
+    """
+    x = 0.5 * np.arange(2 * ribs + 1)
+    z = np.where(np.arange(2 * ribs + 1) % 2, 0.0, -depth)
+    near, far = (np.column_stack([x, np.full_like(x, y), z]) for y in (0.0, width))
+    a, b, c, d = near[:-1], near[1:], far[1:], far[:-1]
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
 def screen(length: float, bars: int, pitch: float, thickness: float, height: float) -> np.ndarray:
     """Triangles (t, 3, 3) of bars from x = 0 to ``length`` below z = 0, the second of them at y = 0, closed boxes.
 
@@ -222,6 +239,7 @@ def main() -> None:
     make(MESHES / "belt.stl", belt(**BELT), sheet=True)
     make(MESHES / "screw.stl", screw(**SCREW), sheet=True)
     make(MESHES / "screen.stl", screen(**SCREEN))
+    make(MESHES / "ribs.stl", ribs(**RIBS), sheet=True)
 
 
 if __name__ == "__main__":

@@ -165,8 +165,8 @@ class Workplace:
         }  # fmt: skip
 
 
-def judge_all(mutants, catch_all, places: list[Workplace], limit: float, told) -> None:
-    """Judge the mutants, one at a time in each place; ``told`` gets each result as it comes."""
+def judge_all(mutants, catch_all, places: list[Workplace], limit: float, report) -> None:
+    """Judge the mutants, one at a time in each place; ``report`` gets each result as it comes."""
     free: queue.Queue[Workplace] = queue.Queue()
     for place in places:
         free.put(place)
@@ -180,7 +180,7 @@ def judge_all(mutants, catch_all, places: list[Workplace], limit: float, told) -
 
     with ThreadPoolExecutor(len(places)) as pool:
         for result in pool.map(one, mutants):
-            told(result)
+            report(result)
 
 
 def markdown(results: list[dict], mutants: list[Mutant]) -> str:

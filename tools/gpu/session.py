@@ -37,7 +37,7 @@ import numpy as np
 import warp as wp
 from cyclopts import App, Parameter
 from rich.console import Console
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.lists import cells, numbering
 
 import bench.speed
@@ -49,7 +49,7 @@ from paper.common import SCENES
 from warpdem import Scene, Simulation
 from warpdem.engine import graph
 from warpdem.measure.snapshot import take_snapshot
-from warpdem.output.instant import Instant, StagingBuffer
+from warpdem.output.staged_state import StagedState, StagingBuffer
 
 ROOT = Path(__file__).resolve().parents[2]
 Part = Literal["compile", "agreement", "speed", "step", "hourglass", "memory", "large", "peer", "paper", "tests"]
@@ -80,7 +80,7 @@ def compile(device: str, small: bool, folder: Path) -> dict:
         begin, modules = time.perf_counter(), {}
         for scene in scenes[: 1 if small else None]:
             built = make(scene).kernels
-            groups = [numbering, cells, *(group for group in vars(built).values() if isinstance(group, Built))]
+            groups = [numbering, cells, *(group for group in vars(built).values() if isinstance(group, KernelSet))]
             kernels = [thing for group in groups for thing in vars(group).values() if isinstance(thing, wp.Kernel)]
             # the CPU's loop waits at barriers between threads: nothing for a GPU
             modules |= {id(k.module): k.module for k in kernels if not (built.graph and k is built.loop.run)}
@@ -143,9 +143,9 @@ def agreement(device: str, small: bool, folder: Path) -> dict:
     for sim in (own, two, again):
         sim.step(100 if small else 1000)
     error = np.abs(own.particles.position - two.particles.position).max() / start.state["r"].min()
-    there, instant = again.snapshot(), Instant(again.view, StagingBuffer(again.device))
+    there, staged = again.snapshot(), StagedState(again.view, StagingBuffer(again.device))
     again.step(100)
-    aside = take_snapshot(instant.view())
+    aside = take_snapshot(staged.view())
     same = all(np.array_equal(getattr(there, name), getattr(aside, name)) for name in ("position", "velocity", "spin", "force"))
     two.step(100)
     steps, twins = (50, 2) if small else (20_000, TWINS)
@@ -193,12 +193,12 @@ def step(device: str, small: bool, folder: Path) -> dict:
         graph.BODY = body
         sim = simulation(bench.states.scene_of(start, "full", bench.states.Settings()), device)
         sim.step(steps)
-        begin, lists, refreshes = time.perf_counter(), sim.lists.rebuilds, sim.lists.refreshes
+        begin, lists, refreshes = time.perf_counter(), sim.lists.rebuilds, sim.lists.inner_rebuilds
         sim.step(steps)
         out[str(body)] = {
             "us": 1e6 * (time.perf_counter() - begin) / steps,
             "rebuilds": sim.lists.rebuilds - lists,
-            "refreshes": sim.lists.refreshes - refreshes,
+            "refreshes": sim.lists.inner_rebuilds - refreshes,
             "captures": sim.engine.executor.captures,
         }
     return out

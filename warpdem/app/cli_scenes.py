@@ -4,13 +4,17 @@ import json
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
 
 from warpdem.app.cli_options import AllowPaths, At, Picture, Plugins, Settings
 from warpdem.app.cli_results import write_report
+from warpdem.errors import SceneError
+
+if TYPE_CHECKING:
+    from warpdem.ranks.world import World
 
 
 def run(
@@ -30,6 +34,7 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
+    ranks: int | None = None,
 ) -> None:
     """Run a scene and write its results.
 
@@ -38,47 +43,75 @@ def run(
         out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
             for a result stage.
         device: cpu or cuda:0; a GPU if there is one.
-        threads: CPU threads; as many as pay for the number of grains if not given, up to all cores.
+        threads: CPU threads, of each rank; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
         report: Write report.html at the end, as warpdem report does.
         resume: Continue from the checkpoint in the folder.
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
+        ranks: Share the grains among so many MPI processes; mpirun -n N warpdem run does the same.
     """
     from warpdem.app.phases import run as run_all
     from warpdem.app.run_folder import default_folder, named_folder
     from warpdem.core.file_names import require_usable
     from warpdem.core.run_lock import FolderLocked
+    from warpdem.ranks.front import leading
+    from warpdem.ranks.support import refuse
     from warpdem.scene.file import load_scene
 
-    require_usable("--out", out)
-    loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
-                        allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
-    try:
-        while True:
-            folder = out or (named_folder(scene) if resume else default_folder(scene))
-            try:
-                run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
-                        quiet=quiet, picture=picture)  # fmt: skip
-                if report:
-                    write_report(folder, None, picture is not False, quiet)
-                break
-            except FolderLocked as taken:
-                if out or resume or taken.folder != folder:
-                    raise  # else another run has just taken the folder that was free: the next one
-    except KeyboardInterrupt as stop:
-        if not stop.args:  # nothing was run yet
-            raise
-        given = {"device": device, "threads": threads, "precision": precision, "until": until, "at": at}
-        options = [f"--{name}={value}" for name, value in given.items() if value is not None]
-        options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
-                    for word in (f"--{name}", str(path))]  # fmt: skip
-        options += ["--report"] if report else []
-        options += [] if picture is None else ["--picture" if picture else "--no-picture"]
-        options += ["--set", *set_] if set_ else []
-        command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
-        raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
+    world = _ranks(ranks)
+    with leading(world):
+        require_usable("--out", out)
+        loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
+                            allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
+        if world is not None:
+            refuse(loaded, device)
+        try:
+            while True:
+                folder = out or (named_folder(scene) if resume else default_folder(scene))
+                try:
+                    run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
+                            quiet=quiet, picture=picture)  # fmt: skip
+                    if report:
+                        write_report(folder, None, picture is not False, quiet)
+                    break
+                except FolderLocked as taken:
+                    if out or resume or taken.folder != folder:
+                        raise  # else another run has just taken the folder that was free: the next one
+        except KeyboardInterrupt as stop:
+            if not stop.args:  # nothing was run yet
+                raise
+            given = {"device": device, "threads": threads, "precision": precision, "until": until, "at": at, "ranks": ranks}
+            options = [f"--{name}={value}" for name, value in given.items() if value is not None]
+            options += [word for name, paths in (("plugin", plugin), ("allow-path", allow_path)) for path in paths
+                        for word in (f"--{name}", str(path))]  # fmt: skip
+            options += ["--report"] if report else []
+            options += [] if picture is None else ["--picture" if picture else "--no-picture"]
+            options += ["--set", *set_] if set_ else []
+            command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
+            raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
+
+
+def _ranks(asked: int | None) -> "World | None":
+    """The ranks that this process leads, started as ``--ranks`` asks for if they are not here; None where it runs alone.
+
+    On a rank other than 0 it does not return: that ends with rank 0.
+    """
+    from warpdem.ranks import launcher
+    from warpdem.ranks.follower import serve
+
+    if asked is not None and asked < 1:
+        raise SceneError(f"--ranks {asked}: must be 1 or more")
+    there = launcher.launched()
+    if asked is not None and there == 1 < asked:
+        launcher.start(asked, sys.argv[1:])
+    if asked is not None and asked != there:
+        raise SceneError(f"--ranks {asked}: but a launcher of MPI started {there}: leave the option out")
+    world = launcher.join()
+    if world is not None and world.rank:
+        sys.exit(serve(world))
+    return world
 
 
 def check(
@@ -133,18 +166,26 @@ def convert(
     allow_path: AllowPaths = [],  # noqa: B006
     overwrite: bool = False,
 ) -> None:
-    """Write a scene file in another format: TOML from USD, USD from TOML.
+    """Write a scene file in another format: TOML from USD, USD from TOML, TOML from a script of LIGGGHTS.
+
+    A script is converted with its meshes, materials, contact law, walls, motions and insertions; what is other or missing is
+    said, and written at the head of the scene file.
 
     Args:
-        source: Scene file, as in run.
-        target: File to write: .toml, .usda, .usdc or .usd.
+        source: Scene file, as in run; a file of another suffix is a script of LIGGGHTS.
+        target: File to write: .toml, .usda, .usdc or .usd; .toml of a script.
         overwrite: Allow a target that exists.
     """
     from warpdem.core.file_names import require_usable
+    from warpdem.exchange.liggghts.convert import convert_script
+    from warpdem.scene.convert import SUFFIXES
     from warpdem.scene.convert import convert as write
 
     require_usable("TARGET", target)
-    notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
+    if source.suffix.lower() not in (*SUFFIXES, ".usdz"):
+        notes = convert_script(source, target, overwrite=overwrite)
+    else:
+        notes = write(source, target, at=at, overwrite=overwrite, allow_paths=allow_path, plugins=plugin)
     console = Console(highlight=False)
     for note in notes:
         console.print(f"note: {note}", markup=False)

@@ -39,7 +39,8 @@ def picture(source: Simulation | Path | str, *, time: float | None = None, **sty
     with TemporaryDirectory() as made:
         if isinstance(source, Simulation):
             folder = Path(made)
-            VtkWriter(folder, source.wall_meshes()).write(source.snapshot())
+            snapshot = source.snapshot()
+            VtkWriter(folder, source.wall_meshes(), clumps=snapshot.clumps is not None).write(snapshot)
         else:
             folder = Path(source)
         return Picture(render(folder, Path(made) / "picture.png", time=time, **style).read_bytes())

@@ -16,7 +16,7 @@ from warpdem.measure.totals import Totals
 from warpdem.output.background import Background
 from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import Instant, StagingBuffer
+from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_departures
 from warpdem.simulation import Simulation
@@ -67,12 +67,12 @@ class Outputs:
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
             totals = Totals(view).made() if row else None
-            instant = Instant(view, self.staging[0], contacts=network)
-            self.background.start(lambda: self._write(instant, observed, totals, frame))
+            staged = StagedState(view, self.staging[0], contacts=network)
+            self.background.start(lambda: self._write(staged, observed, totals, frame))
 
-    def _write(self, instant: Instant, observed: dict[str, np.ndarray], totals: Totals | None, frame: bool) -> None:
+    def _write(self, staged: StagedState, observed: dict[str, np.ndarray], totals: Totals | None, frame: bool) -> None:
         with self.sim.clock("output, beside the steps"):
-            view = instant.view()
+            view = staged.view()
             if totals is not None:
                 numbers = history_row(self.columns, Readings(view, observed, totals))
                 self.history.write(numbers)

@@ -64,7 +64,7 @@ def run(
         WarpdemError: as ``run_scene``.
         KeyboardInterrupt: as ``run_scene``.
     """
-    common: dict[str, Any] = {"quiet": quiet, "console": console or Console(), "told": set()}
+    common: dict[str, Any] = {"quiet": quiet, "console": console or Console(), "reported": set()}
     common |= {"device": device, "threads": threads}
     if not scene.phases:
         return run_scene(scene, folder, until=until, resume=resume, overwrite=overwrite, picture=picture, **common)

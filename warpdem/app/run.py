@@ -21,6 +21,7 @@ from warpdem.core.run_lock import RunLock, locked
 from warpdem.errors import OutputError, StabilityError
 from warpdem.model.prepare import require_scene
 from warpdem.output.write_tables import write_run_record
+from warpdem.ranks.front import led
 from warpdem.scene.messages import visible
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import largest_rates
@@ -44,7 +45,7 @@ def run_scene(
     quiet: bool = False,
     picture: bool | None = None,
     console: Console | None = None,
-    told: set[str] | None = None,
+    reported: set[str] | None = None,
 ) -> Simulation:
     """Run ``scene`` to its end, write its results into ``folder`` and print a summary.
 
@@ -59,7 +60,7 @@ def run_scene(
         quiet: print errors only.
         picture: draw picture.png at the end, or not; None as the scene says.
         console: where to print.
-        told: notes and warnings that were printed already and need not be again; those printed now are added.
+        reported: notes and warnings that were printed already and need not be again; those printed now are added.
 
     Raises:
         SceneError: before anything is computed, if the scene or the checkpoint to continue from is wrong, or the folder holds
@@ -73,30 +74,30 @@ def run_scene(
     check_request(folder, until, overwrite or resume)
     with locked(folder) as claim:
         refuse_results(folder, overwrite or resume)  # of a run that has ended meanwhile
-        return _run(scene, claim, device, threads, until, resume, quiet, picture, console, told)
+        return _run(scene, claim, device, threads, until, resume, quiet, picture, console, reported)
 
 
 def _run(
     scene: Scene, claim: RunLock, device: str | None, threads: int | None, until: float | None, resume: bool, quiet: bool,
-    picture: bool | None, console: Console, told: set[str] | None,
+    picture: bool | None, console: Console, reported: set[str] | None,
 ) -> Simulation:  # fmt: skip
     """``run_scene`` in a folder that no other run writes into."""
     folder = claim.folder
     begin = time.perf_counter()
     saved = checkpoint_file.read(folder / CHECKPOINT) if resume else None
     end = scene.time.end if until is None else until
-    with compiling_ahead(scene, device):
+    with compiling_ahead(scene, device) if led() is None else nullcontext():
         with report_if_long(SETTING_UP, console, quiet):
-            sim = Simulation(scene, device=device, threads=threads)
+            sim = Simulation(scene, device=device, threads=threads, world=led())
         if saved is not None:
             checkpoint.restore(sim, saved)
-        warned, told = scene_warnings.warnings(sim), set() if told is None else told
+        warned, reported = scene_warnings.warnings(sim), set() if reported is None else reported
         for message in warned:
-            if message not in told:
+            if message not in reported:
                 log.warning("%s: %s", scene.source, message)
         if not quiet:
-            _announce(sim, warned, end, folder, console, told)
-        told |= {*sim.notes, *warned}
+            _announce(sim, warned, end, folder, console, reported)
+        reported |= {*sim.notes, *warned}
         with sim.clock("compile"), report_if_long(COMPILING, console, quiet):
             sim.load_kernels()
     claim.check()
@@ -134,9 +135,9 @@ def _run(
 
 
 def _announce(
-    sim: Simulation, warned: list[str], end: float, folder: Path, console: Console, told: set[str]
+    sim: Simulation, warned: list[str], end: float, folder: Path, console: Console, reported: set[str]
 ) -> None:
-    """What is about to be run, to ``end`` [s]: notes and the warnings ``warned`` that were not ``told`` already."""
+    """What is about to be run, to ``end`` [s]: notes and the warnings ``warned`` that were not ``reported`` already."""
     resumed_at = f"goes on at t = {sim.time:.6g} s, " if sim.step_number else ""
     steps = max(0, sim.steps_until(end) - sim.step_number)
     title = escape(visible(sim.scene.title or sim.scene.source))
@@ -145,7 +146,7 @@ def _announce(
     if rates := largest_rates(sim.scene):
         console.print(summary.rates_line(rates), markup=False)
     for message in [*sim.notes, *warned]:
-        if message not in told:
+        if message not in reported:
             console.print(summary.warning_text(message) if message in warned else Text(f"note: {message}"))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from warpdem.app import scene_warnings, summary
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
+from warpdem.ranks.front import Front
 from warpdem.scene import pair_keys
 from warpdem.scene.models import model
 from warpdem.simulation import Simulation
@@ -55,7 +56,8 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
                  for f in sim.inlets],
         "turning": asdict(turning) if turning is not None else None,
         "packings": [asdict(packing) for packing in sim.expected.packings],
-        "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.refreshes, "skin": sim.lists.skin},
+        "ranks": sim.loop.report() if isinstance(sim.loop, Front) else [],
+        "lists": {"rebuilds": sim.lists.rebuilds, "refreshes": sim.lists.inner_rebuilds, "skin": sim.lists.skin},
         "seconds": {**sim.seconds, "total": wall_seconds},
         "scene_data": scene if len(json.dumps(scene)) < 100_000 else "left out: explicit arrays; see scene_hash",
     }  # fmt: skip

@@ -116,7 +116,7 @@ def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder
     longest = sorted(sim.seconds.items(), key=lambda i: -i[1])
     stages = "; ".join(f"{STAGES.get(k, k)} {v:.2f} s" for k, v in longest if v >= 0.005)
     table.add_row("wall time", f"{wall_seconds:.1f} s: {stages}")
-    table.add_row("lists", f"{sim.lists.rebuilds} builds of the outer neighbor list, {sim.lists.refreshes} of the "
+    table.add_row("lists", f"{sim.lists.rebuilds} builds of the outer neighbor list, {sim.lists.inner_rebuilds} of the "
                            f"inner, skin {sim.lists.skin:.3g} m")  # fmt: skip
     met = sim.extremes
     table.add_row("largest overlap", f"{met['pair_overlap_share']:.3%} of the radius between grains, "

@@ -16,6 +16,9 @@ from warpdem.model import time_step
 from warpdem.model.digests import Given
 from warpdem.model.model import Model
 from warpdem.model.prepare import prepare, require_scene
+from warpdem.ranks.front import Front, rank_threads
+from warpdem.ranks.support import refuse
+from warpdem.ranks.world import World
 from warpdem.scene.model import Scene
 from warpdem.state.budget_totals import BudgetTotals
 from warpdem.state.clock import Clock
@@ -55,10 +58,14 @@ class Parts:
 
     @classmethod
     def of(
-        cls, scene: Scene, device: str | None, threads: int | None, start: str | Path | None, resident: bool | None
-    ) -> "Parts":
+        cls, scene: Scene, device: str | None, threads: int | None, start: str | Path | None, resident: bool | None,
+        world: World | None = None,
+    ) -> "Parts":  # fmt: skip
         """The parts of a run at its first step; arguments and errors as of ``Simulation``."""
         require_scene(scene)
+        if world is not None:
+            refuse(scene, device)
+            device = "cpu"
         given = Given.of(scene if start is None else started_from(scene, start))
         where = pick_device(device)
         if where.is_cuda and resident is False:
@@ -66,18 +73,26 @@ class Parts:
         timers = Timers()
         with timers.measure("set-up"):
             past = read_start(given.scene) if given.scene.start is not None else None
-            model, grains = prepare(given, where, where.is_cuda if resident is None else resident, past)
+            resident = where.is_cuda if resident is None else resident
+            model, grains = prepare(given, where, resident, past, ranks=world is not None)
             state, clock = State.of(model, grains), Clock(model.dt)
-            workers = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
+            if world is None:
+                workers = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
+            else:
+                workers = rank_threads(world, threads, len(grains))
             engine = Engine(model, state, clock, workers, timers)
         streams = Streams(model, state, clock)
         loop = RunLoop(state, clock, engine, streams, timers)
+        if world is not None:
+            loop = Front(world, model, state, clock, engine, streams, timers, workers)
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
         left, departures = engine.leavers.left, engine.leavers.departures
         view = RunView(model, state, clock, engine, totals, engine.lists.view, left, departures, workers)
         guards = Guards(view, loop.prepare, engine.ignore_overlaps)
         engine.lists.watch_travel = guards.check_travel
+        if isinstance(loop, Front):
+            loop.rank.notice = guards.notice
         if totals is not None:
             budget = Budget(view)
             engine.leavers.before_leaving, loop.after_insertion = budget.left, budget.inserted

@@ -96,6 +96,8 @@ class ClumpShots:
     """Number of members, shape (c,), int32."""
     mass: np.ndarray
     """Mass [kg], shape (c,)."""
+    radius: np.ndarray
+    """Radius of the sphere of equal volume [m], shape (c,)."""
     position: np.ndarray
     """Centre of mass [m], shape (c, 3)."""
     orientation: np.ndarray

@@ -18,7 +18,7 @@ _SHORT = {"speed": "v", "spin": "omega", "force": "f", "size": "radius", "speed_
 _ARRAYS = {array.name: array for array in (*GRAIN_ARRAYS, *TRIANGLE_ARRAYS, *WEAR_ARRAYS)}
 _RELATIVE = ("v", "omega")
 """Arrays that are relative to the frame."""
-_CATEGORICAL = ("type", "group")
+_CATEGORICAL = ("type", "group", "clump")
 _NO_NUMBER = "#6b6f73"
 """Colour of a value that is no number."""
 _TAIL = 0.01

@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgb
 
 from warpdem.core.pose import FramePose, RotationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
+from warpdem.drawing.bodies import bodies_of, body_axes, spots
 from warpdem.drawing.camera import camera_of, upright, view_axes
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
@@ -38,6 +39,8 @@ class _Scenery:
     snapshot: Snapshot
     walls: list[WallMesh]
     grain_fields: dict[str, np.ndarray]
+    centre: np.ndarray
+    """Centre of the body of each grain, its clump or itself, in frame axes [m], shape (n, 3)."""
     wall_fields: dict[str, dict[str, np.ndarray]]
 
 
@@ -112,7 +115,8 @@ class FrameDrawer:
             raise WarpdemError(f"hide {sorted(unknown)[0]!r}: there is no such wall in {run.folder}; there are {names}")
         walls = [wall for wall in there if wall.name not in self._style.hide]
         on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._style.wall_colour else {}
-        return _Scenery(float(run.times[k]), snapshot, walls, run.fields(k), on_walls)
+        bodies = bodies_of(snapshot.position, run.fields(k), run.clumps(k))
+        return _Scenery(float(run.times[k]), snapshot, walls, bodies.fields, bodies.centre, on_walls)
 
     def _wall_scale(self, first: _Scenery, folder: Path) -> Scale | None:
         name = self._style.wall_colour
@@ -179,12 +183,12 @@ class FrameDrawer:
         shown = _finite(scenery.snapshot)
         for cut in self._cuts:
             normal, offset = cut.in_frame(scenery.snapshot.frame)
-            shown &= scenery.snapshot.position @ normal > offset
+            shown &= scenery.centre @ normal > offset
         return np.asarray(shown)
 
     def _grain_values(self, scenery: _Scenery) -> np.ndarray:
         snapshot = scenery.snapshot
-        return self._grains.field.values(scenery.grain_fields, snapshot.frame, snapshot.position)
+        return self._grains.field.values(scenery.grain_fields, snapshot.frame, scenery.centre)
 
     def _wall_values(self, scenery: _Scenery, wall: WallMesh) -> np.ndarray | None:
         assert self._on_walls is not None
@@ -199,7 +203,20 @@ class FrameDrawer:
             middle, farthest = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
             near = np.linalg.norm(position - middle, axis=1) < farthest
             shown, position = shown[near], position[near]
-        return Balls(position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown]))
+        balls = position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown])
+        if self._style.spots:
+            return Balls(*self._with_spots(scenery, shown, balls))
+        return Balls(*balls)
+
+    def _with_spots(self, scenery: _Scenery, shown: np.ndarray, balls: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        """Centres, radii and colours of the grains ``shown``, and of spots on those that are no members of clumps."""
+        axes = body_axes(scenery.grain_fields, self._runs[0].folder)[shown]
+        if self._style.view == "laboratory":
+            axes = scenery.snapshot.frame.rotation @ axes
+        alone = np.full(len(shown), True) if scenery.snapshot.clump is None else scenery.snapshot.clump[shown] < 0
+        position, radius, colour = (values[alone] for values in balls)
+        added = spots(position, radius, colour, axes[alone])
+        return tuple(np.concatenate(both) for both in zip(balls, added, strict=True))
 
     def _fitted(self, pose: FramePose, walls: list[WallMesh]) -> list[WallMesh]:
         """The planes among the walls, cut to lie around what the picture shows, in the axes of the view."""
@@ -237,7 +254,9 @@ class FrameDrawer:
 
     def _bars(self) -> list[Bar]:
         field = self._grains.field
-        bars = [Bar(self._grains, field.title(self._moving_frame), _category_names(self._runs[0].folder, field))]
+        bars = []
+        if field.array != "clump":  # whose colours only tell bodies apart
+            bars.append(Bar(self._grains, field.title(self._moving_frame), _category_names(self._runs[0].folder, field)))
         if self._on_walls is not None:
             bars.append(Bar(self._on_walls, f"wall {self._on_walls.field.title(self._moving_frame)}"))
         return bars

@@ -17,11 +17,15 @@ class PictureStyle:
     view: View = "laboratory"
     """Axes that stand still in the picture."""
     colour: str = "speed"
-    """Field of the grains that colours them: speed, speed_lab, spin, force, size, mass, id, type, group, or the name of any
-    array in the files; vectors by their length, or a component as in v.x (in frame axes)."""
+    """Field of the grains that colours them: speed, speed_lab, spin, force, size, mass, id, type, group, clump, or the name of
+    any array in the files; vectors by their length, or a component as in v.x (in frame axes). Members of a clump have what
+    the clump has; clump gives each clump a colour of its own, and grains of their own grey."""
     colour_range: tuple[float, float] | None = None
     """Values at the ends of the scale bar, in its unit in the files; None for those met in all frames of the film together,
     without the outermost 1 % (of few grains, one of them) where these go on far beyond the others."""
+    spots: bool = False
+    """Six dark spots on each grain that is no member of a clump, at the ends of its body axes: they show how it rolls. The run
+    needs output.orientation = true."""
     colour_map: str | None = None
     """Colour map by its Matplotlib name; None for viridis, or coolwarm for components."""
     camera: Preset = "auto"
@@ -42,7 +46,7 @@ class PictureStyle:
     """Height of the picture in a parallel projection [m], > 0; None for a perspective one."""
     cut: tuple[str, ...] = ()
     """What is shown, as in "y > 0", or "px,py,pz,nx,ny,nz" for the side of a plane through p to which n points [m]; grains by
-    their centres. "frame: y > 0" or "laboratory: y > 0" names other axes than the view's."""
+    their centres, clumps whole by theirs. "frame: y > 0" or "laboratory: y > 0" names other axes than the view's."""
     hide: tuple[str, ...] = ()
     """Walls that are not drawn, by name."""
     opacity: float | None = None

@@ -63,7 +63,7 @@ class ContactLists:
         known: grains that the lists were built for, in the first memory slots.
         skin: gap below which a pair is in the outer list [m].
         inner_skin: gap below which it is in the inner list [m].
-        rebuilds, refreshes: how often the outer and the inner list were built.
+        rebuilds, inner_rebuilds: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
         row_count: grains beside a wall.
@@ -80,6 +80,7 @@ class ContactLists:
         touching_start, near_start: (n,) where those contacts begin.
         near_feature: wall features closer than the skin, in the wall slots of their grain.
         grids: cell grids of the grains.
+        given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
         row: pair force on one grain in each force slot; the last belongs to no grain.
         entry: energies beside ``row``.
     """
@@ -113,9 +114,10 @@ class ContactLists:
         self.real = model.features.backend.real
         n, axes = len(state), 1 + model.features.walls.moving
         self.skin, self.inner_skin = skin, 0.2 * skin
-        self.rebuilds = self.refreshes = self.version = 0
+        self.rebuilds = self.inner_rebuilds = self.version = 0
         self.known = n
         self.force_parity = 1
+        self.given_order: np.ndarray | None = None
         self.forget_outer()
         self.reference, self.outer_reference = (wp.zeros((0, axes), dtype=wp.vec3d, device=model.device) for _ in range(2))
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
@@ -145,7 +147,7 @@ class ContactLists:
 
     def inner_built(self) -> None:
         """Take note that the host has built the inner list."""
-        self.refreshes += 1
+        self.inner_rebuilds += 1
         self.version += 1
 
     def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:

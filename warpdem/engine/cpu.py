@@ -58,6 +58,7 @@ class CpuExecutor:
 
     Attributes:
         pace: how many of the threads are used while other programs want the cores too.
+        exchange: address of the function that steps call in a run over several processes (``kernels.step.exchange``), else 0.
     """
 
     def __init__(self, model: Model, state: State, clock: Clock, threads: Threads) -> None:
@@ -66,6 +67,7 @@ class CpuExecutor:
         self.storage = CpuStorage(model.device)
         self.launch = HostLaunch(model.device, threads)
         self.pace, self._steps = Pace(), Steps()
+        self.exchange = 0
 
     def steps_ahead(self) -> int:
         """Steps of the next schedule: a short one would cost few grains more than their steps."""
@@ -103,17 +105,18 @@ class CpuExecutor:
         # views of the memory that the kernel reads and writes
         thread_ranges, moved = control.thread_ranges.numpy(), report.moved.numpy()
         batches = lists.totals[0] // model.features.backend.lanes
-        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.slots, lists.row_count)])
+        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.owned, lists.row_count)])
         report.arrivals.numpy()[:] = 0
         moved[:] = 0
         steps.row, steps.count, steps.parity = batch.row()[0], count, self._clock.step_number & 1
         steps.forces_first, steps.hold, steps.max_displacement = int(forces_first), int(hold), lists.max_displacement
+        steps.exchange = self.exchange
 
         wall, used = time.perf_counter(), time.process_time()
         self.launch.on_each(kernel, n, steps, batch.model, control, grains, contacts, wall_contacts, report)
         if count == 0:
             return 0, 0
         done = int(report.done.numpy()[0])
-        if most > 1:
+        if most > 1 and not self.exchange:  # there threads wait for other processes too
             self.pace.done(most, done, time.perf_counter() - wall, time.process_time() - used)
         return done, int(np.bitwise_or.reduce(moved[::SPAN]))

@@ -28,6 +28,7 @@ class Engine:
         clock: where the run is in time.
         threads: CPU threads.
         timers: add up the time by stage.
+        lists: what decides when lists are built.
 
     Attributes:
         lists: neighbor lists and contacts.
@@ -35,7 +36,10 @@ class Engine:
         executor: how steps are run; the only place where a CPU and a GPU part.
     """
 
-    def __init__(self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers) -> None:
+    def __init__(
+        self, model: Model, state: State, clock: Clock, threads: Threads, timers: Timers,
+        lists: type[NeighborLists] = NeighborLists,
+    ) -> None:  # fmt: skip
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self._read: tuple[wp.array, wp.array, wp.array] | None = None
         self.executor: CpuExecutor | GraphExecutor
@@ -43,7 +47,7 @@ class Engine:
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
         pool, list_build = self.executor.storage.pool, self.executor.list_build
-        self.lists = NeighborLists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
+        self.lists = lists(model, state, clock, self.batch, timers, pool, list_build, self.leavers)
         self.structs = Structs(model, state, self.lists)
         self.lists.before_build, self.lists.fastest = self._forget, lambda: float(self.extreme[[1, 3]].max())
 

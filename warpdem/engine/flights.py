@@ -14,14 +14,13 @@ import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
-from warpdem.engine.list_structs import rows_of
+from warpdem.engine.list_structs import put, rows_of
 from warpdem.engine.program import Launch
 from warpdem.kernels import grain
 from warpdem.kernels.lists.displacement import INNER, OFF_PATH, OUTER
 from warpdem.kernels.lists.flight import BLOCK
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.lists.rebuild import HASTY
-from warpdem.kernels.wall.surface import Surface
 from warpdem.state.particles import changed
 
 ALLOWANCE = 0.125  # how far a grain may be off its path, over the skin [-]
@@ -67,7 +66,7 @@ class Flights:
         walls, clumps = self.model.features.walls, self.model.features.contact.clumps  # whose members fly along no parabola
         return self.model.features.frame.tracked and not walls.images and not walls.dynamic and not clumps
 
-    def _instant(self) -> tuple[int, float]:
+    def _now(self) -> tuple[int, float]:
         """Row of the placements at present, and the step."""
         base, _ = self.batch.row()
         return (base + 1) * self.batch.stages, float(self.clock.step_number)
@@ -170,23 +169,26 @@ class Flights:
         model, lists, record, kernels = self.model, self.lists, self.state.record, self.model.kernels.paths
         blocks = -(-lists.known // BLOCK)
         low, high = (self.pool.buffer(name, (blocks,), wp.vec3d) for name in ("box_low", "box_high"))
-        row, now = self._instant()
-        longest, swiftest = self._walls_ahead()
-        walls = [Surface(), wp.zeros(0, dtype=wp.uint64), wp.zeros(0, dtype=wp.int32)]
-        wall_contacts, beside = model.kernels.WallContacts(), wp.zeros(0, dtype=wp.int32)
+        row, now = self._now()
+        longest, fastest = self._walls_ahead()
+        others = put(
+            kernels.OtherGrains(), record=record, reference=lists.outer_reference, flight=lists.flight, low=low, high=high,
+            rows=rows_of(lists.outer), skin=lists.skin,
+        )  # fmt: skip
+        walls = put(
+            kernels.WallsAhead(), placements=self.batch.control.placement, row=row, fastest=fastest, watched=self.batch.watched
+        )
         if model.walls is not None:
-            walls = [model.walls.surface, *model.walls.mesh_arrays[:2]]
-            wall_contacts, beside = lists.wall_contacts, lists.near_feature
+            mesh, mesh_wall = model.walls.mesh_arrays[:2]
+            put(walls, surface=model.walls.surface, mesh=mesh, mesh_wall=mesh_wall)
+            put(walls, wall_contacts=lists.wall_contacts, near_feature=lists.near_feature)
 
         def steps_of(some: np.ndarray, flying: np.ndarray) -> np.ndarray:
             self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
             slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (some, flying))
             steps = self.pool.zeros(len(some), wp.int32)
-            self.launch(
-                kernels.steps_of_paths, len(some), slots, all_slots, now, longest, record, lists.outer_reference, lists.flight,
-                low, high, rows_of(lists.outer), lists.skin, wall_contacts, beside, *walls, self.batch.control.placement, row,
-                swiftest, self.batch.watched, model.dt, steps,
-            )  # fmt: skip
+            put(others, flyer=all_slots, flight=lists.flight)
+            self.launch(kernels.steps_of_paths, len(some), slots, now, longest, others, walls, model.dt, steps)
             return steps.numpy()
 
         return steps_of
@@ -235,10 +237,10 @@ class Flights:
                     with changed(reference) as values:
                         values[slots] = np.inf  # far from every position, so that the path is always checked
 
-    def leave(self, gone: np.ndarray) -> None:
-        """Grains in slots ``gone`` have left the domain."""
-        if len(self.slots) and np.isin(gone, self.slots).any():
-            self.slots = np.setdiff1d(self.slots, gone)
+    def leave(self, removed: np.ndarray) -> None:
+        """Grains in slots ``removed`` have left the domain."""
+        if len(self.slots) and np.isin(removed, self.slots).any():
+            self.slots = np.setdiff1d(self.slots, removed)
             path = self.lists.flight.numpy().reshape(-1, 12).copy()
-            path[gone, 11] = -1.0
+            path[removed, 11] = -1.0
             self.lists.flight.assign(path)

@@ -199,8 +199,7 @@ class Captured:
         self.model, self.state, self.lists, self.batch, self.storage = model, state, lists, batch, storage
         self.launch = GraphLaunch(model.device)
         self.scratch = batch.scratch(state.slots)
-        grains, _, wall_contacts = structs.arguments()
-        self.contacts = self._contacts()
+        grains, self.contacts, wall_contacts = structs.arguments()
         n, max_displacement = state.slots, lists.max_displacement
         self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, max_displacement, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
@@ -210,14 +209,6 @@ class Captured:
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
             capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.near, first=lists.row_start,
         )  # fmt: skip
-
-    def _contacts(self) -> Any:
-        lists, contacts = self.lists, self.model.kernels.graph.Contacts()
-        for name in ("owner", "partner", "kind", "slot_i", "slot_j", "history"):
-            setattr(contacts, name, getattr(lists, name))
-        contacts.trial = lists.trial if self.batch.stages > 1 else lists.history
-        contacts.next = self.storage.scratch.history
-        return contacts
 
     # -- the loop -------------------------------------------------------------------------------
 
@@ -281,8 +272,8 @@ class Captured:
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""
         if self.model.features.contact.memory:
-            kernel = self.model.kernels.graph.adopt_history
-            self.launch(kernel, self.contacts.owner.size, self.contacts, self.batch.clock)
+            kernel, new = self.model.kernels.graph.adopt_history, self.storage.scratch.history
+            self.launch(kernel, self.contacts.owner.size, new, self.batch.clock, self.contacts.history)
 
     # -- what was captured ------------------------------------------------------------------------
 

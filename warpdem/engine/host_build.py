@@ -202,7 +202,10 @@ class HostBuild:
         places = position if state.clumps is None else state.places_to_sort_by(kept)
         beyond = self.model.features.contact.gap + a.skin
         classes = size_classes(radius)
-        order = morton_order(places, finest_cell(radius, classes, beyond), self.model.device)
+        if a.given_order is not None:
+            order, a.given_order = a.given_order, None
+        else:
+            order = morton_order(places, finest_cell(radius, classes, beyond), self.model.device)
         position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
         a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)

@@ -22,7 +22,7 @@ class Leavers:
         clock: where the run is in time.
 
     Attributes:
-        left: number and mass [kg] of the grains that each border or outlet took, by its name.
+        left: number and mass [kg] of the grains that each border or outlet took, by its name; a clump is one.
         before_leaving: called with the slots of grains that are about to leave.
         departures: takes down each grain that leaves; None where nobody asks for it.
     """
@@ -50,35 +50,36 @@ class Leavers:
             raise crossed_domain(state, self._clock, int(np.flatnonzero(found.of_grain & CROSSED)[0]))
         if not found.all & IN_OUTLET:
             return np.zeros(0, dtype=np.int64)
-        gone = np.flatnonzero(found.of_grain & IN_OUTLET)
-        self._count(gone, found.of_grain[gone] >> OUTLET_NUMBER, self._clock.step_number)
-        self.before_leaving(gone)
-        return gone
+        removed = np.flatnonzero(found.of_grain & IN_OUTLET)
+        self._count(removed, found.of_grain[removed] >> OUTLET_NUMBER, self._clock.step_number)
+        self.before_leaving(removed)
+        return removed
 
-    def count_by_step(self, gone: np.ndarray, where: np.ndarray, step: np.ndarray) -> None:
+    def count_by_step(self, removed: np.ndarray, where: np.ndarray, step: np.ndarray) -> None:
         """Count the grains that the steps of a batch have put out of the domain themselves.
 
         Sums go step by step, so that their bits do not depend on where a batch ends.
 
         Args:
-            gone: their memory slots in the order of their steps, shape (m,).
+            removed: their memory slots in the order of their steps, shape (m,).
             where: number of the outlet of each, shape (m,).
             step: step at which each left, shape (m,).
         """
-        for part in np.split(np.arange(len(gone)), np.flatnonzero(np.diff(step)) + 1):
+        for part in np.split(np.arange(len(removed)), np.flatnonzero(np.diff(step)) + 1):
             if len(part):
-                self._count(gone[part], where[part], int(step[part[0]]))
+                self._count(removed[part], where[part], int(step[part[0]]))
 
-    def _count(self, gone: np.ndarray, where: np.ndarray, step: int) -> None:
+    def _count(self, removed: np.ndarray, where: np.ndarray, step: int) -> None:
         """Count grains that leave at one step; ``where``: number of the outlet of each."""
-        ids, mass = self._state.id.numpy()[gone], 1.0 / self._state.inverse.numpy()[gone, 0]
+        ids, mass = self._state.id.numpy()[removed], 1.0 / self._state.inverse.numpy()[removed, 0]
         for number in np.unique(where):
             through = np.flatnonzero(where == number)
             through = through[np.argsort(ids[through])]
             name = self._domain.names[number]
             if self._domain.stops[number]:
-                raise beyond_border(self._state, self._clock, int(gone[through[0]]), name)
+                raise beyond_border(self._state, self._clock, int(removed[through[0]]), name)
+            bodies = self._state.bodies(removed[through])
             if self.departures is not None:
-                self.departures.add(self._state, gone[through], int(number), step)
-            self.left[name][0] += len(through)
+                self.departures.add(self._state, bodies, int(number), step)
+            self.left[name][0] += len(bodies)
             self.left[name][1] += float(mass[through].sum())

@@ -35,7 +35,7 @@ class ListStructs:
 
     def __init__(self, model: Model, state: State, lists: ContactLists) -> None:
         self._state, self._lists = state, lists
-        kernels = model.kernels.lists
+        kernels, self._Clumps = model.kernels.lists, model.kernels.pairs.clumps.Clumps
         self._grains, self._contacts = kernels.ListedGrains(), kernels.ListedContacts()
         self._outer, self._new, self._references = NeighborRows(), NeighborRows(), References()
         self._counts, self._starts = Counts(), Starts()
@@ -44,7 +44,7 @@ class ListStructs:
         """``ListedGrains``."""
         s = self._state
         put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id)
-        return put(self._grains, clump=s.clumps.of_grain) if s.clumps is not None else self._grains
+        return put(self._grains, clumps=s.clumps.struct(self._Clumps)) if s.clumps is not None else self._grains
 
     def outer(self) -> Any:
         """``NeighborRows`` of the outer list."""

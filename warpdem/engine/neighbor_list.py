@@ -221,9 +221,9 @@ class NeighborLists(ContactLists):
     def next_inner_skin(self) -> float:
         """Inner skin of the next inner list [m], steered by the steps since the last."""
         steps = self.clock.step_number - self._last_refresh
-        if self.refreshes and steps < INNER_STEPS[0]:
+        if self.inner_rebuilds and steps < INNER_STEPS[0]:
             return min(1.4 * self.inner_skin, INNER_SKINS[1] * self.skin)
-        if self.refreshes and steps > INNER_STEPS[1]:
+        if self.inner_rebuilds and steps > INNER_STEPS[1]:
             return max(self.inner_skin / 1.4, INNER_SKINS[0] * self.skin)
         return self.inner_skin
 
@@ -251,7 +251,7 @@ class NeighborLists(ContactLists):
 
     def inner_built_on_device(self, times: int, step: int, totals: list[int]) -> None:
         """The inner list was built, the last time at ``step``: its length is all that the host keeps of it."""
-        self.refreshes += times
+        self.inner_rebuilds += times
         self._last_refresh = step
         self.set_totals(totals)
 

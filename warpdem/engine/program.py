@@ -28,7 +28,7 @@ import warp as wp
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.list_structs import ListStructs, of_each
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.lists import numbering
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
@@ -113,7 +113,7 @@ class ListBuild:
     ) -> None:
         self.model, self.state, self.lists, self.batch = model, state, lists, batch
         self.launch, self.decide = launch, decide
-        self.kernels: Built = model.kernels
+        self.kernels: KernelSet = model.kernels
 
     @functools.cached_property
     def structs(self) -> ListStructs:
@@ -135,7 +135,7 @@ class ListBuild:
             outer_max_displacement: displacement that the outer list allows [m].
         """
         b, references = self.batch, self.structs.references(self.lists.max_displacement, outer_max_displacement)
-        shared = self.state.record, references, b.control, b.watched, self.model.dt
+        shared = self.state.record, self.structs.grains().clumps, references, b.control, b.watched, self.model.dt
         self.launch(self.kernels.displacement.check_lists, self.n, *shared, found, b.clock)
 
     # -- outer list -----------------------------------------------------------------------------
@@ -170,17 +170,20 @@ class ListBuild:
         """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
         a = self.lists
         clump = self.state.clumps.of_grain if self.state.clumps is not None else self.batch.scratch(self.n).nothing
-        shared = a.grids, self.state.record, self.state.id, clump, self.state.material, self.model.apart, a.skin
-        self.launch(self.kernels.lists.find_neighbors, self.n, *shared, start, a.new.count, a.new.slot)
+        grains = self.state.record, self.state.id, clump, self.state.material
+        limits = self.model.apart, self.state.owned, a.skin
+        self.launch(self.kernels.lists.find_neighbors, self.n, a.grids, *grains, *limits, start, a.new.count, a.new.slot)
 
     def _near_features(self, write: int) -> None:
         """Count the wall features near each grain, or write their numbers."""
         a, walls, nothing = self.lists, self.model.walls, self.batch.scratch(self.n).nothing
         assert walls is not None
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
+        if self.state.ghosts:  # which are beside no wall here
+            a.new.feature_count[self.state.owned :].zero_()
         grains = self.state.record, self.state.material, self.model.apart
         shared = *grains, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
-        self.launch(self.kernels.walls.near_features, self.n, write, *shared, first, a.new.feature_count, feature)
+        self.launch(self.kernels.walls.near_features, self.state.owned, write, *shared, first, a.new.feature_count, feature)
 
     # -- inner list -----------------------------------------------------------------------------
 

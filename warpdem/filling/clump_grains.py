@@ -56,6 +56,17 @@ class InitialClumps:
         member = self.of_grain != NONE
         return np.asarray(np.einsum("nij,nj->ni", self.matrices[self.of_grain[member]], self.arm[member]))
 
+    def centres(self, position: np.ndarray) -> np.ndarray:
+        """Positions (n, 3) [m] of grains, with that of its clump for each member."""
+        if not len(self):
+            return position
+        return np.where((self.of_grain == NONE)[:, None], position, self.position[np.maximum(self.of_grain, 0)])
+
+    def reach(self, radius: np.ndarray) -> float:
+        """Largest distance from the centre of a clump to its surface [m]; ``radius`` of the grains, shape (n,)."""
+        member = self.of_grain != NONE
+        return float((np.linalg.norm(self.arm[member], axis=1) + radius[member]).max(initial=0.0))
+
     def angular_momentum(self) -> np.ndarray:
         """Angular momenta about the centres [N m s], shape (c, 3), of absolute spins."""
         axes = self.matrices
@@ -110,7 +121,7 @@ def placed(
         mass=mass,
         moments=mass[:, None] * scale[:, None] ** 2 * template.moments,
         axes=np.tile(template.axes, (c, 1)),
-        radius=scale * (template.volume / (4.0 / 3.0 * np.pi)) ** (1.0 / 3.0),
+        radius=scale * template.equal_radius,
         of_grain=np.repeat(np.arange(c), k),
         arm=(scale[:, None, None] * template.arm).reshape(-1, 3),
     )

@@ -39,6 +39,16 @@ class ClumpTemplate:
     parts: int
     """Groups of members that touch each other: 1 for a connected clump."""
 
+    @property
+    def equal_radius(self) -> float:
+        """Radius of the sphere of equal volume [m]."""
+        return float((self.volume / (4.0 / 3.0 * np.pi)) ** (1.0 / 3.0))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Rotation from the principal axes to the axes of the clump in the scene, shape (3, 3)."""
+        return _matrix(self.axes)
+
     def mass_at(self, density: float) -> float:
         """Mass [kg] at a density [kg/m3]."""
         return self.volume * density if self.mass is None else self.mass

@@ -140,7 +140,8 @@ def _hollows(scene: Scene, number: int, mesh: TriangleMesh) -> list[TriangleMesh
         return []
     wall, key = scene.walls[number], f"{scene.source}: walls[{number}].mesh"
     assert wall.mesh is not None
-    given = scene.resolve(wall.mesh), wall.scale, wall.rotate, wall.translate, wall.prim, key, scene.access.folders, wall.part
+    file, folders = scene.resolve(wall.mesh), scene.access.folders
+    given = file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders, wall.part, wall.tolerance
     return cavities(mesh, corners_in_file(*given))
 
 

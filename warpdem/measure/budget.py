@@ -24,12 +24,14 @@ import numpy as np
 
 from warpdem.core.pose import FramePose
 from warpdem.kernels import grain
+from warpdem.kernels.clump import NONE
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA
 from warpdem.measure import observers
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import elastic_energies
 from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.totals import Totals, reader_of
+from warpdem.state.particles import State
 from warpdem.state.view import RunView
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
@@ -131,18 +133,16 @@ class Budget:
         if not self._totals.start:  # what is there at the first instant is part of the start
             return
         model, state, clock = self._view.model, self._view.state, self._view.clock
-        record, inverse = state.record.numpy()[slots], state.inverse.numpy()[slots]
-        mass, inertia = 1.0 / inverse[:, 0], 1.0 / inverse[:, 1]
+        record, mass, spin, angular = _moving(state, slots)
         pose = model.schedule.pose(clock.time)
         velocity = record[:, grain.VELOCITY]
-        spin = record[:, grain.SPIN] if model.features.contact.spins else np.zeros_like(velocity)
         place = record[:, grain.POSITION] - 0.5 * clock.dt * velocity
         there = pose.to_laboratory(place)
         fields = observers.field_energies(model, place, there, mass, record[:, grain.RADIUS])
-        moving = 0.5 * (mass @ np.einsum("ij,ij->i", velocity, velocity) + inertia @ np.einsum("ij,ij->i", spin, spin))
-        velocity, spin = velocity @ pose.rotation.T, spin @ pose.rotation.T
+        moving = 0.5 * (mass @ np.einsum("ij,ij->i", velocity, velocity) + np.einsum("ij,ij->", angular, spin))
+        velocity, angular = velocity @ pose.rotation.T, angular @ pose.rotation.T
         energy = moving - mass @ (there @ np.array(model.scene.gravity)) + sum(fields)
-        all_seven = [energy, *(mass @ velocity), *(mass @ np.cross(there, velocity) + inertia @ spin)]
+        all_seven = [energy, *(mass @ velocity), *(mass @ np.cross(there, velocity) + angular.sum(axis=0))]
         carried = self._totals.carried
         self._totals.carried = [float(have + sign * new) for have, new in zip(carried, all_seven, strict=True)]
 
@@ -153,6 +153,25 @@ class Budget:
             name: np.add(gone, _laboratory(name, added_up[name], now.pose)).tolist()
             for name, gone in self._totals.gone.items()
         }
+
+
+def _moving(state: State, slots: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Record, mass [kg], spin [rad/s] and angular momentum [N m s] of grains; of clumps, whose members they may be, as a whole.
+
+    Args:
+        state: the grains.
+        slots: their memory slots, all members of a clump or none.
+    """
+    record, inverse = state.record.numpy()[slots], state.inverse.numpy()[slots]
+    mass, inertia = 1.0 / inverse[:, 0], 1.0 / inverse[:, 1]
+    spin = record[:, grain.SPIN] if state.spins else np.zeros((len(slots), 3))
+    angular = inertia[:, None] * spin
+    if state.clumps is None:
+        return record, mass, spin, angular
+    of = state.clumps.of_grain.numpy()[slots]
+    alone, clumps = of == NONE, np.unique(of[of != NONE])
+    own, whole = (record, mass, spin, angular), state.clumps.moving(clumps)
+    return tuple(np.concatenate([one[alone], other]) for one, other in zip(own, whole, strict=True))
 
 
 def _stored(now: Totals) -> float:

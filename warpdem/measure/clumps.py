@@ -16,13 +16,15 @@ def read_clumps(view: RunView) -> ClumpShots:
     view.reader.read()  # writes their motion
     slots, first = clumps.in_order(state.rank)
     reading, pose = clumps.reading.numpy()[slots], view.model.schedule.pose(view.clock.time)
-    position = clumps.record.numpy()[slots, grain.POSITION]
+    record = clumps.record.numpy()[slots]
+    position = record[:, grain.POSITION]
     axes = conjugate(clumps.axes[slots]).astype(float)
     return ClumpShots(
         id=state.id.numpy()[first],
         type=clumps.template[slots],
         members=clumps.count.numpy()[slots],
         mass=1.0 / clumps.rate.numpy()[slots, 0],
+        radius=record[:, grain.RADIUS],
         position=position,
         orientation=multiply_quaternions(clumps.turn.numpy()[slots], axes),
         velocity=reading[:, :3] - pose.velocity_at(position),

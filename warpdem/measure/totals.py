@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.core.pose import FramePose
+from warpdem.kernels import grain
 from warpdem.kernels.clump import NONE
 from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
@@ -205,9 +206,10 @@ class Totals:
         here = np.flatnonzero(state.here) if len(state) < state.slots else slice(None)
         record, mass = state.record.numpy()[here], 1.0 / state.inverse.numpy()[here, 0]
         if state.clumps is not None:  # fields act on a clump as on a sphere of its volume
-            alone = state.clumps.of_grain.numpy() == NONE
-            record = np.concatenate([record[alone], state.clumps.record.numpy()])
-            mass = np.concatenate([mass[alone], 1.0 / state.clumps.rate.numpy()[:, 0]])
+            alone, clumps = state.clumps.of_grain.numpy()[here] == NONE, state.clumps.record.numpy()
+            there = clumps[:, 0] != grain.REMOVED_X
+            record = np.concatenate([record[alone], clumps[there]])
+            mass = np.concatenate([mass[alone], 1.0 / state.clumps.rate.numpy()[there, 0]])
         position, radius = record[:, :3], record[:, 3]
         place = {"laboratory": self.pose.to_laboratory(position), "frame": position}
         energies = [  # a field of the same energy everywhere may say so with one number

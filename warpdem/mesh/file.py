@@ -1,4 +1,4 @@
-"""Triangles of mesh files (STL, OBJ, PLY). Every declaration in a file is checked before it is used.
+"""Triangles of mesh files (STL, OBJ, PLY; USD and STEP elsewhere). Every declaration in a file is checked before it is used.
 
 The counts declared in a file are compared with its length before anything is read, so that a wrong count in a damaged file
 does not allocate memory. STL and PLY are read by trimesh. OBJ is read here: its text must be checked line by line anyway, and
@@ -10,15 +10,18 @@ import io
 import struct
 import warnings
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.mesh import step_file, usd_geometry
 from warpdem.mesh.parts import ObjectFaces, PartProblem, solid_text
 from warpdem.mesh.polygons import triangulate
+from warpdem.scene.walls import STEP_SUFFIXES
+from warpdem.usd.stage import USD_SUFFIXES
 
 STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file: header with the number of triangles, and each triangle."""
@@ -31,6 +34,37 @@ PLY_BYTES = {
     **dict.fromkeys(("double", "int64", "uint64", "float64"), 8),
 }
 """Size of the data types of a PLY file [bytes]."""
+
+
+def read_any(
+    path: Path,
+    key: str,
+    prim: str = "",
+    folders: Sequence[Path] | None = None,
+    part: str = "",
+    tolerance: float | None = None,
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Corners of all triangles of a mesh file of any type, shape (t, 3, 3), and notes from reading it.
+
+    Those of USD and STEP are in metres, others in the file's own units.
+
+    Args:
+        path: STL (binary or ASCII), OBJ, PLY, USD or STEP file.
+        key: Scene key, for messages.
+        prim: Path of a prim of a USD file; "" if the file holds one surface only.
+        folders: Folders that must hold all files which a USD file refers to; None for no restriction.
+        part: Name of a solid of an ASCII STL or STEP file, or of an object or group of an OBJ; "" for the whole file.
+        tolerance: Of a STEP file: largest distance between triangles and surfaces [m]; None for the default.
+
+    Raises:
+        SceneError: The file is missing, of another type, unreadable, damaged or without triangles.
+    """
+    suffix = path.suffix.lower()
+    if suffix in USD_SUFFIXES:
+        return usd_geometry.read_triangles(path, prim, key, folders)
+    if suffix in STEP_SUFFIXES:
+        return step_file.read_triangles(path, key, part, tolerance)
+    return read_triangles(path, key, part), ()
 
 
 def read_triangles(path: Path, key: str, part: str = "") -> np.ndarray:
@@ -47,7 +81,7 @@ def read_triangles(path: Path, key: str, part: str = "") -> np.ndarray:
     if not path.is_file():
         raise SceneError(f"{key}: no such mesh file: {path}")
     if path.suffix.lower() not in READERS:
-        raise SceneError(f"{key}: {path.name}: a mesh file ends in one of {', '.join(READERS)}, or in one of USD's")
+        raise SceneError(f"{key}: {path.name}: a mesh file ends in one of {', '.join(READERS)}, or as USD or STEP")
     size = path.stat().st_size
     try:
         corners = READERS[path.suffix.lower()](path, size, part)

@@ -7,10 +7,8 @@ import numpy as np
 
 from warpdem.core.rigid_motion import rotation_increment, unit
 from warpdem.mesh import file as mesh_file
-from warpdem.mesh import usd_geometry
 from warpdem.mesh.grouping import components
 from warpdem.mesh.triangle_mesh import Rotate, TriangleMesh, build_mesh, inside
-from warpdem.usd.stage import USD_SUFFIXES
 
 MAX_SHELLS = 200
 """Largest number of shells for which cavities are found [-]: the effort grows with its square."""
@@ -74,12 +72,10 @@ def corners_in_file(
     key: str,
     folders: Sequence[Path] | None = None,
     part: str = "",
+    tolerance: float | None = None,
 ) -> np.ndarray:
     """Corners of the triangles of a mesh file [m], shape (t, 3, 3), with its own winding; arguments as of ``load_mesh``."""
-    if Path(path).suffix.lower() in USD_SUFFIXES:
-        corners, _ = usd_geometry.read_triangles(path, prim, key, folders)
-    else:
-        corners = mesh_file.read_triangles(path, key, part)
+    corners, _ = mesh_file.read_any(Path(path), key, prim, folders, part, tolerance)
     matrix = np.eye(3)
     if rotate is not None:
         matrix = matrix + rotation_increment(unit(rotate.axis), np.array([rotate.angle]))[0].astype(float)

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from warpdem.errors import SceneError
 from warpdem.mesh import file as mesh_file
-from warpdem.mesh import usd_geometry
 from warpdem.mesh.bodies import Bodies, find_bodies
 from warpdem.mesh.distance import DistanceQuery
 from warpdem.mesh.edges import Edges
@@ -23,7 +22,6 @@ from warpdem.mesh.grouping import renumber
 from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, split_curved
 from warpdem.mesh.repair import first_of_each, not_cancelled, wrongly_wound
 from warpdem.mesh.weld import weld
-from warpdem.usd.stage import USD_SUFFIXES
 
 LARGEST_NUMBER = 1e30
 """Largest valid coordinate [-]: its square fits into float64, and float32 can hold it."""
@@ -108,28 +106,26 @@ def load_mesh(
     key: str = "mesh",
     folders: Sequence[Path] | None = None,
     part: str = "",
+    tolerance: float | None = None,
 ) -> TriangleMesh:
     """Read a mesh file, weld its corners, then scale, rotate, translate and repair it (see `warpdem.mesh.repair`).
 
     Args:
-        path: STL (binary or ASCII), OBJ, PLY or USD file; a USD file is converted to metres with z upwards first.
+        path: STL (binary or ASCII), OBJ, PLY, USD or STEP file; the latter are converted to metres first, USD with z upwards.
         scale: Metres per unit of the file [m], or three numbers, one along each axis of the file.
         rotate: Rotation about the origin; None for none.
         translate: Translation after scaling and rotation [m].
         prim: Path of a prim of a USD file; "" if the file holds one surface only.
         key: Scene key, for messages.
         folders: Folders that must hold all files which a USD file refers to; None for no restriction.
-        part: Name of a solid of an ASCII STL, or of an object or group of an OBJ; "" for the whole file.
+        part: Name of a solid of an ASCII STL or STEP file, or of an object or group of an OBJ; "" for the whole file.
+        tolerance: Of a STEP file: largest distance between triangles and surfaces [m]; None for the default.
 
     Raises:
         SceneError: The file is missing, unreadable, empty, or has a corner that is not a finite number.
     """
     path = Path(path)
-    notes: tuple[str, ...] = ()
-    if path.suffix.lower() in USD_SUFFIXES:
-        corners, notes = usd_geometry.read_triangles(path, prim, key, folders)
-    else:
-        corners = mesh_file.read_triangles(path, key, part)
+    corners, notes = mesh_file.read_any(path, key, prim, folders, part, tolerance)
     pose = (_rotation_matrix(rotate) * np.asarray(scale, float), np.asarray(translate, float))
     return build_mesh(corners, pose, path.name, key, notes)
 

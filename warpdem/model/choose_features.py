@@ -102,8 +102,6 @@ def choose_features(
         left_out["external fields"] = "the scene has none"
     if not clumps:
         left_out["clumps"] = "every grain is a sphere of its own"
-    if scene.clumps and "formats" not in scene.output.model_fields_set:
-        left_out["frames in USD"] = "only vtk holds clumps yet, and output.formats is not given"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
     chosen = [name for name in (normal, tangential, rolling, twisting, *(name for name, _ in fields)) if name]

@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import warp as wp
 
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
@@ -35,7 +35,7 @@ from warpdem.scene.models import model
 from warpdem.scene.user_models import is_file, using
 
 
-def compile_kernels(features: Features, device: wp.Device | None = None) -> Built:
+def compile_kernels(features: Features, device: wp.Device | None = None) -> KernelSet:
     """Kernels and array structs of the chosen features.
 
     Nothing is compiled until it is launched, except on ``device`` what holds the user's own models: their mistakes come
@@ -63,7 +63,7 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Buil
     return built
 
 
-def step_kernels(kernels: Built) -> list[wp.Kernel]:
+def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
     """Kernels that the steps and the lists of a CPU launch in any run, the step itself first: it takes longest to compile.
 
     Args:
@@ -93,7 +93,7 @@ def turning(features: Features) -> bool:
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
-def of_pairs(features: Features) -> Built:
+def of_pairs(features: Features) -> KernelSet:
     """Namespace of ``pairs.build``."""
     laws, domain, real = features.contact, features.domain, features.backend.real
     tangential = model("tangential", laws.tangential) if laws.tangential else None
@@ -126,7 +126,7 @@ def no_lanes(features: Features) -> str:
 
 
 @functools.cache
-def _built(features: Features) -> Built:
+def _built(features: Features) -> KernelSet:
     """Kernels and array structs of the chosen features, each built once."""
     laws, frame, walls = features.contact, features.frame, features.walls
     domain, backend, measures = features.domain, features.backend, features.measures
@@ -149,10 +149,10 @@ def _built(features: Features) -> Built:
     pair_kernels = of_pairs(features)
     arrays = structs.build(pair_kernels)
     seen = {"turning_frame": turns, "table": laws.table}
-    by_lane = thread_contact.build(pair_kernels, wall_law.constants, **spins, **met, **seen)
+    by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
-        swept = sweep.build(pair_kernels, backend.lanes, stored=laws.constants, **seen)
+        swept = sweep.build(arrays, pair_kernels, backend.lanes, stored=laws.constants, **seen)
     shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
     meshes = walls.meshes > 0
     closest_on_feature = feature.build(meshes, *shapes)
@@ -197,9 +197,9 @@ def _built(features: Features) -> Built:
     bodies = None
     if laws.clumps:
         with_axes = orientation.build_axes(turning_axes=turns)
-        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes)
+        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes, images)
         bodies = clump_phase.build(
-            arrays, WallContacts, rigid, load, travel, grain_turned, sums, flowing, walls=walls.present
+            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present
         )
     moved_by = move.build(
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
@@ -207,12 +207,12 @@ def _built(features: Features) -> Built:
         leave=domain.outlets > 0,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
-    step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages)
+    step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
     readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
     lists = neighbors.build(
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
         inertia_factor=laws.inertia_factor,
-        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
     )  # fmt: skip
     wall_lists = None
     if walls.present:
@@ -232,7 +232,9 @@ def _built(features: Features) -> Built:
         shapes=any(shapes), gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
-    moved = displacement.build(travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0)
+    moved = displacement.build(
+        travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0, clumps=laws.clumps
+    )
     on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
     graph = again = None
     if backend.resident:
@@ -241,7 +243,7 @@ def _built(features: Features) -> Built:
             stages=stages, lanes=backend.lanes,
         )  # fmt: skip
         again = rebuild.build(WallContacts)
-    return Built(
+    return KernelSet(
         structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
         dynamic=dynamic,

@@ -120,14 +120,16 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: E
         SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
     """
     domain, largest = Domain(scene), float(start.radius.max(initial=0.0))
+    widest = max(largest, 0.0 if start.clumps is None else start.clumps.reach(start.radius))
     for k, length in enumerate(domain.period):
         if length == 0.0:
             continue
         key = f"{scene.source}: borders.{AXES[k]}"
-        if length < LEAST_PERIOD * (2.0 * largest + gap):
+        if length < LEAST_PERIOD * (2.0 * widest + gap):
+            what = "grain" if widest == largest else "clump, end to end"
             raise SceneError(
-                f"{key}: its length of {length:g} m is below {LEAST_PERIOD} diameters of the largest grain "
-                f"({2.0 * largest:g} m): a grain would meet two images of another"
+                f"{key}: its length of {length:g} m is below {LEAST_PERIOD} diameters of the largest {what} "
+                f"({2.0 * widest:g} m): it would meet two images of another"
             )
         for motion in scene.frame or ():
             axis = getattr(motion, "axis", None)
@@ -155,7 +157,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: E
                 if axis is not None and not math.isclose(abs(axis[k]), 1.0, rel_tol=1e-12):
                     raise SceneError(f"{key}: periodic, but walls[{number}].motion turns about another axis")
     _check_places(scene, domain.period)
-    where = exits.left_by(start.position)
+    where = exits.left_by(start.position if start.clumps is None else start.clumps.centres(start.position))
     if (where >= 0).any():
         first = int(np.flatnonzero(where >= 0)[0])
         place = ", ".join(f"{x:.4g}" for x in start.position[first])
@@ -195,7 +197,11 @@ def _check_overlaps_of_images(scene: Scene, start: InitialGrains, domain: Domain
         if not len(close):
             continue
         beyond = start.position[close] + length * np.eye(3)[k]
-        share, _ = worst_overlaps(np.concatenate([start.position, beyond]), np.concatenate([start.radius, start.radius[close]]))
+        of = None if start.clumps is None else start.clumps.of_grain
+        share, _ = worst_overlaps(
+            np.concatenate([start.position, beyond]), np.concatenate([start.radius, start.radius[close]]),
+            None if of is None else np.concatenate([of, of[close]]),
+        )  # fmt: skip
         deepest = int(np.argmax(share))
         if share[deepest] > scene.engine.max_overlap:
             ids = np.concatenate([start.id, start.id[close]])

@@ -151,6 +151,8 @@ class BackendFeatures:
     precision: str = "double"
     resident: bool = False
     """Many steps are one captured graph that makes its contact lists itself: how a GPU runs."""
+    ranks: bool = False
+    """The grains are dealt out to several processes."""
 
     @property
     def real(self) -> type:
@@ -265,6 +267,7 @@ class Features:
         runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
         runs += [f"walls that move by the load on them (servos, free walls): {walls.dynamic}"] if walls.dynamic else []
+        runs += ["exchange of grains between processes at every step"] if backend.ranks else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
         runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]

@@ -21,10 +21,10 @@ def complete(one: "DynamicWall", given: FreeBody, solid: SolidBody | None) -> No
     """Give a body its numbers and where it begins: as given, else those of the closed mesh, scaled to a mass that is given."""
     if solid is None:
         assert given.mass is not None and given.centre is not None and given.inertia is not None
-        solid = SolidBody(given.mass, np.array(given.centre), np.diag(given.inertia))
+        solid = SolidBody(given.mass, np.array(given.centre), given_tensor(given))
     one.mass = given.mass or solid.mass
     one.center = np.array(given.centre) if given.centre is not None else solid.center
-    tensor = np.diag(given.inertia) if given.inertia is not None else solid.inertia * one.mass / solid.mass
+    tensor = given_tensor(given) if given.inertia is not None else solid.inertia * one.mass / solid.mass
     moments, axes = principal(tensor)
     turn = quaternion_of(axes).astype(float)
     mounts = np.zeros((MOUNTS, MOUNT.width))
@@ -43,6 +43,12 @@ def complete(one: "DynamicWall", given: FreeBody, solid: SolidBody | None) -> No
         }  # fmt: skip
         for name, value in begins.items():
             one.motion[MOTION.of(name)] = value
+
+
+def given_tensor(given: FreeBody) -> np.ndarray:
+    """Inertia tensor that a scene gives [kg m2], shape (3, 3): its moments about its axes."""
+    turn = matrix_of(np.array(given.axes or (1.0, 0.0, 0.0, 0.0)))
+    return np.asarray(turn @ np.diag(given.inertia or ()) @ turn.T)
 
 
 def principal(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

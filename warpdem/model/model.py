@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.filling.initial_grains import InitialGrains
-from warpdem.kernels import Built
+from warpdem.kernels import KernelSet
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.digests import Given
 from warpdem.model.domain import Domain
@@ -44,7 +44,7 @@ class Model:
     """What bounds the time step."""
     dt: float
     """Time step [s]."""
-    kernels: Built
+    kernels: KernelSet
     """Kernels and array structs of the features."""
     density: np.ndarray
     """Density of each material [kg/m3], shape (materials,)."""

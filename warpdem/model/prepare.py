@@ -48,7 +48,9 @@ def require_scene(scene: Scene) -> None:
     raise TypeError(f"a Scene is needed, not {type(scene).__name__}: give {remedy}")
 
 
-def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None = None) -> tuple[Model, InitialGrains]:
+def prepare(
+    given: Given, device: wp.Device, resident: bool, past: Past | None = None, ranks: bool = False
+) -> tuple[Model, InitialGrains]:
     """The model of a scene, and the grains that it starts with, which move as the integrator holds them.
 
     Args:
@@ -56,6 +58,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         device: where it is run.
         resident: many steps are one captured graph.
         past: what it starts from in place of its own grains; None for its own.
+        ranks: its grains are dealt out to several processes.
 
     Raises:
         SceneError: if the scene cannot be run: a bad mesh, overlapping start, time step above its limit.
@@ -70,7 +73,7 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         needs.check_places(scene, start)
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
-    start = replace(start, position=borders.wrapped(start.position))
+    start = _within(borders, start)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
@@ -91,6 +94,8 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         clumps=expected.clumps is not None,
     )
     features = as_the_law_allows(features)
+    if ranks:
+        features = replace(features, backend=replace(features.backend, ranks=True))
     shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
     exits = Exits(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
     domain.check(scene, start, schedule.frame, features.contact.gap, exits)
@@ -127,6 +132,13 @@ def prepare(given: Given, device: wp.Device, resident: bool, past: Past | None =
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)
+
+
+def _within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
+    """Grains and clumps at their images within the periodic borders: each member of a clump by its own place."""
+    if grains.clumps is not None:
+        grains = replace(grains, clumps=replace(grains.clumps, position=borders.wrapped(grains.clumps.position)))
+    return replace(grains, position=borders.wrapped(grains.position))
 
 
 def _relative(

@@ -30,7 +30,8 @@ def load_meshes(scene: Scene) -> dict[str, TriangleMesh]:
         if wall.mesh is not None:
             key = f"{scene.source}: walls[{number}].mesh"
             file, folders = scene.resolve(wall.mesh), scene.access.folders
-            mesh = load_mesh(file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders, wall.part)
+            given = file, wall.scale, wall.rotate, wall.translate, wall.prim, key, folders, wall.part, wall.tolerance
+            mesh = load_mesh(*given)
             if not wall.open:
                 require_closed(mesh, key, "if it is open on purpose, add open = true to this wall")
             meshes[wall.name] = mesh

@@ -36,7 +36,7 @@ def _vtk(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> Fra
 def _vtkhdf(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> FrameWriter:
     from warpdem.output.write_vtkhdf import VtkhdfWriter
 
-    return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, resume=resume)
+    return VtkhdfWriter(folder, walls, contacts=scene.output.contacts, clumps=bool(scene.clumps), resume=resume)
 
 
 def _usd(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> FrameWriter:

@@ -1,6 +1,6 @@
 """Reads the VTK results of a folder back: frames, walls and their arrays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from warpdem.errors import WarpdemError
 from warpdem.output.pvd_index import read_index
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtk_files import load_polydata, points_of
-from warpdem.output.write_vtk import INDEX
+from warpdem.output.write_vtk import CLUMP_INDEX, INDEX
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Results:
     """Time of each frame [s], shape (frame_count,), ascending."""
     files: list[dict[str, Path]]
     """For each frame the wall files by wall name, and the grain file under ``""``."""
+    clump_files: dict[float, Path] = field(default_factory=dict)
+    """File of the clumps by time [s]; empty without any."""
 
     def frame(self, k: int) -> Snapshot:
         """Snapshot of frame ``k``; its ``walls`` is empty, since wall files hold vertices that are in place already."""
@@ -34,6 +36,13 @@ class Results:
     def fields(self, k: int, wall: str = "") -> dict[str, np.ndarray]:
         """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
         return read_fields(self.files[k][wall])
+
+    def clumps(self, k: int) -> dict[str, np.ndarray]:
+        """Arrays of the clumps at frame ``k`` by name, with their centres as ``position``, (c, 3) [m]; empty without clumps."""
+        if float(self.times[k]) not in self.clump_files:
+            return {}
+        path = self.clump_files[float(self.times[k])]
+        return {**read_fields(path), "position": points_of(load_polydata(path))}
 
 
 def read_results(folder: Path) -> Results:
@@ -52,7 +61,9 @@ def read_results(folder: Path) -> Results:
     if not frames:
         raise WarpdemError(f"{index}: holds no frame")
     times = sorted(frames)
-    return Results(folder, np.array(times), [frames[time] for time in times])
+    beside = folder / CLUMP_INDEX
+    clumps = {entry.time: folder / entry.file for entry in read_index(beside)} if beside.exists() else {}
+    return Results(folder, np.array(times), [frames[time] for time in times], clumps)
 
 
 def read_frame(path: Path) -> Snapshot:

@@ -14,7 +14,7 @@ from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtkhdf_series import TOPOLOGIES
-from warpdem.output.write_vtkhdf import CONTACTS, GRAINS, WALLS
+from warpdem.output.write_vtkhdf import CLUMPS, CONTACTS, GRAINS, WALLS
 
 T = TypeVar("T")
 
@@ -57,6 +57,13 @@ class VtkhdfResults:
         if not wall:
             return self._read(GRAINS, lambda root: _frame(root, k)).point_data
         return self._read(WALLS, lambda root: _of_wall(root, _frame(root, k), wall))
+
+    def clumps(self, k: int) -> dict[str, np.ndarray]:
+        """Arrays of the clumps at frame ``k`` by name, with their centres as ``position``, (c, 3) [m]; empty without clumps."""
+        if not (self.folder / CLUMPS).exists():
+            return {}
+        data = self._read(CLUMPS, lambda root: _frame(root, k))
+        return {**data.point_data, "position": data.points}
 
     def contacts(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""

@@ -50,6 +50,7 @@ CLUMP_ARRAYS = (
     ResultArray("type", "clump in the order of the scene", "", "type"),
     ResultArray("members", "members", "", "members"),
     ResultArray("mass", "mass", "kg", "mass"),
+    ResultArray("radius", "radius of the sphere of equal volume", "m", "radius"),
     ResultArray("orientation", "orientation", "", "orientation"),
     ResultArray("v", "velocity", "m/s", "velocity"),
     ResultArray("omega", "spin", "rad/s", "spin"),

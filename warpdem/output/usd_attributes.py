@@ -96,13 +96,15 @@ def usd_value(kind: str, values: np.ndarray | float) -> Any:
         "float3[]": (Vt.Vec3fArray, np.float32),
         "float[]": (Vt.FloatArray, np.float32),
         "quatf[]": (Vt.QuatfArray, np.float32),
+        "quath[]": (Vt.QuathArray, np.float16),
         "int[]": (Vt.IntArray, np.int32),
         "int64[]": (Vt.Int64Array, np.int64),
         "double[]": (Vt.DoubleArray, np.float64),
         "double3[]": (Vt.Vec3dArray, np.float64),
+        "double4[]": (Vt.Vec4dArray, np.float64),
     }
     make, number = makers[kind]
-    if kind == "quatf[]":
+    if kind in ("quatf[]", "quath[]"):
         values = np.roll(values, -1, axis=1)  # Gf holds the scalar part last
     if not np.size(values):
         return make()

@@ -8,6 +8,8 @@ import numpy as np
 
 from warpdem.core.pose import FramePose, RotationPart, SampledPart, TranslationPart
 from warpdem.core.snapshot import WallMesh
+from warpdem.filling.clump_template import ClumpTemplate
+from warpdem.output import usd_clumps
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, STATE, extent, usd_value
 from warpdem.scene.write_usd import WALLS as _WALLS
 from warpdem.scene.write_usd import set_units
@@ -21,8 +23,8 @@ _GLASS = (0.70, 0.78, 0.85)
 PLACEMENT_OPS = ("xformOp:translate", "xformOp:orient")
 
 
-def root_layer(frame: FramePose, wall_paths: list[str], rate: float) -> Sdf.Layer:
-    """Root layer without frames: units, prims, transform ops."""
+def root_layer(frame: FramePose, wall_paths: list[str], rate: float, templates: list[ClumpTemplate]) -> Sdf.Layer:
+    """Root layer without frames: units, prims, transform ops, clumps."""
     from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
     layer = Sdf.Layer.CreateAnonymous(".usda")
@@ -39,6 +41,8 @@ def root_layer(frame: FramePose, wall_paths: list[str], rate: float) -> Sdf.Laye
             kind = Sdf.ValueTypeNames.Find(one.kind)
             UsdGeom.PrimvarsAPI(grains).CreatePrimvar(one.name.removeprefix("primvars:"), kind, UsdGeom.Tokens.vertex)
     grains.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_SAND)]))
+    if templates:
+        usd_clumps.define_clumps(stage, templates)
     for path in wall_paths:
         wall = UsdGeom.Xformable(stage.OverridePrim(path))
         wall.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
@@ -134,7 +138,7 @@ def walls_layer(walls: list[WallMesh], paths: dict[str, str], loaded: dict[str, 
 
 
 def first_layer(shown: dict[str, object]) -> Sdf.Layer:
-    """Layer with places and sizes of the grains of a frame, for no time in particular."""
+    """Layer with places and sizes of the grains and clumps of a frame, for no time in particular."""
     from pxr import Sdf
 
     layer = Sdf.Layer.CreateAnonymous(".usdc")
@@ -144,4 +148,9 @@ def first_layer(shown: dict[str, object]) -> Sdf.Layer:
         if one.name in ("points", "widths", "extent"):
             attribute = Sdf.AttributeSpec(grains, one.name, Sdf.ValueTypeNames.Find(one.kind))
             attribute.default = shown[f"{GRAINS}.{one.name}"]
+    for clump in usd_clumps.DISPLAY:
+        path = f"{usd_clumps.CLUMPS}.{clump.name}"
+        if clump.name in usd_clumps.AT_ANY_TIME and path in shown:
+            prim = Sdf.CreatePrimInLayer(layer, usd_clumps.CLUMPS)
+            Sdf.AttributeSpec(prim, clump.name, Sdf.ValueTypeNames.Find(clump.kind)).default = shown[path]
     return layer

@@ -1,8 +1,9 @@
-"""Results as USD: grains as points and walls as meshes under an Xform that carries the frame's motion.
+"""Results as USD: grains as points, clumps as instances and walls as meshes under an Xform that carries the frame's motion.
 
     result.usda              small root layer over the scene: units, frame motion, wall motion, lists of chunks
     scene.usda               the scene as it was run
     result_usd/walls.usdc    wall meshes, written once
+    result_usd/clumps.usdc   surfaces of the clumps, if there are any, written once
     result_usd/grains.usdc   grains of the first frame that has any, for readers that ask for no time
     result_usd/chunk_0000.usdc ...   grains in single precision and loads on walls, some frames each, for viewers
     result_usd/state_0000.usdc ...   the same grains in float64, to start from
@@ -15,8 +16,8 @@ in the laboratory (default) or in the frame's own axes.
 
 Each frame is a scene: ``warpdem run result.usda --at SECONDS`` takes the grains of that frame in place of those the scene
 began with (``/World/Grains``, switched off in the root layer), from ``primvars:dem:positions``, ``velocities`` and ``spins``
-(frame axes, relative to the frame), ``radii`` and ``types``. Contacts start without history, which only
-checkpoints keep.
+(frame axes, relative to the frame), ``radii`` and ``types``, and its clumps (``usd_clumps``). Contacts start without
+history, which only checkpoints keep.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from warpdem.core.atomic_file import replaced
 from warpdem.core.pose import Placement
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
+from warpdem.filling.clump_template import clump_templates
+from warpdem.output import usd_clumps
 from warpdem.output.usd_attributes import DISPLAY, GRAINS, LOAD, STATE, grain_values, load_values
 from warpdem.output.usd_clips import PARTS, ValueClips, bytes_of
 from warpdem.output.usd_layers import PLACEMENT_OPS, first_layer, fixed_motions, frame_samples, root_layer, walls_layer
@@ -79,6 +82,7 @@ class UsdWriter:
         (self._folder / PARTS).mkdir(parents=True, exist_ok=True)
         self._walls = walls
         self._scene = scene
+        self._templates = list(clump_templates(scene).values()) if scene is not None else []
         self._wall_paths = dict(
             zip((w.name for w in walls), unused_paths(_WALLS, [w.name for w in walls]), strict=True)
         )
@@ -133,14 +137,20 @@ class UsdWriter:
         shown = {f"{GRAINS}.{one.name}": one.kind for one in DISPLAY}
         shown |= {f"{path}.{one.name}": one.kind for path in self._loaded.values() for one in LOAD}
         state = {f"{GRAINS}.{one.name}": one.kind for one in STATE}
+        if self._templates:
+            shown |= usd_clumps.types(usd_clumps.DISPLAY)
+            state |= usd_clumps.types(usd_clumps.STATE)
         many = self._frames_per_chunk
         self._sets = [
             ValueClips(self._folder, "default", "chunk", shown, self._rate, many, overlap=True),
             ValueClips(self._folder, "state", "state", state, self._rate, many, overlap=False),
         ]
-        self._root = root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate)
+        self._root = root_layer(snapshot.frame, list(self._wall_paths.values()), self._rate, self._templates)
         # only now that the stage of root_layer is gone: it would look for the sublayers beside a layer without a place
         self._root.subLayerPaths.append(f"./{PARTS}/walls.usdc")
+        if self._templates:
+            export(usd_clumps.prototypes_layer(self._templates), self._folder / PARTS / "clumps.usdc")
+            self._root.subLayerPaths.append(f"./{PARTS}/clumps.usdc")
         if self._scene is not None:
             self._write_scene()
         self._root.startTimeCode = code
@@ -155,7 +165,7 @@ class UsdWriter:
         assert self._scene is not None
         tables = scene_tables(self._scene, self._kept_file)
         tables.pop("start", None)  # what it says of frame and walls is in their motions by now
-        write_usd_scene(self._folder / SCENE, tables)
+        write_usd_scene(self._folder / SCENE, tables, bodies=False)
         self._root.subLayerPaths.append(f"./{SCENE}")
         Sdf.CreatePrimInLayer(self._root, _SOURCES).active = False
         grains = self._root.GetPrimAtPath(GRAINS)
@@ -164,8 +174,11 @@ class UsdWriter:
         groups = Sdf.AttributeSpec(grains, "dem:groups", Sdf.ValueTypeNames.StringArray, Sdf.VariabilityUniform)
         groups.default = Vt.StringArray(self._scene.groups)
         of = Sdf.RelationshipSpec(grains, "dem:materials", custom=True)
-        for path in unused_paths(_MATERIALS, list(tables["materials"])):
+        materials = unused_paths(_MATERIALS, list(tables["materials"]))
+        for path in materials:
             of.targetPathList.explicitItems.append(path)
+        if self._templates:
+            usd_clumps.describe_clumps(self._root, [one.name for one in self._templates], self._scene.groups, materials)
 
     def _kept_file(self, file: Path) -> str:
         """Name of a file of the scene: a mesh is copied beside the results, so that they can be moved and shared."""
@@ -199,7 +212,7 @@ class UsdWriter:
             clips.clips = [(t, files[int(k)]) for t, k in played[clips.name]["active"] if t < code]
 
     def _write_sample(self, snapshot: Snapshot, code: float) -> None:
-        shown, state = self._display(snapshot), grain_values(STATE, snapshot)
+        shown, state = self._samples(snapshot)
         if len(snapshot.id) and _FIRST not in self._root.subLayerPaths:
             export(first_layer(shown), self._folder / _FIRST)
             # a layer below that of the clips, which values of no time beside them would hide
@@ -207,8 +220,19 @@ class UsdWriter:
         for clips, samples in zip(self._sets, (shown, state), strict=True):
             clips.add(code, samples, sum(bytes_of(value) for value in samples.values()))
         self._root.GetPrimAtPath(GRAINS).SetInfo("clips", {clips.name: clips.described(GRAINS) for clips in self._sets})
+        if self._templates:
+            described = {clips.name: clips.described(usd_clumps.CLUMPS) for clips in self._sets}
+            self._root.GetPrimAtPath(usd_clumps.CLUMPS).SetInfo("clips", described)
         if self._loaded:
             self._root.GetPrimAtPath(_WALLS).SetInfo("clips", {"default": self._sets[0].described(_WALLS)})
+
+    def _samples(self, snapshot: Snapshot) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What viewers see of a frame, and what a scene starts from, by attribute path."""
+        if not self._templates:
+            return self._display(snapshot), grain_values(STATE, snapshot)
+        alone, instances = usd_clumps.without_members(snapshot), usd_clumps.instances_of(snapshot, self._templates)
+        shown = self._display(alone) | usd_clumps.clump_values(usd_clumps.DISPLAY, instances)
+        return shown, grain_values(STATE, alone) | usd_clumps.clump_values(usd_clumps.STATE, instances)
 
     def _display(self, snapshot: Snapshot) -> dict[str, Any]:
         """What viewers see of grains and loads, by attribute path."""

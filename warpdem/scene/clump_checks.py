@@ -24,8 +24,6 @@ def _unknown_to_clumps(scene: "Scene") -> Iterator[Problem]:
     engine, contact = scene.engine, scene.contact
     refused: list[tuple[tuple[str, ...], Any, bool, str]] = [
         (("streams",), None, bool(scene.streams), "streams insert no clumps yet, nor grains beside clumps"),
-        (("outlets",), None, bool(scene.outlets), "outlets cannot remove clumps yet"),
-        (("borders",), None, scene.borders is not None, "a scene with clumps has no borders yet: take walls"),
         (
             ("engine", "integrator"), engine.integrator, engine.integrator != "exact_drift",
             'only "exact_drift" moves clumps: leave the key out',
@@ -38,10 +36,6 @@ def _unknown_to_clumps(scene: "Scene") -> Iterator[Problem]:
         (
             ("contact", "rolling"), contact.rolling, contact.rolling != "none",
             'rolling resistance stands for a shape, which clumps have: with clumps it is "none"',
-        ),
-        (
-            ("output", "formats"), scene.output.formats, scene.output.formats != ["vtk"],
-            'only "vtk" holds clumps yet: take ["vtk"]',
         ),
     ]  # fmt: skip
     yield from ((key, value, reason) for key, value, there, reason in refused if there)

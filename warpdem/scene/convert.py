@@ -42,13 +42,7 @@ def convert(
         SceneError: The scene is wrong, or the target exists or has another suffix.
         OutputError: The target cannot be written.
     """
-    if target.suffix.lower() not in SUFFIXES:
-        raise SceneError(f"{target}: must end in {', '.join(SUFFIXES)}: the suffix selects the format")
-    if target.exists() and (not overwrite or target.resolve() == source.resolve()):
-        remedy = "choose another name" + ("" if target.resolve() == source.resolve() else ", or use --overwrite")
-        raise SceneError(f"{target}: exists already; {remedy}")
-    if not target.parent.is_dir():
-        raise SceneError(f"{target}: there is no folder {target.parent}")
+    require_target(source, target, SUFFIXES, overwrite=overwrite)
     scene = load_scene(source, at=at, allow_paths=allow_paths, plugins=plugins)
     tables = scene_tables(scene, relative_to(target.parent))
     if target.suffix.lower() == ".toml":
@@ -59,3 +53,18 @@ def convert(
 
     write_usd_scene(target, tables)
     return scene.notes
+
+
+def require_target(source: Path, target: Path, suffixes: Sequence[str], *, overwrite: bool) -> None:
+    """Raise if a scene file cannot be written to ``target``.
+
+    Raises:
+        SceneError: Its suffix is none of ``suffixes``, it exists, or its folder does not.
+    """
+    if target.suffix.lower() not in suffixes:
+        raise SceneError(f"{target}: must end in {', '.join(suffixes)}: the suffix selects the format")
+    if target.exists() and (not overwrite or target.resolve() == source.resolve()):
+        remedy = "choose another name" + ("" if target.resolve() == source.resolve() else ", or use --overwrite")
+        raise SceneError(f"{target}: exists already; {remedy}")
+    if not target.parent.is_dir():
+        raise SceneError(f"{target}: there is no folder {target.parent}")

@@ -3,9 +3,9 @@
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import Direction, Point, SceneModel, Vec3, validation_error
+from warpdem.scene.base import Direction, Point, SceneModel, Vec3, unit_vector, validation_error
 from warpdem.scene.servo import ForceCourse, TorqueCourse, at_times, require_increasing_course
 from warpdem.scene.units import Quantity, Vector
 
@@ -187,6 +187,11 @@ class FreeBody(SceneModel):
     inertia: Annotated[Vec3, Vector(Quantity("kg m2", gt=0))] | None = Field(
         None, description="Moments of inertia about x, y and z through the center [kg m2], > 0; default: of the mesh."
     )
+    axes: Annotated[tuple[float, ...], Vector(Quantity("-"), length=4), AfterValidator(unit_vector)] | None = Field(
+        None,
+        description="With inertia: quaternion (w, x, y, z) [-] that turns x, y and z onto the axes of the three moments, held "
+        "as a unit quaternion; default none.",
+    )
     velocity: Annotated[Vec3, Vector(Quantity("m/s"))] = Field((0.0, 0.0, 0.0), description="Of the center at time 0 [m/s].")
     spin: Annotated[Vec3, Vector(Quantity("rad/s"))] = Field((0.0, 0.0, 0.0), description="At time 0 [rad/s], default 0.")
     force: Annotated[Vec3, Vector(Quantity("N"))] = Field((0.0, 0.0, 0.0), description="Constant force [N], default 0.")
@@ -204,6 +209,8 @@ class FreeBody(SceneModel):
         if self.inertia is not None and 2.0 * max(self.inertia) > sum(self.inertia) * (1.0 + 1e-9):
             reason = "of no body: none of the three may exceed the sum of the others"
             raise validation_error([(("inertia",), list(self.inertia), reason)])
+        if self.axes is not None and self.inertia is None:
+            raise validation_error([(("axes",), list(self.axes), "only with inertia: the axes of its three moments")])
         return self
 
     def later(self, time: float) -> "FreeBody":

@@ -268,11 +268,6 @@ class Scene(SceneModel):
             raise validation_error(refused)
         return contact
 
-    @field_validator("output")
-    @classmethod
-    def _default_formats_hold_clumps(cls, output: Output, info: ValidationInfo) -> Output:
-        return output.with_clumps() if info.data.get("clumps") else output
-
     @model_validator(mode="after")
     def _parts_agree(self) -> "Scene":
         named: dict[str, Sequence[Named]] = {

@@ -182,7 +182,7 @@ class MeshFile(SceneModel):
     """A mesh that is no wall; its points after scale, rotate and translate, in this order."""
 
     file: FileName = Field(
-        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file."
+        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz, .step, .stp), relative to the scene file."
     )
     scale: Scale = Field(
         1.0, description="Factor from the file's lengths to metres [-], > 0, default 1; or three, one along each of its axes."

@@ -43,7 +43,7 @@ class Output(SceneModel):
     formats: list[Literal["vtk", "vtkhdf", "usd"]] = Field(
         ["vtk", "usd"],
         description='File formats of the frames: "vtk" (a file for each frame), "vtkhdf" (one file for ParaView), "usd"; '
-        'default ["vtk", "usd"], in a scene with clumps ["vtk"].',
+        'default ["vtk", "usd"].',
     )
     wall_loads: StrictBool = Field(
         True,
@@ -70,13 +70,6 @@ class Output(SceneModel):
     checkpoint_wall_time: Duration = Field(
         60.0, description="Wall time after which a checkpoint is written [s], > 0, default 60."
     )
-
-    def with_clumps(self) -> "Output":
-        """The output of a scene with clumps: formats that are not given are those that hold them."""
-        if "formats" in self.model_fields_set:
-            return self
-        # not as a key that was given: the scene is written as it was read
-        return self.model_construct(_fields_set=set(self.model_fields_set), **{**dict(self), "formats": ["vtk"]})
 
     _no_format_twice = field_validator("formats")(require_unique)
 

@@ -14,14 +14,15 @@ from warpdem.scene.units import Quantity, Vector
 from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 from warpdem.usd.stage import USD_SUFFIXES
 
-PART_SUFFIXES = (".stl", ".obj")
+STEP_SUFFIXES = (".step", ".stp")
+PART_SUFFIXES = (".stl", ".obj", *STEP_SUFFIXES)
 _Factor = Annotated[float, Quantity("-", gt=0)]
 Scale = Annotated[
     Annotated[_Factor, Tag("~number")]
     | Annotated[tuple[float, float, float], Vector(Quantity("-", gt=0)), Tag("~axes")],
     Discriminator(lambda value: "~axes" if isinstance(value, (list, tuple)) else "~number"),
 ]
-MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES)
+MESH_SUFFIXES = (".stl", ".obj", ".ply", *USD_SUFFIXES, *STEP_SUFFIXES)
 
 
 class FixedRotation(SceneModel):
@@ -38,8 +39,9 @@ class Wall(SceneModel):
     material: str = Field(description="Name of the material.")
     mesh: FileName | None = Field(
         None,
-        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz), relative to the scene file; this or one shape. "
-        "A USD mesh is converted to metres with z upwards, whatever the stage's units and upAxis.",
+        description="Mesh file (.stl, .obj, .ply, .usd, .usda, .usdc, .usdz, .step, .stp), relative to the scene file; this or "
+        "one shape. A USD mesh is converted to metres with z upwards, whatever the stage's units and upAxis, a STEP file to "
+        "metres.",
     )
     prim: Annotated[str, Field(pattern=r"^(/\S+)?$")] = Field(
         "",
@@ -48,8 +50,13 @@ class Wall(SceneModel):
     )
     part: str = Field(
         "",
-        description="Part of the mesh file that is the wall, by name: a solid of an ASCII STL, an object or group of an OBJ; "
-        "default the whole file.",
+        description="Part of the mesh file that is the wall, by name: a solid of an ASCII STL or STEP file, an object or group "
+        "of an OBJ; default the whole file.",
+    )
+    tolerance: Annotated[float, Quantity("m", gt=0)] | None = Field(
+        None,
+        description="With a STEP file: largest distance between the triangles that it is divided into and its surfaces [m], in "
+        "its own size before scale; default 0.1 mm.",
     )
     plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
     cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
@@ -125,10 +132,17 @@ class Wall(SceneModel):
         return self
 
     @model_validator(mode="after")
+    def _tolerance_is_of_surfaces(self) -> "Wall":
+        if self.tolerance is not None and self.mesh is not None and not self.mesh.lower().endswith(STEP_SUFFIXES):
+            reason = f"only for a mesh from STEP, a file ending in {', '.join(STEP_SUFFIXES)}; others are triangles already"
+            raise validation_error([(("tolerance",), self.tolerance, reason)])
+        return self
+
+    @model_validator(mode="after")
     def _mesh_or_shape(self) -> "Wall":
         exactly_one(self, "mesh", *SHAPES)
         if self.mesh is None:
-            mesh_keys = ("prim", "part", "scale", "translate", "rotate", "open")
+            mesh_keys = ("prim", "part", "tolerance", "scale", "translate", "rotate", "open")
             stray = [key for key in mesh_keys if getattr(self, key) != Wall.model_fields[key].default]
             if stray:
                 reason = "only for a mesh; a shape is positioned by its own keys"

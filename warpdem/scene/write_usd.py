@@ -10,6 +10,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 from warpdem.core.atomic_file import not_written, replaced
 from warpdem.errors import SceneError
 from warpdem.scene.tables import names_file
+from warpdem.scene.write_usd_free import author_free
 
 WORLD, SCENE, MATERIALS, GRAINS, WALLS = "/World", "/World/Scene", "/World/Materials", "/World/Grains", "/World/Frame/Walls"
 GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
@@ -17,19 +18,20 @@ GRAIN_KEYS = ("positions", "velocities", "spins", "radii", "diameters")
 _NUMBERS = Sdf.ValueTypeNames
 
 
-def write_usd_scene(path: Path, tables: dict[str, Any]) -> None:
+def write_usd_scene(path: Path, tables: dict[str, Any], *, bodies: bool = True) -> None:
     """Write the stage of a scene.
 
     Args:
         path: File ending in .usda, .usdc or .usd.
         tables: The scene's tables from `warpdem.scene.tables`, with files relative to the folder of ``path``.
+        bodies: Whether free walls are rigid bodies for other programs too; in the result of a run they move by time samples.
 
     Raises:
         OutputError: The file cannot be written.
         SceneError: A table has a name that USD does not allow.
     """
     layer = Sdf.Layer.CreateAnonymous(path.suffix)
-    _Writer(Usd.Stage.Open(layer), tables)
+    _Writer(Usd.Stage.Open(layer), tables, bodies)
     export(layer, path)
 
 
@@ -72,8 +74,8 @@ def unused_paths(parent: str, names: list[str], taken: Sequence[str] = ()) -> li
 class _Writer:
     """Authors a stage table by table."""
 
-    def __init__(self, stage: Usd.Stage, tables: dict[str, Any]) -> None:
-        self.stage, self.tables = stage, tables
+    def __init__(self, stage: Usd.Stage, tables: dict[str, Any], bodies: bool) -> None:
+        self.stage, self.tables, self.bodies = stage, tables, bodies
         set_units(stage.GetRootLayer())
         for path in (WORLD, WALLS.rsplit("/", 1)[0]):
             UsdGeom.Xform.Define(stage, path)
@@ -123,6 +125,8 @@ class _Writer:
             self.table(prim, entry)
             if listed == "walls":
                 _author_surface_velocity(prim, entry.get("surface_velocity"))
+                if self.bodies and entry.get("free"):
+                    author_free(self.stage, path, entry["free"])
 
     def attribute(self, prim: Usd.Prim, name: str, value: Any, is_file: bool = False) -> None:
         """Author one attribute, with the type of its value."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.rigid_motion import quaternion_rotation_increment
 from warpdem.filling.clump_grains import NONE, InitialClumps
 from warpdem.kernels import clump, grain
 from warpdem.kernels.clump import Reading
@@ -122,6 +123,23 @@ class ClumpState:
         """Slot of the first member of the clump of each grain, its own for a grain of its own, shape (n,)."""
         of = self.of_grain.numpy()
         return np.where(of == NONE, np.arange(len(of)), self.first.numpy()[of])
+
+    def leave(self, gone: np.ndarray) -> None:
+        """Take clumps whose members are in slots ``gone`` out of the way, as ``State.leave`` does with the members."""
+        first = self.first.numpy()
+        slots = np.flatnonzero(np.isin(first, gone))
+        record = self.record.numpy().copy()
+        radius = record[slots, grain.RADIUS]
+        record[slots] = 0.0
+        record[slots, 0], record[slots, 1] = grain.REMOVED_X, grain.REMOVED_SPACING * first[slots]
+        record[slots, grain.RADIUS] = radius
+        self.record.assign(record)
+
+    def moving(self, clumps: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Record, mass [kg], spin [rad/s] and angular momentum [N m s] of the clumps of these numbers, at mid-step."""
+        record, rate = self.record.numpy()[clumps], self.rate.numpy()[clumps]
+        axes, momentum = np.eye(3) + quaternion_rotation_increment(self.turn.numpy()[clumps]), record[:, grain.SPIN]
+        return record, 1.0 / rate[:, 0], np.einsum("nij,nj,nkj,nk->ni", axes, rate[:, 1:], axes, momentum), momentum
 
     def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         return tuple({name: getattr(self, name).numpy() for name in names} for names in (OF_CLUMPS, OF_GRAINS))  # type: ignore[return-value]

@@ -7,16 +7,21 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
+from warpdem.kernels.contact.dissipation import ENTRY_AT
 from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
-from warpdem.state.blocks import Rows
+from warpdem.state.blocks import Rows, each_block
 from warpdem.state.listed_contacts import ListedContacts
 from warpdem.state.particles import changed
 from warpdem.state.view import RunView
 
 if TYPE_CHECKING:
     from warpdem.engine.neighbor_list import NeighborLists
+
+
+GEOMETRY = np.r_[ENTRY_AT.of("normal"), ENTRY_AT.of("arm")]
+"""Columns of the energies of a contact that two grains have which do not touch."""
 
 
 def read(view: RunView) -> dict[str, Rows | np.ndarray]:
@@ -44,7 +49,7 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
         return none | (entries if features.measures.energy else {})
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
     assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
-    lane, ids, history = contacts.real_lanes(), view.state.id.numpy(), contacts.history.numpy()
+    lane, ids, history = _live_lanes(view), view.state.id.numpy(), contacts.history.numpy()
     owner, partner = contacts.owner.numpy().ravel(), contacts.partner.numpy().ravel()
     count, lanes = len(lane), history.shape[2]
 
@@ -69,6 +74,32 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     return out
 
 
+def _live_lanes(view: RunView) -> np.ndarray:
+    """Numbers of the lanes whose contact has a force or a history, in order of both ids: the same however pairs are listed."""
+    contacts, ids = view.contacts, view.state.id.numpy()
+    assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
+    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
+    lane, history, tables = contacts.real_lanes(), contacts.history.numpy(), [contacts.row.numpy()]
+    if view.model.features.measures.energy and contacts.entry is not None:
+        entry = contacts.entry.numpy()
+        tables.append(np.delete(entry, GEOMETRY, axis=1))
+    slots = [side.numpy().ravel() for side in (contacts.slot_i, contacts.slot_j)]
+
+    def live(part: slice) -> np.ndarray:
+        some, lanes = lane[part], history.shape[2]
+        out = history[some // lanes, :, some % lanes].any(axis=1)
+        for table in tables:
+            for slot in slots:
+                out |= table[slot[some]].any(axis=1)
+        return out
+
+    alive = Rows((len(lane), history.shape[1]), history.dtype, live)
+    kept = lane[np.concatenate([np.zeros(0, dtype=bool), *(block for _, block in each_block(alive))])]
+    owner, partner = (side.numpy().ravel()[kept] for side in (contacts.owner, contacts.partner))
+    order: np.ndarray = np.lexsort((ids[partner], ids[owner]))
+    return kept[order]
+
+
 def wall_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and forces of the grain-wall contacts, and the wall load of each grain in order of id."""
     contacts, state = view.contacts, view.state
@@ -76,6 +107,7 @@ def wall_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     if walls is None:
         return {}
     parity, g = view.clock.step_number & 1, contacts.wall_grains
+    g = g[np.argsort(state.id.numpy()[g])]
     slot, holder = contacts.point_slots(parity, g)
     points = contacts.contact_points(parity, slot)
     out: dict[str, Rows | np.ndarray] = {f"wall_contact_{name}": values for name, values in points.items()}

@@ -1,10 +1,14 @@
-"""The grains that have left a run, one by one: which, through what, and how long they were in it."""
+"""The grains that have left a run, one by one: which, through what, and how long they were in it.
+
+A clump is one of them: the id of its first member, the radius of a sphere of its volume.
+"""
 
 from typing import Any
 
 import numpy as np
 
 from warpdem.kernels import grain
+from warpdem.kernels.clump import NONE
 from warpdem.state.particles import State
 
 COLUMNS = {
@@ -13,6 +17,15 @@ COLUMNS = {
 }  # fmt: skip
 """Numbers of a grain that has left: group and material as of the scene, radius [m], number of the border or outlet, steps at
 which it was inserted (0: it was there at the start) and at which it left."""
+
+
+def radii_of_bodies(state: State, slots: np.ndarray) -> np.ndarray:
+    """Radii of grains, or of spheres of the volume of the clumps whose first members are in memory slots ``slots`` [m]."""
+    radius = state.record.numpy()[slots, grain.RADIUS]
+    if state.clumps is not None:
+        of = state.clumps.of_grain.numpy()[slots]
+        radius = np.where(of == NONE, radius, state.clumps.record.numpy()[of, grain.RADIUS])
+    return radius
 
 
 class Departures:
@@ -27,7 +40,7 @@ class Departures:
         count = len(slots)
         found = {
             "id": state.id.numpy()[slots], "group": state.group[slots], "type": state.material.numpy()[slots],
-            "radius": state.record.numpy()[slots, grain.RADIUS], "way_out": np.full(count, way_out),
+            "radius": radii_of_bodies(state, slots), "way_out": np.full(count, way_out),
             "came": state.came[slots], "left": np.full(count, step),
         }  # fmt: skip
         self._parts.append({name: found[name].astype(dtype) for name, dtype in COLUMNS.items()})

@@ -49,6 +49,7 @@ class State:
         next_id: least id that no grain has had so far.
         slots: length of the arrays: the grains, and those that have left since the lists were made.
         here: whether the grain in each slot is still there, shape (slots,), on the host.
+        ghosts: grains of other processes that stand behind the others; 0 in a run of one process.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when it is not requested.
         clumps: the clumps that grains are members of; None in a run without any.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
@@ -89,6 +90,7 @@ class State:
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self.next_id = int(start.id.max(initial=-1)) + 1
+        self.ghosts = 0
         self._all_here(n)
         self._room: dict[str, wp.array] = {}  # for grains to come: arrays that those of the same name are the first rows of
 
@@ -110,6 +112,11 @@ class State:
         self._rank: np.ndarray | None = None
 
     @property
+    def owned(self) -> int:
+        """Slots of the grains that this process moves."""
+        return self.slots - self.ghosts
+
+    @property
     def rank(self) -> np.ndarray:
         """Memory slots of the grains in ascending order of id, shape (n,), on the host."""
         if self._rank is None:
@@ -127,7 +134,9 @@ class State:
         with changed(self.record) as record:
             radius = record[gone, grain.RADIUS]
             record[gone] = 0.0
-            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.GONE, grain.GONE_APART * gone, radius
+            record[gone, 0], record[gone, 1], record[gone, grain.RADIUS] = grain.REMOVED_X, grain.REMOVED_SPACING * gone, radius
+        if self.clumps is not None:
+            self.clumps.leave(gone)
         self.mark_left(gone)
 
     def mark_left(self, gone: np.ndarray) -> None:
@@ -195,6 +204,10 @@ class State:
         if self.clumps is None:
             return record[slots, grain.POSITION]
         return record[self.clumps.lead()[slots], grain.POSITION]
+
+    def bodies(self, slots: np.ndarray) -> np.ndarray:
+        """Those of the memory slots that stand for a body: a grain of its own, or the first member of a clump."""
+        return slots if self.clumps is None else slots[self.clumps.lead()[slots] == slots]
 
     def digest(self, step_number: int) -> str:
         """SHA-256 of step number, ids and moving state in order of id: equal runs have equal ones."""

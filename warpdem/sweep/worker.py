@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from warpdem.core.run_lock import is_locked
+from warpdem.ranks.launcher import without_launcher
 from warpdem.sweep.row import FINAL, RESULT, status_of, write_result
 
 WAIT = 0.5
@@ -55,7 +57,10 @@ def run_row(task: Task, started: Callable[[subprocess.Popen[str]], None] | None 
     command = [*COMMAND, *task.arguments]
     command += ["--device", task.device] if task.device else []
     command += ["--resume" if (folder / "checkpoint.h5").exists() else "--overwrite"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True,
+        env=without_launcher(os.environ),  # workers of mpi4py.futures are ranks, and rows are none
+    )  # fmt: skip
     if started is not None:
         started(process)
     said = process.communicate()[1].strip()

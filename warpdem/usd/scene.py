@@ -13,7 +13,6 @@ counterpart must agree; the counterpart holds the digits that single precision l
 
 import os
 from collections.abc import Iterator, Sequence
-from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,13 @@ import numpy as np
 
 from warpdem.core.key_path import KeyPath
 from warpdem.errors import SceneError
+from warpdem.usd import free_walls, unsupported
 from warpdem.usd import stage as usd_stage
-from warpdem.usd import unsupported
+from warpdem.usd.clump_groups import clump_groups
 from warpdem.usd.grain_columns import ROUNDING, grain_columns, require_equal_lengths, similarity
+from warpdem.usd.reader.clumps import CLUMPS
 from warpdem.usd.reader.grains import GRAIN_ARRAYS
+from warpdem.usd.stage_units import StageUnits
 
 GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
 """Keys that define the geometry of a wall; without them the prim itself is the geometry."""
@@ -98,9 +100,8 @@ class _SceneTables:
 
     def __init__(self, file: Path, content: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         self.file, self.prims, self.arrays = file, content["prims"], arrays
-        self.up, self.metres = usd_stage.TO_Z_UP[content["up"]], content["metres"]
-        # numbers in single precision are read as decimals, so 0.01 metres per unit must be a decimal too
-        self.unit, self.kilograms = Decimal(repr(content["metres"])), Decimal(repr(content["kilograms"]))
+        self.units, self.free = StageUnits.of(content), content["free"]
+        self.up, self.metres, self.convert = self.units.up, self.units.metres, self.units.convert
         self.data: dict[str, Any] = {}
         self.origins: dict[KeyPath, str] = {}
         self.at: dict[str, tuple[KeyPath, dict[str, Any]]] = {}  # key path and table of each prim that has one
@@ -118,10 +119,13 @@ class _SceneTables:
                 continue  # noted
             if prim["kind"] == "SpherePointsShape":
                 self.grains(prim)
+            elif prim["kind"] == CLUMPS:
+                self.clumps(prim)
             elif prim["kind"] == "Table":
                 table = self.entry(prim)
                 if prim["dem"]["list"] in WITH_MATERIAL:
                     self.bind(prim, table)
+                self.free_wall(prim, table)
             elif prim["kind"] not in ("Scene", "RigidBodyMaterial"):
                 self.wall(prim)
         self.own_pairs()
@@ -212,10 +216,6 @@ class _SceneTables:
             step = 1.0 / max(standard["newton:timeStepsPerSecond"], 1e-300)
             self.standard_value(self.data.setdefault("time", {}), ("time",), "step", step, f"{path}.newton:timeStepsPerSecond")
 
-    def convert(self, value: float, length: int = 0, mass: int = 0) -> float:
-        """A number of the stage in SI, given the exponents of length and mass in its unit."""
-        return float(Decimal(repr(value)) * self.unit**length * self.kilograms**mass)
-
     def material(self, prim: dict[str, Any]) -> None:
         """A material, its name and its density."""
         name, standard = self.names[prim["path"]], prim["standard"]
@@ -263,6 +263,7 @@ class _SceneTables:
         if prim.get("surface_velocity") is not None:
             velocity = (self.up @ np.array(prim["surface_velocity"]) * self.metres).tolist()
             self.surface_velocity(prim, table, velocity)
+        self.free_wall(prim, table)
         motion = list(self.motion(prim))
         if motion and "motion" in table:
             raise SceneError(f"{self.file}: {prim['path']} moves by USD's own attributes and by dem:motion: remove one of them")
@@ -270,6 +271,29 @@ class _SceneTables:
             table["motion"] = motion
             # the stage defines the motion in the world
             table.setdefault("fixed_to", "laboratory")
+
+    def free_wall(self, prim: dict[str, Any], table: dict[str, Any]) -> None:
+        """Use what UsdPhysics says of a body that moves by forces, unless ``dem:free`` is present and agrees."""
+        if "free" not in prim:
+            return
+        body, material = self.free[prim["free"]], self.data.get("materials", {}).get(table.get("material"), {})
+        density = material.get("density")
+        known = density if isinstance(density, float) else None  # no text with a unit
+        found = free_walls.free_table(self.file, body, prim["masses"], table, self.units, known)
+        if "free" not in table:  # the stage says where it is in the world
+            table.setdefault("fixed_to", "laboratory")
+        given = table.setdefault("free", {})
+        wrong = next(free_walls.differences(given, found), None)
+        if wrong is not None:
+            origin = (body["joint"] or body)["path"]
+            raise SceneError(
+                f"{self.file}: {prim['path']}.dem:free:{wrong} = {given[wrong]}, but by UsdPhysics at {origin} it is "
+                f"{found[wrong]}: make them agree, or remove one of them"
+            )
+        key_path = self.at[prim["path"]][0]
+        for key in found.keys() - given.keys():
+            given[key] = found[key]
+            self.origins[(*key_path, "free", key)] = (body["joint"] or body)["path"]
 
     def surface_velocity(self, prim: dict[str, Any], table: dict[str, Any], velocity: list[float]) -> None:
         """Use PhysX's surface velocity [m/s], unless ``dem:surface_velocity`` is present and agrees."""
@@ -310,7 +334,7 @@ class _SceneTables:
             return {"plane": {"point": origin, "normal": normal.tolist()}}
         factor = similarity(linear)
         if prim["kind"] == "SphereShape" and factor:
-            radius = float(Decimal(repr(prim["radius"])) * self.unit) * factor
+            radius = self.convert(prim["radius"], length=1) * factor
             return {"sphere": {"centre": origin, "radius": radius, "inside": bool(inside)}}
         if inside is not None:
             raise SceneError(f"{self.file}: {prim['path']}.dem:inside: only for a sphere that is also a sphere in the world")
@@ -339,6 +363,16 @@ class _SceneTables:
             yield {"axis": spin.tolist(), "origin": origin, "rate": float(np.linalg.norm(spin))}
 
     # -- grains ---------------------------------------------------------------------------------
+
+    def clumps(self, prim: dict[str, Any]) -> None:
+        """The groups of clumps of a frame of a result."""
+        path, dem = prim["path"], prim["dem"]
+        arrays = {key.split(" ")[1]: a for key, a in self.arrays.items() if key.split(" ")[0] == path}
+        names, groups = dem.pop("clumps"), dem.pop("groups", [])
+        materials = [self.names.get(target, target) for target in dem.pop("materials", {"targets": []})["targets"]]
+        for group in clump_groups(self.file, path, arrays, names, materials, groups):
+            table = self.entry(prim, "grains")
+            table |= group
 
     def grains(self, prim: dict[str, Any]) -> None:
         """The groups of grains of a Points prim: one, or one for each of its materials."""

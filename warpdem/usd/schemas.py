@@ -35,6 +35,8 @@ class Prim:
     """Whether its transform has time samples."""
     grains: tuple[str, ...] = ()
     """Paths of all grains of the stage."""
+    free: bool = False
+    """Whether it is a wall that moves by forces, or its body."""
 
     def applied(self, name: str) -> bool:
         """Whether a schema is applied."""
@@ -87,6 +89,9 @@ def _one_friction(prim: Prim) -> bool:
 
 
 REMOVE = "remove it, or make the prim inactive"
+MASSES = "physics:mass physics:density physics:centerOfMass physics:diagonalInertia physics:principalAxes"
+JOINTS = {"PhysicsRevoluteJoint": "angular", "PhysicsPrismaticJoint": "linear"}
+"""Joints of free walls, and the instances of their drives."""
 VELOCITIES = ("physics:velocity", "physics:angularVelocity")
 SURFACE_VELOCITY, SURFACE_SPIN = (
     "physxSurfaceVelocity:surfaceVelocity", "physxSurfaceVelocity:surfaceAngularVelocity"
@@ -97,6 +102,19 @@ def _has_surface_velocity(prim: Prim) -> bool:
     """Whether a surface velocity is active."""
     on = prim.applied("PhysxSurfaceVelocityAPI") and not prim.is_off("physxSurfaceVelocity:surfaceVelocityEnabled")
     return on and prim.is_nonzero(SURFACE_VELOCITY, SURFACE_SPIN)
+
+
+def _joint_rules() -> Iterator[Rule]:
+    """Rules for the joints of free walls that are on."""
+    attributes = "body0 body1 localPos0 localPos1 localRot0 localRot1 axis lowerLimit upperLimit breakForce breakTorque"
+    attributes += " jointEnabled collisionEnabled excludeFromArticulation"
+    own = " ".join(f"physics:{name}" for name in attributes.split())
+    for kind, drive in JOINTS.items():
+
+        def is_on(prim: Prim, kind: str = kind) -> bool:
+            return prim.type == kind and not prim.is_off("physics:jointEnabled")
+
+        yield Rule(f"{kind} {own} PhysicsDriveAPI:{drive} drive:{drive}:physics:*", "taken", when=is_on)
 
 
 def _rules() -> Iterator[Rule]:
@@ -155,11 +173,26 @@ def _rules() -> Iterator[Rule]:
         lambda prim: prim.is_grains and prim.is_nonzero("physics:mass", "physics:density"),
     )
     yield Rule(
-        "PhysicsMassAPI physics:mass physics:density physics:centerOfMass physics:diagonalInertia physics:principalAxes",
+        "physics:density",
+        "refused",
+        "the mass of a free wall is its physics:mass, or follows from the density of its material: give one of them",
+        lambda prim: prim.free and prim.is_nonzero("physics:density") and not prim.is_nonzero("physics:mass"),
+    )
+    yield Rule(f"PhysicsMassAPI {MASSES}", "taken", when=lambda prim: prim.free)
+    yield Rule(
+        f"PhysicsMassAPI {MASSES}",
         "noted",
         "not taken: the motion of walls is prescribed and does not depend on their mass",
     )
     # bodies
+    yield Rule(
+        "physxRigidBody:disableGravity physxRigidBody:linearDamping physxRigidBody:angularDamping",
+        "refused",
+        "gravity pulls every free wall, and its dampers are those of its drive or of dem:free:damping and dem:free:mounts; "
+        f"{REMOVE}",
+        lambda prim: prim.free
+        and prim.is_nonzero(*(f"physxRigidBody:{key}" for key in ("disableGravity", "linearDamping", "angularDamping"))),
+    )
     yield Rule("PhysicsRigidBodyAPI physics:rigidBodyEnabled physics:kinematicEnabled", "taken")
     yield Rule(
         " ".join(VELOCITIES),
@@ -244,11 +277,19 @@ def _rules() -> Iterator[Rule]:
     yield Rule("Physx*Cooked* physxCooked*", "taken")  # cached data of the stage
     # joints and drives
     yield Rule(
+        "physxJoint:jointFriction physxJoint:armature",
+        "refused",
+        "friction and armature of joints are not supported: give a damping, and the wall's own moment of inertia",
+        lambda prim: prim.type in JOINTS and prim.is_nonzero("physxJoint:jointFriction", "physxJoint:armature"),
+    )
+    yield from _joint_rules()
+    yield Rule(
         "Physics*Joint PhysxPhysics*Joint PhysicsArticulationRootAPI PhysicsDriveAPI* PhysxMimicJointAPI* NewtonMimicAPI* "
         "PhysxTendon* MjcActuator* MjcTendon* MjcEquality* NewtonActuator* PhysxVehicle* PhysxCharacterController*",
         "refused",
-        "joints, drives and tendons are not supported. A wall moves by time samples of its transform, by the velocities of a "
-        f"kinematic body, or as a free wall by dem:free:joint and the other keys of walls[].free; {REMOVE}",
+        "joints, drives and tendons are not supported, but for revolute and prismatic joints of a free wall with their drive. "
+        "A wall moves by time samples of its transform, by the velocities of a kinematic body, or as a free wall by what "
+        f"UsdPhysics says of its body and joint or by dem:free:joint and the other keys of walls[].free; {REMOVE}",
         lambda prim: not prim.is_off("physics:jointEnabled") and not prim.is_off("physxArticulation:articulationEnabled"),
     )
     # deformable bodies, and particles of other programs

@@ -1,4 +1,4 @@
-"""Colliders: which are walls, where they are, and the kinematic body that moves them."""
+"""Colliders: which are walls, where they are, and the body that moves them."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -44,10 +44,8 @@ def collider(
     if body is None or not body.rigidBodyEnabled:
         return content
     if not body.kinematicBody:
-        raise Refused(
-            f"{desc.rigidBody} is a rigid body that moves by forces, which is not read as a free wall; set "
-            "physics:kinematicEnabled = true, and give the collider dem:free:joint with the other keys of walls[].free"
-        )
+        content["free"] = str(desc.rigidBody)
+        return content
     moved, cache = prim.GetStage().GetPrimAtPath(desc.rigidBody), UsdGeom.XformCache(0.0)
     rigid = UsdPhysics.RigidBodyAPI(moved)
     check_outer_bodies(moved, bodies)

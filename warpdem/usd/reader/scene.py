@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from warpdem.usd.reader.bodies import free_bodies, require_single_walls, stated_masses
+from warpdem.usd.reader.clumps import CLUMPS, clump_arrays, is_clumps
 from warpdem.usd.reader.colliders import COLLIDERS, collider
 from warpdem.usd.reader.errors import Refused
 from warpdem.usd.reader.grains import GRAINS, frame_code, frame_codes, grain_arrays, grain_settings
@@ -26,8 +28,9 @@ STANDARD = {
 def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """All prims that belong to a scene, in the order of the stage.
 
-    Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, one of `COLLIDERS`, or Table), the nearest
-    such ancestor ``above``, its tables ``dem``, the bound ``material``, and the fields of its kind. The arrays are of grains.
+    Each has its ``path``, ``kind`` (Scene, RigidBodyMaterial, SpherePointsShape, Clumps, one of `COLLIDERS`, or Table), the
+    nearest such ancestor ``above``, its tables ``dem``, the bound ``material``, and the fields of its kind. The
+    arrays are of grains and clumps.
     """
     from pxr import UsdGeom, UsdPhysics
 
@@ -42,13 +45,14 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
     kinds = {path: str(desc.type) for path, desc in records.items()}
     frames = sorted({t for p, k in kinds.items() if k == GRAINS for t in frame_codes(stage.GetPrimAtPath(p))})
     code = frame_code(frames, at, stage.GetTimeCodesPerSecond())
+    free = free_bodies(stage, bodies)
     prims: dict[str, dict[str, Any]] = {}
     arrays: dict[str, np.ndarray] = {}
     stated: list[dict[str, Any]] = []
     unused: list[str] = []
     for prim in all_prims(stage):
         path, tables = str(prim.GetPath()), dem_tables(prim)
-        kind = kinds.get(path) or ("Table" if "list" in tables else "")
+        kind = kinds.get(path) or (CLUMPS if is_clumps(prim, tables) else "Table" if "list" in tables else "")
         physics_of_prim = stated_physics(prim, kind)
         stated += [physics_of_prim] if physics_of_prim else []
         if not kind and prim.IsA(UsdGeom.PointInstancer):
@@ -59,7 +63,8 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
                 f"{path} collides (PhysicsCollisionAPI) but is {type_text(prim)}, which cannot be a wall: apply the schema to "
                 "each Mesh or shape that is a wall"
             )
-        if not kind and prim.IsA(UsdGeom.Gprim):
+        within = any(prims.get(p, {}).get("kind") == CLUMPS for p in ancestor_paths(path))  # a prototype
+        if not kind and not within and prim.IsA(UsdGeom.Gprim):
             unused.append(path)
         if not kind:
             if tables:
@@ -78,11 +83,20 @@ def read_scene(stage: "Usd.Stage", at: str) -> tuple[dict[str, Any], dict[str, n
         elif kind == GRAINS:
             prims[path] |= grain_settings(prim, records[path], bodies, bool(frames))
             arrays |= {f"{path} {name}": values for name, values in grain_arrays(prim, code).items()}
+        elif kind == CLUMPS:
+            arrays |= {f"{path} {name}": values for name, values in clump_arrays(prim, code).items()}
+        elif path in free and tables.get("list") == "walls":
+            prims[path]["free"] = path
+        if "free" in prims[path]:
+            prims[path]["masses"] = stated_masses(stage.GetPrimAtPath(prims[path]["free"])) or stated_masses(prim)
+    unused += require_single_walls(free, prims)
+    moving = {*free, *(path for path, prim in prims.items() if "free" in prim)}
+    stated = [{**fields, "free": fields["path"] in moving} for fields in stated]
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
     if not (np.isfinite(kilograms) and kilograms > 0.0):
         raise Refused(f"kilogramsPerUnit = {kilograms:g}, must be above 0")
     check_overs(stage)
-    found = {"prims": list(prims.values()), "physics": stated, "unused": unused}
+    found = {"prims": list(prims.values()), "physics": stated, "unused": unused, "free": free}
     return {**found, "kilograms": kilograms, "code": code if frames else None}, arrays
 
 

@@ -92,7 +92,7 @@ class CopiedReadings:
         return self.sums
 
 
-class Instant:
+class StagedState:
     """A copy of a run at one time, to be read while it goes on.
 
     Args:

@@ -14,7 +14,7 @@ from warpdem.measure.observers import Particles, read_contacts
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.measure.totals import Totals
 from warpdem.output.history import history_columns, history_row
-from warpdem.output.instant import Instant, StagingBuffer
+from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.state.listed_contacts import CONTACT_ARRAYS
 
 STEPS = 800
@@ -98,7 +98,7 @@ def spoil(sim) -> None:
 def test_an_instant_is_read_after_the_run_has_gone_on(sim):
     there, row = sim.snapshot(), row_of(sim.view)
     assert len(there.contacts.i) > 5 and (there.contacts.wall >= 0).any() and np.abs(row).sum() > 0.0
-    instant = Instant(sim.view, StagingBuffer(sim.device))
+    instant = StagedState(sim.view, StagingBuffer(sim.device))
     spoil(sim)
     still = instant.view()
     equal(take_snapshot(still), there)
@@ -108,7 +108,7 @@ def test_an_instant_is_read_after_the_run_has_gone_on(sim):
 
 def test_instants_do_not_change_the_run(scene, sim):
     for _ in range(3):
-        take_snapshot(Instant(sim.view, StagingBuffer(sim.device)).view())
+        take_snapshot(StagedState(sim.view, StagingBuffer(sim.device)).view())
         sim.step(20)
     other = Simulation(scene, device="cpu", threads=1)
     other.step(STEPS + 60)
@@ -119,7 +119,7 @@ def test_a_room_is_used_again_when_there_is_more_to_hold(scene):
     sim = Simulation(scene, device="cpu", threads=1)
     room, counts = StagingBuffer(sim.device), []
     for _ in range(3):
-        there, instant = sim.snapshot(), Instant(sim.view, room)
+        there, instant = sim.snapshot(), StagedState(sim.view, room)
         sim.step(STEPS)
         equal(take_snapshot(instant.view()), there)
         counts.append(len(there.contacts.i))
@@ -127,7 +127,7 @@ def test_a_room_is_used_again_when_there_is_more_to_hold(scene):
 
 
 def test_contacts_that_were_not_asked_for_are_not_those_of_a_later_time(sim):
-    still = Instant(sim.view, StagingBuffer(sim.device), contacts=False).view()
+    still = StagedState(sim.view, StagingBuffer(sim.device), contacts=False).view()
     assert all(getattr(still.contacts, name) is None for name in CONTACT_ARRAYS)
     equal(Particles(still).force, sim.particles.force)
     with pytest.raises(AssertionError):
@@ -139,7 +139,7 @@ def test_walls_and_grains_are_read_of_an_instant_without_contacts(sim):
     """As of a frame that shows no contacts: the loads on walls are told, what the springs store is not."""
     there = Totals(sim.view)
     assert len(there.contacts) > 5
-    still = Totals(Instant(sim.view, StagingBuffer(sim.device), contacts=False).view())
+    still = Totals(StagedState(sim.view, StagingBuffer(sim.device), contacts=False).view())
     np.testing.assert_array_equal(still.walls, there.walls)
     np.testing.assert_array_equal(still.grains["momentum"], there.grains["momentum"])
     with pytest.raises(AssertionError):
@@ -150,7 +150,7 @@ def test_there_is_an_instant_before_the_first_grain(scene):
     """All of them come by a stream, the first after some steps."""
     scene = scene.model_copy(update={"grains": []})
     sim = Simulation(scene, device="cpu", threads=1)
-    still = Instant(sim.view, StagingBuffer(sim.device)).view()
+    still = StagedState(sim.view, StagingBuffer(sim.device)).view()
     equal(take_snapshot(still), sim.snapshot())
     assert len(sim.state) == 0
     np.testing.assert_array_equal(row_of(still), row_of(sim.view))

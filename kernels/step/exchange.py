@@ -1,0 +1,32 @@
+"""Where a step of a run over several processes (ranks) calls the host: ghosts get their new state, and all ranks agree.
+
+A call of a Python function from a running kernel costs less than a microsecond; a launch per step would cost ten, and wake all
+threads twice. Only thread 0 calls, while the others wait at the barrier.
+"""
+
+import warp as wp
+
+TOO_DEEP = 4
+"""What ranks agree on besides BEYOND and LEFT of ``motion``: an overlap exceeds the allowed one."""
+
+
+@wp.func_native(
+    """
+#if !defined(__CUDA_ARCH__)
+    typedef wp::int32 (*Exchange)(wp::int32, wp::int32, wp::int32);
+    return reinterpret_cast<Exchange>(address)(step, stage, found);
+#else
+    return found;
+#endif
+"""
+)
+def exchange(address: wp.uint64, step: wp.int32, stage: wp.int32, found: wp.int32) -> wp.int32:
+    """Call the host; returns what was found on all ranks together, by bits.
+
+    Args:
+        address: of a C function of ``step``, ``stage`` and ``found`` that returns an int32.
+        step: steps of this launch so far, this one included.
+        stage: of the integrator; after the last one ranks agree, after the others ghosts get their state only.
+        found: what was found on this rank, by bits.
+    """
+    ...

@@ -1,0 +1,124 @@
+"""Who owns a place, whom a rank sees, and how grains and contacts are dealt out; against brute force."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from warpdem.errors import SceneError
+from warpdem.ranks import halo, launcher
+from warpdem.ranks.cuts import Cuts
+from warpdem.ranks.portion import Portion, with_ghosts
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 5, 8])
+def test_every_point_has_one_owner_and_weights_are_even(rng, parts):
+    position, weight = rng.uniform(size=(4000, 3)) * [3, 1, 1], rng.uniform(0.5, 1.5, 4000)
+    cuts = Cuts.of(position, weight, parts)
+    owner = cuts.owner(position)
+    loads = np.bincount(owner, weight, minlength=parts)
+    assert len(loads) == parts == cuts.parts
+    assert loads.max() / loads.mean() < 1.01
+    on_a_cut = np.tile(position[:1], (parts, 1))
+    for node in range(parts - 1):
+        on_a_cut[node, cuts.axis[node]] = cuts.place[node]
+    assert set(cuts.owner(on_a_cut)) <= set(range(parts))
+
+
+def test_shifted_cuts_keep_their_axes(rng):
+    position = rng.uniform(size=(1000, 3)) * [3, 1, 1]
+    cuts = Cuts.of(position, np.ones(1000), 4)
+    flat = position * [0.01, 1, 1]
+    assert np.array_equal(Cuts.of(flat, np.ones(1000), 4, like=cuts).axis, cuts.axis)
+    assert not np.array_equal(Cuts.of(flat, np.ones(1000), 4).axis, cuts.axis)
+
+
+def test_cuts_of_no_points_and_of_one():
+    assert Cuts.of(np.zeros((0, 3)), np.zeros(0), 3).owner(np.zeros((0, 3))).shape == (0,)
+    assert np.bincount(Cuts.of(np.zeros((5, 3)), np.ones(5), 3).owner(np.zeros((5, 3))), minlength=3).sum() == 5
+
+
+@pytest.mark.parametrize("period", [(0.0, 0.0, 0.0), (4.0, 0.0, 2.0)])
+def test_a_rank_sees_all_that_may_come_near(rng, period):
+    """No pair is missed that the lists would hold; and large grains do not make small ones seen from as far."""
+    here, there = rng.uniform(size=(300, 3)) * [2, 2, 2], rng.uniform(size=(300, 3)) * [2, 2, 2] + [2, 0, 0]
+    small, beyond = rng.uniform(0.04, 0.08, 300), 0.04
+    mixed = small.copy()
+    mixed[there[:, 0] > 3.5] *= 4.0
+    for radius in (small, mixed):
+        seen = halo.seen(here, small, halo.boxes(there, radius), beyond, period)
+        apart = here[:, None] - there
+        for k, length in enumerate(period):
+            if length:
+                apart[..., k] -= length * np.rint(apart[..., k] / length)
+        near = (np.linalg.norm(apart, axis=-1) < small[:, None] + radius + beyond).any(axis=1)
+        assert near.any()
+        assert not (near & ~seen).any()
+    assert halo.seen(here, small, halo.boxes(there, small), beyond, period).mean() < 0.6
+    assert not halo.seen(here, small, halo.boxes(there[:0], small[:0]), beyond, period).any()
+
+
+def table(rng, n=60) -> Portion:
+    ids = np.sort(rng.choice(1000, n, replace=False))
+    pair = np.unique(np.sort(rng.choice(ids, (80, 2)), axis=1), axis=0)
+    pair = pair[pair[:, 0] < pair[:, 1]]
+    held = np.sort(rng.choice(ids, 30))
+    return Portion(
+        {"id": ids, "record": rng.uniform(size=(n, 16))},
+        {"pair": pair, "pair_history": rng.uniform(size=(len(pair), 3))},
+        {"wall_contact_grain": held, "wall_contact_spring": rng.uniform(size=(30, 3))},
+    )
+
+
+def test_what_is_dealt_out_comes_together_again(rng):
+    whole = table(rng)
+    for parts in (1, 2, 5):
+        owner = rng.integers(0, parts, len(whole))
+        dealt = whole.split(owner, parts)
+        assert sum(map(len, dealt)) == len(whole)
+        again = Portion.joined(dealt[::-1])  # contacts across come twice
+        assert all(np.array_equal(again.data[name], values) for name, values in whole.data.items())
+        for one in dealt:
+            one.keep_owned_pairs()
+        assert sum(len(one.pairs["pair"]) for one in dealt) == len(whole.pairs["pair"])
+
+
+def test_ghosts_stand_behind_own_grains(rng):
+    whole = table(rng)
+    mine, other = whole.split((np.arange(len(whole)) % 3 == 0).astype(int), 2)
+    given = {name: values[::-1] for name, values in other.grains.items()}
+    both, place = with_ghosts(mine.grains, [given])
+    assert np.array_equal(both["id"], whole.grains["id"])
+    assert np.array_equal(both["id"][place], np.concatenate([mine.grains["id"], given["id"]]))
+    among = mine.among(mine.grains["id"])
+    assert np.isin(among["pair"], mine.grains["id"]).all()
+    assert len(among["pair"]) < len(mine.pairs["pair"])
+
+
+def test_the_launcher_is_known_by_its_variables(monkeypatch):
+    for name in launcher.SIZES:
+        monkeypatch.delenv(name, raising=False)
+    assert launcher.launched({}) == 1
+    assert launcher.launched({"PMI_SIZE": "4", "PMI_RANK": "1"}) == 4
+    assert launcher.launched({"SLURM_NTASKS": "8"}) == 1  # of a batch job, not of srun within it
+    assert launcher.without_launcher({"PMI_SIZE": "4", "HOME": "/"}) == {"HOME": "/"}
+    assert launcher.join() is None
+
+
+def test_one_process_loads_no_mpi():
+    code = "import sys, warpdem.app.cli, warpdem.simulation; sys.exit('mpi4py' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_a_launcher_of_another_mpi_is_refused(monkeypatch):
+    """Each process would be rank 0 of 1, and all would write into one folder."""
+    pytest.importorskip("mpi4py")
+    monkeypatch.setenv("PMI_SIZE", "3")
+    with pytest.raises(SceneError, match="started 3 processes, but each of them is alone"):
+        launcher.join()

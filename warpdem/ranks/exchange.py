@@ -1,0 +1,95 @@
+"""The state of the ghosts, from their owners, after every stage of every step; and what all ranks agree on.
+
+Called by the kernel of the step (``kernels.step.exchange``) on one thread. Ghosts are received where they stand in memory.
+"""
+
+import ctypes
+import sys
+import time
+import traceback
+from typing import Any
+
+import numpy as np
+
+from warpdem.ranks.world import World
+
+TAG = 19
+"""Of the messages."""
+
+
+class Exchange:
+    """What a rank sends and receives at every step.
+
+    Args:
+        world: the ranks.
+        stages: of the integrator; after the last one ranks agree.
+
+    Attributes:
+        address: of the C function that the kernel calls.
+        calls: how often all ranks have agreed.
+        seconds: wall time of the calls [s].
+        bytes: bytes sent.
+    """
+
+    def __init__(self, world: World, stages: int) -> None:
+        from mpi4py import MPI
+
+        self._mpi, self._world, self._last = MPI, world, stages - 1
+        self._requests: list[Any] = []
+        self._sends: list[tuple[np.ndarray, np.ndarray]] = []
+        self._record = np.zeros((0, 1))
+        self._mine, self._all = np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int32)
+        self._function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32)(self.call)
+        self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
+        world.at_end.append(self.disconnect)
+        self.calls, self.seconds, self.bytes, self._bytes_per_call = 0, 0.0, 0, 0
+
+    def connect(self, record: np.ndarray, owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]) -> None:
+        """Exchange the state of other ghosts from now on.
+
+        Args:
+            record: memory of the state, shape (slots, numbers).
+            owned: slots of own grains; ghosts stand behind them.
+            sends: by rank, the slots of the grains that it sees.
+            receives: by rank, how many ghosts come from it, in the order in which they stand.
+        """
+        self.disconnect()
+        comm, at = self._world.comm, owned
+        self._record = record
+        for rank, count in receives.items():
+            self._requests.append(comm.Recv_init([record[at : at + count], self._mpi.DOUBLE], source=rank, tag=TAG))
+            at += count
+        for rank, slots in sends.items():
+            buffer = np.empty((len(slots), record.shape[1]))
+            self._sends.append((slots, buffer))
+            self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=TAG))
+        self._bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
+
+    def disconnect(self) -> None:
+        """Let go of the memory that was exchanged."""
+        for request in self._requests:
+            request.Free()
+        self._requests, self._sends, self._record = [], [], np.zeros((0, 1))
+
+    def call(self, step: int, stage: int, found: int) -> int:
+        """As ``kernels.step.exchange.exchange``; an error, which a kernel cannot raise, ends all ranks."""
+        try:
+            began = time.perf_counter()
+            for slots, buffer in self._sends:
+                np.take(self._record, slots, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
+            if self._requests:
+                self._mpi.Prequest.Startall(self._requests)
+                self._mpi.Request.Waitall(self._requests)
+            self.bytes += self._bytes_per_call
+            if stage == self._last:
+                self._mine[0] = found
+                self._world.comm.Allreduce(self._mine, self._all, op=self._mpi.BOR)
+                found = int(self._all[0])
+                self.calls += 1
+            self.seconds += time.perf_counter() - began
+            return found
+        except BaseException:
+            sys.stderr.write(f"error: rank {self._world.rank}: {traceback.format_exc()}")
+            sys.stderr.flush()
+            self._world.abort(1)
+            return found

@@ -1,0 +1,59 @@
+"""A rank other than 0: it does what rank 0 says, until that ends."""
+
+import sys
+import traceback
+from typing import Any
+
+from warpdem.core import interrupts
+from warpdem.core.device import pick_device
+from warpdem.core.threads import run_threads
+from warpdem.errors import WarpdemError
+from warpdem.model.digests import Given
+from warpdem.model.prepare import prepare
+from warpdem.ranks.front import END
+from warpdem.ranks.rank import Rank
+from warpdem.ranks.world import World
+from warpdem.state.restart import read as read_start
+
+
+def serve(world: World) -> int:
+    """Follow rank 0 to its end; returns the exit code that it says."""
+    interrupts.ignore()  # Ctrl-C comes to all processes: rank 0 decides
+    rank: Rank | None = None
+    try:
+        while True:
+            name, arguments = world.told()
+            if name == END:
+                world.close()
+                return int(arguments[0])
+            try:
+                if name == "model":
+                    rank = _new_rank(world, *arguments)
+                else:
+                    getattr(rank, name)(*arguments)
+            except WarpdemError:  # of all ranks: rank 0 reports it
+                pass
+    except MemoryError as error:
+        _end_all(world, f"out of memory ({error or 'no more is available'})", 3)
+    except BaseException:
+        _end_all(world, traceback.format_exc(), 1)
+    return 1
+
+
+def _end_all(world: World, message: str, code: int) -> None:
+    sys.stderr.write(f"error: rank {world.rank}: {message}\n")
+    sys.stderr.flush()
+    world.abort(code)
+
+
+def _new_rank(world: World, given: Given, threads: int) -> Rank:
+    """The rank of another run."""
+    try:
+        past = read_start(given.scene) if given.scene.start is not None else None
+        model: Any = prepare(given, pick_device("cpu"), False, past, ranks=True)[0]
+        rank = Rank(world, model, run_threads(threads, 0, grows=False, cpu=True))
+    except WarpdemError as error:
+        world.raise_first(error)
+        raise
+    world.raise_first(None)
+    return rank

@@ -1,0 +1,211 @@
+"""The run as rank 0 shows it: it tells the other ranks what to do, and gathers the whole for whoever reads.
+
+Guards, measures, writers and checkpoints see the whole run on rank 0, as in a run of one process, and so give the same bytes.
+"""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from warpdem.core.threads import Threads, run_threads, threads_for
+from warpdem.core.timers import Timers
+from warpdem.engine.engine import Engine
+from warpdem.engine.run_loop import RunLoop
+from warpdem.errors import WarpdemError
+from warpdem.kernels import grain
+from warpdem.kernels.measure import window_sum
+from warpdem.model.model import Model
+from warpdem.ranks.cuts import Cuts
+from warpdem.ranks.portion import Portion
+from warpdem.ranks.rank import Rank
+from warpdem.ranks.world import World
+from warpdem.state import contact_history
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
+from warpdem.state.streams import Streams
+from warpdem.state.view import RunView
+
+END = "end"
+_led: list[World] = []
+
+
+def led() -> World | None:
+    """The ranks that this process leads; None in a run of one process."""
+    return _led[-1] if _led else None
+
+
+@contextmanager
+def leading(world: World | None) -> Iterator[None]:
+    """Lead the other ranks in the block, if there are any; with its end they end too, with its exit code."""
+    if world is None:
+        yield
+        return
+    code = 1
+    _led.append(world)
+    try:
+        yield
+        code = 0
+    except WarpdemError as error:
+        code = error.exit_code
+        raise
+    except KeyboardInterrupt:
+        code = 130
+        raise
+    except (OSError, MemoryError):
+        code = 3
+        raise
+    finally:
+        _led.pop()
+        if world.busy:  # the others wait for what this rank did not do
+            sys.stderr.write(f"error: rank 0: {sys.exception()!r}\n")
+            sys.stderr.flush()
+            world.abort(code)
+        world.told((END, (code,)))
+        world.close()
+
+
+class Front(RunLoop):
+    """The loop of a run over ranks, on rank 0.
+
+    Args:
+        world: the ranks.
+        model: what is run.
+        view: the whole run as readers see it.
+        engine: of the whole: it holds the lists that readers see, and steps nothing.
+        streams, timers: of the run.
+        threads: CPU threads per rank that the user asked for; None: as many as pay.
+
+    Attributes:
+        rank: what rank 0 itself moves.
+    """
+
+    def __init__(
+        self, world: World, model: Model, state: State, clock: Clock, engine: Engine, streams: Streams, timers: Timers,
+        threads: Threads,
+    ) -> None:  # fmt: skip
+        super().__init__(state, clock, engine, streams, timers)
+        self._world, self._model = world, model
+        self._is_dealt, self._is_gathered = False, True
+        self._wear = engine.wear_digits
+        with world.together():
+            self._tell("model", model.given, threads.count)
+            self.rank = Rank(world, model, threads)
+            world.raise_first(None)
+
+    def _tell(self, name: str, *arguments: Any) -> None:
+        self._world.told((name, arguments))
+
+    def prepare(self) -> None:
+        """As ``RunLoop``: gather the whole of the present time, if it is not here."""
+        if not self._is_dealt:
+            self._evaluate()
+        elif not self._is_gathered:
+            self._gather()
+
+    def _evaluate(self) -> None:
+        """Evaluate the forces of the whole at the start, on this rank alone."""
+        if not self._clock.forces_evaluated:
+            super().advance(0)
+
+    def advance(self, count: int) -> None:
+        """As ``RunLoop``, on all ranks."""
+        if not self._is_dealt:
+            self._evaluate()
+            self._deal()
+        if count == 0:
+            self.prepare()
+            return
+        clock, world = self._clock, self._world
+        before = clock.step_number
+        max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
+        try:
+            with world.together(), self._timers.measure("steps"):
+                self._tell("advance", count, max_overlap)
+                self.rank.advance(count, max_overlap)
+        except WarpdemError:
+            self._show_grains()
+            raise
+        finally:
+            clock.step_number = self.rank.clock.step_number
+        clock.forces_evaluated = self._is_gathered = False
+        self.steps_done += clock.step_number - before
+        with world.together():
+            self._tell("extremes")
+            self._take_extremes(self.rank.extremes())
+
+    def _take_extremes(self, found: np.ndarray) -> None:
+        report = self._engine.batch.report.extreme
+        values = report.numpy()
+        values[:4] = np.maximum(self._engine.extreme, found)
+        report.assign(values)
+
+    def report(self) -> list[dict[str, Any]]:
+        """What each rank has done: grains, ghosts, grains that went to another rank, bytes, time in exchanges [s] ..."""
+        if self._world.busy:  # the others cannot answer
+            return []
+        with self._world.together():
+            self._tell("report")
+            return self.rank.report()
+
+    # -- the whole ------------------------------------------------------------------------------
+
+    def _deal(self) -> None:
+        """Deal the grains out to the ranks."""
+        state, clock, world = self._state, self._clock, self._world
+        view = RunView(self._model, state, clock, self._engine, None, self._engine.lists.view)
+        arrays = {name: values[state.rank] for name, values in state.arrays().items()}
+        whole = Portion.of({**contact_history.read(view), **arrays}) if len(state) else Portion(arrays, {}, {})
+        position = whole.grains["record"][:, grain.POSITION]
+        cuts = Cuts.of(position, np.ones(len(position)), world.size)
+        with world.together():
+            self._tell("deal", clock.step_number, state.next_id, cuts)
+            self.rank.deal(clock.step_number, state.next_id, cuts, whole.split(cuts.owner(position), world.size))
+        self._wear = self._engine.wear_digits
+        self._is_dealt = True
+
+    def _gather(self) -> None:
+        """Let the whole be that of the present time, its forces evaluated."""
+        with self._world.together(), self._timers.measure("gather"):
+            self._tell("gather")
+            found = self.rank.gather()
+        assert found is not None
+        portion, wear = found
+        with self._timers.measure("gather"):
+            state, engine, clock = self._state, self._engine, self._clock
+            state.restore({**portion.grains, "next_id": state.next_id})
+            digits = window_sum.joined(np.stack([self._wear, *wear])) if self._wear.size else None
+            engine.restore(engine.extreme, digits)
+            if len(state):
+                contact_history.restore(engine.lists, portion.data)
+            else:
+                self._forget_contacts()
+            clock.forces_evaluated = self._is_gathered = True
+        with self._world.together():
+            self._tell("extremes")
+            self._take_extremes(self.rank.extremes())
+
+    def _show_grains(self) -> None:
+        """Let the whole hold the grains as they are, without contacts: the run has stopped where no forces can be evaluated."""
+        with self._world.together():
+            self._tell("gather_grains")
+            grains = self.rank.gather_grains()
+        assert grains is not None
+        self._state.restore({**grains, "next_id": self._state.next_id})
+        self._forget_contacts()
+        self._is_gathered = True
+
+    def _forget_contacts(self) -> None:
+        lists, n = self._engine.lists, len(self._state)
+        lists.forget_outer()
+        lists.set_totals([0, 0, 0])
+        if lists.wall_contacts is not None:
+            lists.wall_contacts = lists.new_wall_contacts(n, 0)
+
+
+def rank_threads(world: World, asked: int | None, grains: int) -> Threads:
+    """The threads of a rank: as many as asked for, or as pay for its part of ``grains``, within its part of the cores."""
+    count = min(threads_for(grains // world.size), world.cores) if asked is None else asked
+    return run_threads(count, grains, grows=False, cpu=True)

@@ -1,0 +1,120 @@
+"""Neighbor lists of a rank, built at the same steps as those of all others.
+
+Steps stop on all ranks where a grain of any has moved too far for the inner list. All inner lists are then built anew, or all
+outer ones, and with those grains change hands and ghosts are chosen again. So a ghost has moved just as far since as its owner
+found, who alone looks, and ranks have the same skins.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from warpdem.engine.neighbor_list import NeighborLists
+from warpdem.engine.stops import crossed_domain, not_finite
+from warpdem.errors import WarpdemError
+from warpdem.kernels.lists.displacement import CROSSED, FAST, IN_OUTLET, NOT_FINITE, OUT_OF_DATE, OUTLET_NUMBER
+from warpdem.kernels.step.motion import LEFT
+from warpdem.ranks.world import World
+
+HERE = (1 << OUTLET_NUMBER) - 1
+"""Bits of what is found of a grain, without the number of the outlet that it is in."""
+
+
+class RankLists(NeighborLists):
+    """The lists of a rank.
+
+    Attributes:
+        world: the ranks.
+        move_grains: called where outer lists are to be built: deals the grains out anew and builds them.
+        fast_found: called on all ranks where a grain of some is fast beside a mesh, with whether one is on this rank.
+    """
+
+    world: World
+    move_grains: Callable[[], None]
+    fast_found: Callable[[bool], None]
+
+    @property
+    def max_displacement(self) -> float:
+        """As ``ContactLists``; no rank knows whether a grain is alone."""
+        return 0.5 * self.inner_skin
+
+    def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
+        """As ``NeighborLists``, on all ranks together.
+
+        Raises:
+            StabilityError: as ``NeighborLists``, on all ranks that of the lowest.
+        """
+        pending, self.pending = self.pending, 0
+        force_rebuild |= grown or not self.rebuilds
+        if not (force_rebuild or pending):
+            return
+        found = self._found_on_all_ranks()
+        if found & FAST:
+            self.fast_found(bool(self._found_here & FAST))
+        if force_rebuild or pending & LEFT or found & (OUT_OF_DATE | IN_OUTLET):
+            self._adapt_skin()
+            self.inner_skin = self.next_inner_skin
+            self._last_refresh = self.clock.step_number
+            with self._timers.measure("lists"):
+                self.move_grains()
+        else:
+            self.inner_skin = self.next_inner_skin
+            self._last_refresh = self.clock.step_number
+            self.force_parity = (self.clock.step_number - 1) & 1
+            self._rebuild_inner()
+            self._count()
+
+    def _found_on_all_ranks(self) -> int:
+        """What has become of the grains of all ranks, by bits.
+
+        Raises:
+            StabilityError: one is no number, or crossed a periodic domain.
+        """
+        self._of_grain = np.zeros(0, dtype=np.int32)
+        if self.state.slots and self.built:
+            outer_limit = max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0)
+            with self._timers.measure("refresh"):
+                self._of_grain = self.build.check(outer_limit).of_grain[: self.state.owned]
+        self._found_here = int(np.bitwise_or.reduce(self._of_grain & HERE, initial=0))
+        found = self.world.any_of(self._found_here)
+        if found & (NOT_FINITE | CROSSED):
+            self.world.raise_first(self._stop())
+        return found
+
+    def _stop(self) -> WarpdemError | None:
+        """Why this rank cannot go on; None if it can."""
+        if self._found_here & NOT_FINITE:
+            return not_finite(self.state, self.clock, self.fastest())
+        if self._found_here & CROSSED:
+            return crossed_domain(self.state, self.clock, int(np.flatnonzero(self._of_grain & CROSSED)[0]))
+        return None
+
+    @property
+    def leaving(self) -> tuple[np.ndarray, np.ndarray]:
+        """Memory slots of the own grains that the last update found in an outlet, and the number of the outlet of each."""
+        gone = np.flatnonzero(self._of_grain & IN_OUTLET)
+        return gone, self._of_grain[gone] >> OUTLET_NUMBER
+
+    def make(self) -> None:
+        """As ``NeighborLists``."""
+        self._last_refresh = self._last_rebuild = self.clock.step_number
+        self.rebuild()
+
+    def rebuild(self) -> None:
+        """Build both lists for the grains that are here now."""
+        if self.state.slots:
+            self._batch.set_time()
+            self._rebuild_outer(sort=True)
+            self._rebuild_inner()
+        else:
+            self.before_build()
+            self.forget_outer()
+            self.known = 0
+            self.set_totals([0, 0, 0])
+            self.rebuilds += 1
+        self._count()
+
+    def _count(self) -> None:
+        """Take note of a build; a rank without grains built nothing, and takes note of it too."""
+        if not self.state.slots:
+            self.inner_rebuilds += 1

@@ -1,0 +1,136 @@
+"""Grains with their contacts, on the way from rank to rank: arrays of a checkpoint, by what their rows belong to."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from warpdem.state.blocks import Rows
+
+Table = dict[str, np.ndarray]
+PAIRS, POINTS = "pair", "wall_contact_"
+"""How the names of arrays begin that have a row per contact between grains, and per contact point at a wall."""
+OF_GRAINS = (
+    "record", "inverse", "id", "material", "group", "came", "orientation", "energies", "momenta", "wall_work", "flow",
+    "wall_load", "wall_entry", "wall_power",
+)  # fmt: skip
+"""Arrays that have a row per grain."""
+OF_GHOSTS = ("record", "inverse", "id", "material")
+"""Those that a ghost needs."""
+
+
+def made(values: Rows | np.ndarray) -> np.ndarray:
+    """An array whose rows are made, or that is there."""
+    return values.whole() if isinstance(values, Rows) else values
+
+
+@dataclass
+class Portion:
+    """Some grains, what their contacts remember, and the forces there if they are known."""
+
+    grains: Table
+    """Rows in ascending order of ``id``."""
+    pairs: Table
+    """Contacts between grains of which one at least is among them, by the ids in ``pair``."""
+    points: Table
+    """Contact points at walls, by the id in ``wall_contact_grain``; those of a grain in their order."""
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> "Portion":
+        """What a checkpoint, or arrays of the same names, hold of grains."""
+        grains = {name: made(data[name]) for name in OF_GRAINS if name in data}
+        pairs = {name: made(data[name]) for name in data if name.startswith(PAIRS)}
+        points = {name: made(data[name]) for name in data if name.startswith(POINTS)}
+        return cls(grains, pairs, points)
+
+    def __len__(self) -> int:
+        return len(self.grains["id"])
+
+    @property
+    def data(self) -> Table:
+        """All arrays by name."""
+        return {**self.grains, **self.pairs, **self.points}
+
+    @property
+    def nbytes(self) -> int:
+        """Size [B]."""
+        return sum(values.nbytes for values in self.data.values())
+
+    def split(self, owner: np.ndarray, parts: int) -> list["Portion"]:
+        """What each of ``parts`` ranks gets; ``owner``: the rank of each grain, shape (n,)."""
+        ids = self.grains["id"]
+        sides = [_looked_up(ids, owner, self.pairs["pair"][:, k]) for k in (0, 1)] if self.pairs else []
+        of_point = _looked_up(ids, owner, self.points["wall_contact_grain"]) if self.points else np.zeros(0)
+        out = []
+        for rank in range(parts):
+            grains = _rows(self.grains, np.flatnonzero(owner == rank))
+            pairs = _rows(self.pairs, np.flatnonzero((sides[0] == rank) | (sides[1] == rank))) if sides else {}
+            out.append(Portion(grains, pairs, _rows(self.points, np.flatnonzero(of_point == rank))))
+        return out
+
+    @classmethod
+    def joined(cls, parts: Iterable["Portion"]) -> "Portion":
+        """All together; a contact that several hold, with the same bits, counts once."""
+        each = list(parts)
+        grains, pairs, points = (_joined([getattr(one, name) for one in each]) for name in ("grains", "pairs", "points"))
+        grains = _rows(grains, np.argsort(grains["id"], kind="stable"))
+        if pairs:
+            order = np.lexsort((pairs["pair"][:, 1], pairs["pair"][:, 0]))
+            pair = pairs["pair"][order]
+            first = np.ones(len(order), dtype=bool)
+            first[1:] = (pair[1:] != pair[:-1]).any(axis=1)
+            pairs = _rows(pairs, order[first])
+        if points:
+            points = _rows(points, np.argsort(points["wall_contact_grain"], kind="stable"))
+        return cls(grains, pairs, points)
+
+    def keep_owned_pairs(self) -> None:
+        """Keep of the contacts between grains those whose lower id is among the grains: each on one rank."""
+        if self.pairs:
+            mine = _looked_up(self.grains["id"], np.zeros(len(self), dtype=np.int64), self.pairs["pair"][:, 0])
+            self.pairs = _rows(self.pairs, np.flatnonzero(mine == 0))
+
+    def among(self, ids: np.ndarray) -> Table:
+        """Contacts between grains of which both are among ``ids``, ascending: where one is out of sight they have parted."""
+        if not self.pairs or not len(self.pairs["pair"]) or not len(ids):
+            return self.pairs
+        pair = self.pairs["pair"]
+        at = np.minimum(np.searchsorted(ids, pair), len(ids) - 1)
+        return _rows(self.pairs, np.flatnonzero((ids[at] == pair).all(axis=1)))
+
+
+def with_ghosts(grains: Table, ghosts: list[Table]) -> tuple[Table, np.ndarray]:
+    """Own grains and ghosts together, in order of id, and the place of each there: own first, ghosts as they are given.
+
+    What is not known of a ghost is zero: nobody reads it.
+    """
+    count = sum(len(one["id"]) for one in ghosts)
+    both = {}
+    for name, values in grains.items():
+        if name in OF_GHOSTS:
+            both[name] = np.concatenate([values, *(one[name] for one in ghosts)])
+        else:
+            both[name] = np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
+    by_id = np.argsort(both["id"], kind="stable")
+    place = np.empty(len(by_id), dtype=np.int64)
+    place[by_id] = np.arange(len(by_id))
+    return _rows(both, by_id), place
+
+
+def _rows(table: Table, index: np.ndarray) -> Table:
+    return {name: values[index] for name, values in table.items()}
+
+
+def _joined(tables: list[Table]) -> Table:
+    """All rows; empty tables do not count, whose numbers may be of another type."""
+    tables = [table for table in tables if table and len(next(iter(table.values())))] or tables[:1]
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+
+
+def _looked_up(ids: np.ndarray, owner: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Owner of the grains ``wanted``, -1 of those that are not among ``ids``, which ascend."""
+    if not len(ids):
+        return np.full(len(wanted), -1)
+    at = np.minimum(np.searchsorted(ids, wanted), len(ids) - 1)
+    return np.where(ids[at] == wanted, owner[at], -1)

@@ -1,0 +1,303 @@
+"""One rank: its grains, lists and steps. Every method is called on all ranks together."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from warpdem.core.threads import Threads
+from warpdem.core.timers import Timers
+from warpdem.engine.cpu import CpuExecutor
+from warpdem.engine.engine import Engine
+from warpdem.engine.host_build import morton_order
+from warpdem.errors import StabilityError
+from warpdem.filling.initial_grains import InitialGrains
+from warpdem.filling.size_grids import finest_cell, size_classes
+from warpdem.guards.travel import TravelGuard
+from warpdem.guards.verdict import Verdict
+from warpdem.kernels import grain
+from warpdem.kernels.step.exchange import TOO_DEEP
+from warpdem.kernels.step.motion import BEYOND, LEFT
+from warpdem.model.model import Model
+from warpdem.ranks import halo
+from warpdem.ranks.cuts import Cuts
+from warpdem.ranks.exchange import Exchange
+from warpdem.ranks.lists import RankLists
+from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, with_ghosts
+from warpdem.ranks.world import World
+from warpdem.state import contact_history
+from warpdem.state.clock import Clock
+from warpdem.state.particles import State
+from warpdem.state.view import RunView
+
+SAMPLE = 20_000
+"""Grains of all ranks together that cuts are made for."""
+IMBALANCE = 1.1
+"""Load of the busiest rank over the mean [-] from which on cuts are shifted."""
+WAIT = 8
+"""Outer lists until cuts are tried again that shifting did not help."""
+OF_FORCES = ("pair_share_", "pair_entry_", "wall_load", "wall_entry", "wall_power")
+"""How the names of arrays begin that a rebuild makes again."""
+
+
+@dataclass
+class Counts:
+    """What a rank has done since its start."""
+
+    migrated: int = 0
+    """Grains that went to another rank."""
+    rebuilds: int = 0
+    """Outer lists."""
+    cuts: int = 0
+    """How often cuts were shifted."""
+
+
+class Rank:
+    """One rank of a run.
+
+    Args:
+        world: the ranks.
+        model: what is run.
+        threads: CPU threads of this rank.
+
+    Attributes:
+        clock: where the run is in time.
+        state: own grains, then ghosts.
+        engine: steps them.
+        exchange: keeps ghosts up to date.
+        counts: what was done.
+        notice: takes a guard's verdict, on rank 0.
+    """
+
+    def __init__(self, world: World, model: Model, threads: Threads) -> None:
+        self.world, self._model, features = world, model, model.features
+        self.clock, self._timers = Clock(model.dt), Timers()
+        self.state = State.of(model, nobody())
+        self.engine = Engine(model, self.state, self.clock, threads, self._timers, RankLists)
+        lists, executor = self.engine.lists, self.engine.executor
+        assert isinstance(lists, RankLists) and isinstance(executor, CpuExecutor)
+        self.lists = lists
+        lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
+        self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
+        executor.exchange = self.exchange.address
+        self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
+        self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
+        self._guard = TravelGuard(model)
+        self.notice: Callable[[Verdict], None] = lambda verdict: None
+        self.counts, self._tried = Counts(), -WAIT
+        self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
+
+    # -- grains ---------------------------------------------------------------------------------
+
+    def deal(self, step: int, next_id: int, cuts: Cuts, parts: list[Portion] | None = None) -> None:
+        """Take over the state of a run, whose forces are known.
+
+        Args:
+            step: its step.
+            next_id: least id that no grain has had so far.
+            cuts: who owns which part of space.
+            parts: grains of each rank, on rank 0.
+        """
+        mine = self.world.dealt(parts)
+        self.clock.step_number, self.state.next_id, self._cuts = step, next_id, cuts
+        self.engine.batch.forget_schedule()
+        self._settle(mine, forces=True)
+        self.clock.forces_evaluated = True
+
+    def _settle(self, mine: Portion, forces: bool) -> None:
+        """Let ``mine`` be the grains of this rank, find their ghosts, and build the lists."""
+        own, sends, both, place, receives = self._with_ghosts(mine)
+        state, lists = self.state, self.lists
+        state.restore({**both, "next_id": state.next_id})
+        state.ghosts = len(both["id"]) - len(own)
+        lists.given_order = place
+        data: dict[str, Any] = {**both, **mine.among(both["id"]), **mine.points}
+        if not len(state):
+            lists.given_order = None
+            lists.make()
+        elif forces:
+            contact_history.restore(lists, data)
+        else:
+            lists.force_parity = (self.clock.step_number - 1) & 1
+            contact_history.remember(lists, data)
+            lists.rebuild()
+        self.exchange.connect(state.record.numpy(), state.owned, sends, receives)
+        self.counts.rebuilds += 1
+
+    def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
+        """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""
+        record = mine.grains["record"]
+        position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
+        beyond = self._model.features.contact.gap + self.lists.skin
+        boxes = self.world.everyone(halo.boxes(position, radius))
+        order = np.zeros(0, dtype=np.int64)
+        if len(radius):
+            order = morton_order(position, finest_cell(radius, size_classes(radius), beyond), self._model.device)
+        own = {name: values[order] for name, values in mine.grains.items()}
+        position, radius = position[order], radius[order]
+        sends: dict[int, np.ndarray] = {}
+        out: list[Table | None] = []
+        for rank, there in enumerate(boxes):
+            near = np.zeros(0, dtype=np.int64)
+            if rank != self.world.rank and len(there) and len(radius):
+                near = np.flatnonzero(halo.seen(position, radius, there, beyond, self._model.domain.period))
+            out.append({name: own[name][near] for name in OF_GHOSTS} if len(near) else None)
+            if len(near):
+                sends[rank] = near
+        ghosts = {rank: found for rank, found in enumerate(self.world.swapped(out)) if found is not None}
+        both, place = with_ghosts(own, list(ghosts.values()))
+        return order, sends, both, place, {rank: len(found["id"]) for rank, found in ghosts.items()}
+
+    def _own(self, forces: bool) -> Portion:
+        """The own grains with their contacts.
+
+        Args:
+            forces: with the forces of the present time, which are known; else as the last force call left them.
+        """
+        state, clock = self.state, self.clock
+        slots = state.rank[state.rank < state.owned]
+        view = self._view if forces else replace(self._view, clock=Clock(clock.dt, clock.step_number - 1))
+        contacts = {k: v for k, v in contact_history.read(view).items() if forces or not k.startswith(OF_FORCES)}
+        position = np.flatnonzero(state.rank < state.owned)
+        beside = {name: made(contacts[name])[position] for name in contacts.keys() & set(OF_GRAINS)}
+        grains = {name: values[slots] for name, values in state.arrays().items()}
+        return Portion.of({**contacts, **grains, **beside})
+
+    def _move_grains(self) -> None:
+        """Deal the grains out anew, and build both lists."""
+        world, mine = self.world, self._own(forces=False)
+        position = mine.grains["record"][:, grain.POSITION]
+        self._shift_cuts(position, self._loads())
+        owner = self._cuts.owner(position)
+        moved = int((owner != world.rank).sum())
+        self.counts.migrated += moved
+        if world.any_of(int(moved > 0)):
+            mine = Portion.joined(world.swapped(mine.split(owner, world.size)))
+        self._settle(mine, forces=False)
+
+    def _loads(self) -> np.ndarray:
+        """Work of each own grain [-], in order of id, shape (n,): one for itself, and one for each contact that is listed."""
+        state, lists = self.state, self.lists
+        if not (state.slots and lists.built):
+            return np.ones(state.owned)
+        slots = state.rank[state.rank < state.owned]
+        listed: np.ndarray = np.diff(lists.row_start.numpy())[slots]
+        return 1.0 + listed
+
+    def _shift_cuts(self, position: np.ndarray, load: np.ndarray) -> None:
+        """Shift the cuts where the ranks' loads are too different."""
+        world = self.world
+        loads = np.array(world.everyone(float(load.sum())))
+        due = self.counts.rebuilds - self._tried >= WAIT and loads.max() > IMBALANCE * loads.mean()
+        if not due:
+            return
+        self._tried = self.counts.rebuilds
+        every = max(1, int(world.total(len(position))) // SAMPLE)
+        found = world.gathered((position[::every], load[::every]))
+        cuts = None
+        if found:
+            points, weights = (np.concatenate([one[k] for one in found]) for k in (0, 1))
+            cuts = shifted(points, weights, self._cuts)
+        self._cuts = world.comm.bcast(cuts)
+        self.counts.cuts += 1
+
+    # -- steps ----------------------------------------------------------------------------------
+
+    def advance(self, count: int, max_overlap: float) -> int:
+        """Run up to ``count`` steps; returns how many were done: fewer where an overlap exceeds ``max_overlap`` [-].
+
+        Raises:
+            StabilityError: the run cannot go on.
+        """
+        self.engine.batch.control.max_overlap.fill_(max_overlap)
+        first, clock = self.clock.step_number, self.clock
+        while clock.step_number < first + count:
+            batch = self.world.least(min(first + count - clock.step_number, self.engine.steps_ahead))
+            if self._steps(batch) & TOO_DEEP:
+                break
+        return clock.step_number - first
+
+    def evaluate(self) -> None:
+        """Evaluate the forces of the present time if they are not."""
+        if not self.clock.forces_evaluated:
+            self._steps(0)
+
+    def _steps(self, count: int) -> int:
+        """Make the lists valid and run up to ``count`` steps; returns what stopped them, by bits."""
+        clock, lists = self.clock, self.lists
+        if not clock.forces_evaluated:
+            lists.update()
+        if self.state.slots:
+            with self._timers.measure("steps"):
+                done, found = self.engine.advance(count, not clock.forces_evaluated)
+        else:
+            done, found = self._steps_without_grains(count)
+        clock.step_number += done
+        lists.pending |= found & (BEYOND | LEFT)
+        clock.forces_evaluated = not found
+        return found
+
+    def _steps_without_grains(self, count: int) -> tuple[int, int]:
+        """Agree with the others on each of up to ``count`` steps."""
+        for step in range(1, count + 1):
+            for stage in range(self.engine.batch.stages):
+                found = self.exchange.call(step, stage, 0)
+            if found:
+                return step, found
+        return count, 0
+
+    def _notice_travel(self, here: bool) -> None:
+        """Let the guard of travel look where a grain is fast beside a mesh."""
+        verdicts: list[Verdict] = []
+        if here:
+            placements = self.engine.batch.placements_ahead()[0]
+            verdicts = self._guard.look(self.state.record.numpy(), placements, self.state, self.clock)
+        error = None
+        try:
+            for verdict in [one for found in self.world.gathered(verdicts) for one in found]:
+                self.notice(verdict)
+        except StabilityError as stop:
+            error = stop
+        self.world.raise_first(error)
+
+    # -- reading --------------------------------------------------------------------------------
+
+    def extremes(self) -> np.ndarray:
+        """Largest overlaps and approach speeds on all ranks, as ``Engine.extreme``."""
+        return self.world.largest(self.engine.extreme)
+
+    def gather(self) -> tuple[Portion, list[np.ndarray]] | None:
+        """All grains with the forces of the present time, and the digits of wear of each rank; on rank 0."""
+        self.evaluate()
+        mine = self._own(forces=True)
+        mine.keep_owned_pairs()
+        found = self.world.gathered((mine, self.engine.wear_digits))
+        return (Portion.joined(one for one, _ in found), [digits for _, digits in found]) if found else None
+
+    def gather_grains(self) -> Table | None:
+        """All grains as they are, without contacts; on rank 0."""
+        slots = self.state.rank[self.state.rank < self.state.owned]
+        found = self.world.gathered(Portion({name: v[slots] for name, v in self.state.arrays().items()}, {}, {}))
+        return Portion.joined(found).grains if found else None
+
+
+    def report(self) -> list[dict[str, Any]]:
+        """What each rank has done, on rank 0."""
+        state, exchange = self.state, self.exchange
+        return self.world.gathered({
+            "grains": state.owned, "ghosts": state.ghosts, "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds,
+            "cuts": self.counts.cuts, "exchanges": exchange.calls, "bytes": exchange.bytes, "waiting": exchange.seconds,
+            "seconds": dict(self._timers.seconds),
+        })  # fmt: skip
+
+
+def shifted(position: np.ndarray, weight: np.ndarray, cuts: Cuts) -> Cuts:
+    """``cuts``, shifted for equal weights."""
+    return Cuts.of(position, weight, cuts.parts, like=cuts)
+
+
+def nobody() -> InitialGrains:
+    """No grains."""
+    numbers, rows = np.zeros(0, dtype=np.int32), np.zeros((0, 3))
+    return InitialGrains(numbers.astype(np.int64), numbers, numbers, np.zeros(0), rows, rows, rows)

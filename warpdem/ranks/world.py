@@ -1,0 +1,136 @@
+"""What the ranks of a run tell each other; all of it is collective: every rank calls the same in the same order."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from warpdem.core.cpu_cores import available_cores
+from warpdem.errors import WarpdemError
+
+LONGEST_NAP = 2.0e-3
+"""Longest time between two looks of a rank that has nothing to do [s]: one that waits for MPI burns a core."""
+
+
+class World:
+    """The ranks of a run.
+
+    Args:
+        comm: communicator of mpi4py.
+
+    Attributes:
+        size: number of ranks.
+        rank: number of this one, from 0.
+        busy: this rank does something together with the others.
+        at_end: what lets go of what MPI holds, called when all ranks end.
+    """
+
+    def __init__(self, comm: Any) -> None:
+        from mpi4py import MPI
+
+        self._mpi, self.comm = MPI, comm
+        self.rank, self.size = int(comm.rank), int(comm.size)
+        self._node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+        self._one, self._all = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+        self.busy = False
+        self.at_end: list[Callable[[], None]] = []
+
+    @property
+    def cores(self) -> int:
+        """Cores of this machine for each of the ranks on it."""
+        return max(1, available_cores() // int(self._node.size))
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """What all ranks do together: an error that is not that of all ranks leaves the others waiting, see ``busy``."""
+        self.busy = True
+        try:
+            yield
+        except WarpdemError:  # of all ranks, by ``raise_first``
+            self.busy = False
+            raise
+        self.busy = False
+
+    # -- numbers --------------------------------------------------------------------------------
+
+    def any_of(self, bits: int) -> int:
+        """Bits that are set on some rank."""
+        return self._reduced(bits, self._mpi.BOR)
+
+    def least(self, number: int) -> int:
+        """The least of the ranks' numbers."""
+        return self._reduced(number, self._mpi.MIN)
+
+    def total(self, number: int) -> int:
+        """The sum of the ranks' numbers."""
+        return self._reduced(number, self._mpi.SUM)
+
+    def _reduced(self, number: int, operation: Any) -> int:
+        self._one[0] = number
+        self.comm.Allreduce(self._one, self._all, op=operation)
+        return int(self._all[0])
+
+    def largest(self, values: np.ndarray) -> np.ndarray:
+        """The largest of the ranks' values, element by element."""
+        out = np.empty_like(values)
+        self.comm.Allreduce(np.ascontiguousarray(values), out, op=self._mpi.MAX)
+        return out
+
+    # -- objects --------------------------------------------------------------------------------
+
+    def everyone(self, mine: Any) -> list[Any]:
+        """What each rank gives, on all of them."""
+        found: list[Any] = self.comm.allgather(mine)
+        return found
+
+    def gathered(self, mine: Any) -> list[Any]:
+        """What each rank gives, on rank 0; empty on the others."""
+        found: list[Any] | None = self.comm.gather(mine)
+        return found or []
+
+    def dealt(self, parts: list[Any] | None) -> Any:
+        """The part of this rank, of those that rank 0 gives."""
+        return self.comm.scatter(parts)
+
+    def swapped(self, parts: list[Any]) -> list[Any]:
+        """What each rank gives to this one; ``parts``: what this one gives to each."""
+        found: list[Any] = self.comm.alltoall(parts)
+        return found
+
+    def told(self, what: Any = None) -> Any:
+        """What rank 0 says; the others sleep until it does."""
+        ready, nap = self.comm.Ibarrier(), 0.0
+        while not ready.Test():
+            time.sleep(nap)
+            nap = min(nap + 2.0e-5, LONGEST_NAP)
+        return self.comm.bcast(what)
+
+    # -- errors ---------------------------------------------------------------------------------
+
+    def raise_first(self, error: WarpdemError | None) -> None:
+        """Raise on all ranks the error of the lowest rank that has one.
+
+        Raises:
+            WarpdemError: one has.
+        """
+        if self.any_of(int(error is not None)):
+            raise next(found for found in self.everyone(error) if found is not None)
+
+    def close(self) -> None:
+        """Let go of what MPI holds."""
+        for let_go in self.at_end:
+            let_go()
+
+    def abort(self, code: int) -> None:
+        """End all ranks at once: the last resort, where they cannot agree any more."""
+        self.comm.Abort(code)
+
+    # -- of the exchange ------------------------------------------------------------------------
+
+    def all_node_leaders_first(self) -> Iterator[bool]:
+        """Twice: on the first rank of each machine at once, then, when those are done, on the others."""
+        yield self._node.rank == 0
+        self._node.Barrier()
+        yield self._node.rank != 0
