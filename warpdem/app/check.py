@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from warpdem.app import scene_warnings, summary
+from warpdem.app.clump_rows import clump_lines, clump_rows
 from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, report_if_long
@@ -63,6 +64,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,
         "restitution_error": {**asdict(error), "materials": list(error.materials)} if error is not None else None,
+        "clumps": clump_rows(scene),
         "adhesion": [{**asdict(one), "materials": list(one.materials)} for one in adhesions(scene, sim.expected)],
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
@@ -191,7 +193,7 @@ def print_description(data: dict[str, Any], console: Console) -> None:
         error = data["restitution_error"]
         console.print(f"error of the restitution there, {error['asked']:g} of {' and '.join(error['materials'])}: "
                       f"{error['mean']:+.2g} in the mean, {error['worst']:+.2g} at worst in a single impact")  # fmt: skip
-    for line in _adhesion_lines(data["adhesion"]):
+    for line in (*clump_lines(data["clumps"]), *_adhesion_lines(data["adhesion"])):
         console.print(line, markup=False)
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:

@@ -1,20 +1,24 @@
 """Clumps of a scene as templates: members in principal axes about the centre of mass, mass and moments of inertia."""
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.filling.grain_file import read_grain_file
+from warpdem.mesh.sphere_fit import SphereFit, fit_spheres
 from warpdem.mesh.sphere_union import Solid, union_of_spheres
-from warpdem.mesh.triangle_mesh import load_mesh, require_closed
-from warpdem.scene.clumps import Clump
+from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
+from warpdem.scene.clumps import Clump, Fit
 from warpdem.scene.model import Scene
 from warpdem.usd.motion import quaternion_of
 
 EQUAL = 1e-12
 """Moments of inertia whose relative difference is below count as equal: the clump is then a body of revolution, whose free
 rotation is exact at any step."""
+KEPT = 32
+"""Templates that a process keeps."""
 THIN = 1e-9
 """Volume of a mesh over that of its bounding box below which it has no thickness [-]."""
 
@@ -38,6 +42,8 @@ class ClumpTemplate:
     """Quaternion (w, x, y, z) from the principal axes to the axes of the clump in the scene, shape (4,)."""
     parts: int
     """Groups of members that touch each other: 1 for a connected clump."""
+    fit: SphereFit | None = None
+    """How well the members fill a mesh to which they are fitted; None where they are given."""
 
     @property
     def equal_radius(self) -> float:
@@ -54,23 +60,42 @@ class ClumpTemplate:
         return self.volume * density if self.mass is None else self.mass
 
 
+_MADE: dict[tuple[object, ...], ClumpTemplate] = {}
+
+
 def clump_templates(scene: Scene) -> dict[str, ClumpTemplate]:
     """The clumps of a scene by name.
 
     Raises:
         SceneError: A file is missing or wrong; a mesh is open or has no thickness.
     """
-    return {name: _template(scene, name, clump) for name, clump in scene.clumps.items()}
+    return {name: _known(scene, name, clump) for name, clump in scene.clumps.items()}
+
+
+def _known(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
+    """The template, made once in a process: a fit or the union of many spheres takes seconds."""
+    paths = [scene.resolve(file) for file in (clump.file, clump.mesh) if file is not None]
+    contents = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in paths if path.is_file())
+    made = name, clump.model_dump_json(), contents
+    if made not in _MADE:
+        if len(_MADE) >= KEPT:
+            _MADE.pop(next(iter(_MADE)))
+        _MADE[made] = _template(scene, name, clump)
+    return _MADE[made]
 
 
 def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
     key = f"{scene.source}: clumps.{name}"
-    centre, radius = _spheres(scene, clump, key)
-    solid = union_of_spheres(centre, radius)
+    mesh = _mesh(scene, clump, f"{key}.mesh") if clump.mesh is not None else None
+    fit = None
+    if clump.fit is not None and mesh is not None:
+        fit = _fitted(mesh, clump.fit, f"{key}.fit")
+        centre, radius = fit.centre, fit.radius
+    else:
+        centre, radius = _spheres(scene, clump, key)
+    solid = _of_mesh(mesh) if clump.mass_of == "mesh" and mesh is not None else union_of_spheres(centre, radius)
     mass = None
-    if clump.inertia == "mesh":
-        solid = _of_mesh(scene, str(clump.mesh), f"{key}.mesh")
-    if clump.inertia == "given":
+    if clump.mass_of == "given":
         assert clump.mass is not None and clump.moments is not None
         axes = _matrix(np.array(clump.axes or (1.0, 0.0, 0.0, 0.0)))
         mass, moments = clump.mass, np.array(clump.moments) / clump.mass
@@ -81,7 +106,7 @@ def _template(scene: Scene, name: str, clump: Clump) -> ClumpTemplate:
     moments, axes = in_order(moments, axes)
     return ClumpTemplate(
         name, (centre - middle) @ axes, radius, solid.volume, mass, moments, quaternion_of(axes).astype(float),
-        _parts(centre, radius),
+        _parts(centre, radius), fit,
     )  # fmt: skip
 
 
@@ -100,18 +125,36 @@ def _spheres(scene: Scene, clump: Clump, key: str) -> tuple[np.ndarray, np.ndarr
     return centre, radius
 
 
-def _of_mesh(scene: Scene, file: str, key: str) -> Solid:
+def _mesh(scene: Scene, clump: Clump, key: str) -> TriangleMesh:
+    """The closed mesh of a clump."""
+    mesh = load_mesh(scene.resolve(str(clump.mesh)), clump.scale or 1.0, key=key)
+    remedy = "close it in a mesh editor" + (', or take inertia = "union"' if clump.fit is None else "")
+    require_closed(mesh, key, remedy)
+    box = float(np.prod(mesh.bounds[1] - mesh.bounds[0]))
+    if abs(mesh.volume) <= THIN * box or box == 0.0:
+        raise SceneError(f"{key}: {clump.mesh} encloses {abs(mesh.volume):.3g} m3: a clump needs a mesh with thickness")
+    return mesh
+
+
+def _fitted(mesh: TriangleMesh, fit: Fit, key: str) -> SphereFit:
+    """Spheres that fill a mesh, two at least."""
+    found = fit_spheres(mesh, fit.spheres, fit.coverage, fit.outside)
+    if len(found.radius) < 2:
+        raise SceneError(
+            f"{key}: {len(found.radius)} sphere covers {100.0 * found.coverage:.3g} % of {mesh.name}; a clump has at least 2: "
+            "take a grain in its place, or a higher coverage"
+        )
+    return found
+
+
+def _of_mesh(mesh: TriangleMesh) -> Solid:
     """Integrals over the inside of a closed mesh."""
     from trimesh.triangles import mass_properties  # slow to import
 
-    mesh = load_mesh(scene.resolve(file), key=key)
-    require_closed(mesh, key, "close it in a mesh editor, or take inertia = \"union\"")
-    box = float(np.prod(mesh.bounds[1] - mesh.bounds[0]))
-    if abs(mesh.volume) <= THIN * box or box == 0.0:
-        raise SceneError(f"{key}: {file} encloses {abs(mesh.volume):.3g} m3: a clump needs a mesh with thickness")
+    middle = mesh.bounds.mean(axis=0)
     corners = mesh.corners if mesh.volume > 0.0 else mesh.corners[:, ::-1]
-    found = mass_properties(corners - mesh.bounds.mean(axis=0), density=1.0)
-    return Solid(float(found.volume), np.asarray(found.center_mass) + mesh.bounds.mean(axis=0), np.asarray(found.inertia))
+    found = mass_properties(corners - middle, density=1.0)
+    return Solid(float(found.volume), np.asarray(found.center_mass) + middle, np.asarray(found.inertia))
 
 
 def in_order(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
