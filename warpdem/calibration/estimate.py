@@ -133,7 +133,8 @@ def interval(fits: np.ndarray, found: Estimate, confidence: float) -> np.ndarray
     tail = 0.5 - 0.5 * confidence
     low, high = np.quantile(fits, [tail, 1.0 - tail], axis=0)
     reach = scipy_part("stats").norm.ppf(1.0 - tail) * found.error
-    return np.clip(np.stack([np.minimum(low, found.best - reach), np.maximum(high, found.best + reach)], axis=1), 0.0, 1.0)
+    wider = np.stack([np.minimum(low, found.best - reach), np.maximum(high, found.best + reach)], axis=1)
+    return np.asarray(np.clip(wider, 0.0, 1.0))
 
 
 def _variances(surfaces: Sequence[Surface], x: np.ndarray) -> np.ndarray:
