@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -443,3 +444,13 @@ def test_render_draws_the_results(warpdem, folder):
     assert code == 0
     assert "some.png" in out
     assert (folder / "some.png").stat().st_size > 5_000
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="bash is not installed: nothing completes a word here")
+@pytest.mark.parametrize(("words", "found"), [("warpdem re", {"render", "report"}), ("warpdem run --rep", {"--report"})])
+def test_a_shell_completes_commands_and_options(capsys, words, found):
+    cli.app(["completion", "bash"], result_action="return_value")
+    script = capsys.readouterr().out
+    asked = f'COMP_WORDS=({words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _warpdem; echo "${{COMPREPLY[@]}}"'
+    done = subprocess.run(["bash", "-c", f"{script}\n{asked}"], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == found
