@@ -47,7 +47,7 @@ class Goal:
     uncertainties: np.ndarray
     """Their standard deviations u, shape (targets,)."""
     confidence: float
-    """Probability with which an interval holds the true value, such as 0.95."""
+    """Probability with which the intervals hold all true values, such as 0.95."""
     seed: int
     """Of the starts of the search, and of what is drawn."""
 
@@ -126,11 +126,13 @@ def drawn_fits(surfaces: Sequence[Surface], goal: Goal, found: Estimate) -> np.n
 
 
 def interval(fits: np.ndarray, found: Estimate, confidence: float) -> np.ndarray:
-    """Least and greatest value of each parameter with a probability, within the ranges, shape (p, 2).
+    """Least and greatest value of each parameter, within the ranges, shape (p, 2); with a probability they hold all values.
+
+    The probability that one of p intervals misses is at most the sum of theirs (Bonferroni), so each has 1 / p of it.
 
     The wider of what the fits and the standard errors say: fits that end where a surface turns round lie closer than they know.
     """
-    tail = 0.5 - 0.5 * confidence
+    tail = 0.5 * (1.0 - confidence) / len(found.best)
     low, high = np.quantile(fits, [tail, 1.0 - tail], axis=0)
     reach = scipy_part("stats").norm.ppf(1.0 - tail) * found.error
     wider = np.stack([np.minimum(low, found.best - reach), np.maximum(high, found.best + reach)], axis=1)

@@ -85,7 +85,7 @@ class Calibration(_Table):
     title: str = Field("", description="What is calibrated.")
     runs: int | None = Field(None, ge=4, description="Most runs of each experiment, default by the number of parameters.")
     repeats: int = Field(1, ge=1, le=100, description="Runs with other seeds at each point, default 1.")
-    confidence: float = Field(0.95, gt=0.5, lt=1, description="Probability that the interval of a parameter holds its value.")
+    confidence: float = Field(0.95, gt=0.5, lt=1, description="Probability that the intervals hold all values, default 0.95.")
     seed: int = Field(0, ge=0, description="Seed of the points that are tried, default 0.")
     parameters: Annotated[list[Parameter], Field(min_length=1, max_length=MOST_PARAMETERS)]
     experiments: Annotated[list[Experiment], Field(min_length=1)]

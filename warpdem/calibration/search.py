@@ -89,7 +89,7 @@ class Found:
     fits: np.ndarray
     """Best values for targets and surfaces drawn anew from their uncertainties, shape (draws, p)."""
     intervals: np.ndarray
-    """Least and greatest value of each parameter with the confidence asked for, shape (p, 2)."""
+    """Least and greatest value of each parameter that hold all with the confidence asked for, shape (p, 2)."""
 
 
 def search(request: Request, run: Run, tell: Callable[[str], None] = lambda words: None) -> Found:
