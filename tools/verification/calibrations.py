@@ -137,7 +137,7 @@ def trial(number: int, runs_each: int, folder: Path, console: Console) -> dict:
     done = calibrate(file, folder / "out", on=in_process, console=console, quiet=True)
     rows = []
     for one in done.verdict.parameters:
-        held = one.low <= true[one.name] <= one.high
+        held = bool(one.low <= true[one.name] <= one.high)
         rows.append({"name": one.name, "true": true[one.name], "found": one.value, "low": one.low, "high": one.high,
                      "error": one.error, "held": held, "known": one.known})  # fmt: skip
     return {"trial": number, "runs": len(done.found.x), "held": all(row["held"] for row in rows), "parameters": rows}
