@@ -102,7 +102,7 @@ def tube(segments: int) -> np.ndarray:
     angle = 2.0 * math.pi * np.arange(segments + 1) / segments
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(segments + 1)])
     circle[-1] = circle[0]  # the seam closes to the last bit
-    return strip(circle, circle + [0.0, 0.0, 1.0])
+    return strip(circle, circle + np.array([0.0, 0.0, 1.0]))
 
 
 def belt(distance: float, radius: float, width: float, segments: int) -> np.ndarray:
