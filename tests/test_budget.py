@@ -227,7 +227,7 @@ def test_energy_of_a_drum_closes_to_a_thousandth_at_28_steps_per_contact(view):
 
 
 def test_energy_of_a_sticky_drum_closes_too():
-    """With adhesion to 1.2e-3 at 31 steps per contact and 5e-4 at 62; touches take their share, friction gives nothing."""
+    """With adhesion to a thousandth at 31 steps per contact as well; touches take their share, friction gives nothing."""
     errors = []
     for step in (2e-5, 1e-5):
         data = drum(step, "laboratory").model_dump(exclude_unset=True)
@@ -237,8 +237,8 @@ def test_energy_of_a_sticky_drum_closes_too():
         sim.run(until=0.12)
         errors.append(abs(sim.budget.energy()["integration_error"]) / put_in(sim, start))
     budget = sim.budget.energy()
-    assert errors[0] < 1.2e-3
-    assert errors[1] < 5e-4
+    assert errors[0] < 1e-3  # 9.1e-4, and without adhesion 8.9e-4
+    assert errors[1] < 0.5 * errors[0]
     assert budget["dissipated_adhesion"] > 5e-3 * put_in(sim, start)
     assert all(value > 0.0 for name, value in budget.items() if name in ("dissipated_sliding", "dissipated_normal_damping"))
 

@@ -4,10 +4,12 @@ A force F that begins at an overlap a, between two force calls, acts from there 
 all. That costs an order of accuracy: impacts of a law that jumps have an error of first order in the step. The share of the
 step it has acted for is known from the overlap d now and d' one step before, so the kicks are given
 
-    first force   F (tau + 1/2),    tau = (d - a)/(d - d')     it has acted for tau steps, and acts for half a step more
+    first force   F (1/2 + tau),    tau = (d - a)/(d - d')     it has acted for tau steps, and acts for half a step more
     last force    F (1/2 - tau),    tau = (a - d)/(d' - d)     it ended tau steps ago, and was given for half a step more
 
-and the error is of order 3/2. The last force, that at a, is given after its end: a law must reach further than a.
+and the error is of order 3/2. Both are F (1/2 + (d - a)/|d - d'|). F is the force at a in both: what it has grown to since it
+began is given in full (weighed too, it adds F' (d - d')^2/12 to the energy of each touch, in the mean over tau). The last force
+is given after its end: a law must reach further than a.
 
 The shares are those of one kick per step. ``rk4`` and ``modified_verlet`` call forces several times at places where another
 share would be due, and keep errors of first order in single impacts. Restitution of a ``jkr`` impact of 0.995, worst of 16
@@ -22,19 +24,13 @@ import warp as wp
 
 @functools.cache
 def build(real):
-    """Return ``first`` and ``last``, the shares of a force that begins and ends, for ``real``."""
+    """Return ``share``, that of a force in the step in which it begins or ends, for ``real``."""
     least = 1.0e-30  # [m]: two grains that do not move at the start are no division by zero
 
     @wp.func
-    def first(overlap: real, overlap_before: real, at: real) -> real:
-        """Share tau + 1/2 [-] of a force that begins as the overlap grows over ``at`` [m]."""
-        way = overlap - overlap_before
+    def share(overlap: real, overlap_before: real, at: real) -> real:
+        """Share [-] of a force that begins as the overlap grows over ``at`` [m], or ends as it falls below."""
+        way = wp.abs(overlap - overlap_before)
         return (overlap - at) / (way if way > real(wp.static(least)) else real(wp.static(least))) + real(0.5)
 
-    @wp.func
-    def last(overlap: real, overlap_before: real, at: real) -> real:
-        """Share 1/2 - tau [-] of a force that ends as the overlap falls below ``at`` [m]."""
-        way = overlap_before - overlap
-        return real(0.5) - (at - overlap) / (way if way > real(wp.static(least)) else real(wp.static(least)))
-
-    return first, last
+    return share

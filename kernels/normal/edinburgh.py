@@ -100,7 +100,7 @@ def build(real):
     Own, History = at.vector(real), memory.vector(real)
     Losses = columns.scalars(LOSSES).vector(real)
     constants_of_hertz, force_of_hertz = hertz.build(real)
-    first, last = jumps.build(real)
+    share_of_step = jumps.build(real)
     small = tiny(real)
 
     @wp.func
@@ -173,9 +173,9 @@ def build(real):
         pull = most * branch_share(depth, end, own)
         elastic = line if line > -pull else -pull
         yielded = yielded if line > -pull else (deep + pull / unloading) / plastic
-        begins = first(overlap, overlap_before, real(0.0)) if overlap_before < real(0.0) else real(1.0)
-        ends = last(overlap, overlap_before, real(0.0)) if overlap_before > real(0.0) else real(0.0)
-        ends = ends if overlap > -own[wp.static(at.reach)] else real(0.0)
+        share = share_of_step(overlap, overlap_before, real(0.0))
+        begins = share if overlap_before < real(0.0) else real(1.0)
+        ends = share if overlap_before > real(0.0) and overlap > -own[wp.static(at.reach)] else real(0.0)
         acting = begins if overlap > real(0.0) else ends
         pressure = elastic + pull - dashpot * speed
         load = pressure if pressure > real(0.0) else real(0.0)

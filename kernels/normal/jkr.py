@@ -20,9 +20,10 @@ Friction goes by F + 2 F_c, which is at least F_c (Thornton 1991; LAMMPS the sam
 Softer grains keep F_c, which is free of E, while d_c and the loss grow as E^(-2/3): with w' = w (E'/E)^(2/5) they keep the
 sticking speed instead. LAMMPS ends the contact at the largest pull: ``jkr_fixed_load``.
 
-The quartic for s: with y the real root of y^3 + 12 D y - 16 = 0 and r = sqrt(y), s = (r + sqrt(8/r - y))/2. Three steps of
-Halley's method give y to all digits from D = -1 to 1e9; cube roots would leave the SIMD lanes. Of R* a cube root is needed once
-per contact, by the same method.
+The quartic for s: with q = sqrt(D + 1) and s = 1 + q z it is z^2 (6 + 4 q z + q^2 z^2) = 3, whose root z falls from 1/sqrt(2)
+at q = 0 to (3/q^2)^(1/4) for large q and is smooth in sqrt(q + 1.5), at infinity too. A quotient of two polynomials
+is within 1.1e-6 of it, and one step of Halley's method gives all digits, from D = -1 to 1e9, with two divisions and two square
+roots; cube roots would leave the SIMD lanes. Of R* a cube root is needed once per contact.
 
 For soft, large grains: a Tabor number (R* w^2/(E*^2 z^3))^(1/3), z some 0.3 nm, above some 5. No surface energy at all leaves
 d_c at 1e-10 R*, far below anything that can be seen.
@@ -55,6 +56,10 @@ REACH = 3.0
 part of that step; one that flies further in a step is too fast for it to matter."""
 TEARS = -1.0
 """D at which a contact ends [-]."""
+BEGIN = 1.5
+"""z is given over w = sqrt(q + BEGIN) - sqrt(BEGIN) [-], from 0 on."""
+GUESS = (0.70710752, 1.4400187, 0.71464802), (1.0, 2.6138882, 2.1719059, 0.54301423)
+"""Polynomials in w, lowest power first, whose quotient is z within 1.1e-6 of it (least largest error, by Lawson's weights)."""
 damped_time, stiffness = hertz.damped_time, hertz.stiffness
 at = columns.scalars(COEFFICIENTS)
 
@@ -107,7 +112,7 @@ def built(real, end: float):
     Own, Loss = at.vector(real), columns.scalars(LOSSES).vector(real)
     History = columns.scalars(HISTORY).vector(real)
     constants_of_hertz, _ = hertz.build(real)
-    first, last = jumps.build(real)
+    share_of_step = jumps.build(real)
     touch = touched(end)
 
     @wp.func
@@ -122,23 +127,27 @@ def built(real, end: float):
 
     @wp.func
     def constants(base: real, damping: real, own: Own, radius: real, mass: real):
-        """K [N/m^1.5], C [N s/m^1.25] and d_c [m] of one contact."""
+        """K [N/m^1.5], C (d_c/3)^(1/4) [N s/m], so that s times it is the dashpot's, and d_c [m] of one contact."""
         stiffness, dashpot = constants_of_hertz(base, damping, radius, mass)
         pull_off = own[0] * cube_root(radius)
         least = real(wp.static(FLOOR)) * radius
-        return stiffness, dashpot, Own(pull_off if pull_off > least else least)
+        pull_off = pull_off if pull_off > least else least
+        return stiffness, dashpot * wp.sqrt(wp.sqrt(pull_off * real(wp.static(1.0 / 3.0)))), Own(pull_off)
 
     @wp.func
-    def contact_radius(ratio: real) -> real:
-        """The s [-] of an overlap over d_c."""
-        y = real(4.0) / (real(1.5874010519681994) + real(0.6) * ratio)
-        for _ in range(3):
-            g = y * (y * y + real(12.0) * ratio) - real(16.0)
-            rise = real(3.0) * y * y + real(12.0) * ratio
-            y = y - real(2.0) * g * rise / (real(2.0) * rise * rise - real(6.0) * g * y)
-        r = wp.sqrt(y)
-        rest = real(8.0) / r - y
-        return real(0.5) * (r + wp.sqrt(rest if rest > real(0.0) else real(0.0)))
+    def contact_radius(above: real) -> real:
+        """The s [-] of D + 1 = ``above`` >= 0."""
+        q = wp.sqrt(above)
+        w = wp.sqrt(q + real(wp.static(BEGIN))) - real(wp.static(math.sqrt(BEGIN)))
+        over = real(wp.static(GUESS[0][0])) + w * (real(wp.static(GUESS[0][1])) + w * real(wp.static(GUESS[0][2])))
+        under = real(wp.static(GUESS[1][1])) + w * (real(wp.static(GUESS[1][2])) + w * real(wp.static(GUESS[1][3])))
+        z = over / (real(wp.static(GUESS[1][0])) + w * under)
+        e = q * z
+        value = z * z * (real(6.0) + e * (real(4.0) + e)) - real(3.0)
+        rise = z * (real(3.0) + e * (real(3.0) + e))  # a quarter of the first derivative, and a sixth of the second
+        bend = real(2.0) * (real(1.0) + e) * (real(1.0) + e)
+        z = z - value * rise / (real(4.0) * rise * rise - real(0.75) * value * bend)
+        return real(1.0) + q * z
 
     @wp.func
     def force(
@@ -152,25 +161,25 @@ def built(real, end: float):
         there = overlap > real(0.0) or (held and overlap >= ends_at)
         begins = there and not held and overlap_before <= real(0.0)
         ends = held and not there and overlap > real(wp.static(-REACH)) * pull_off
-        acts = real(1.0) if there else real(0.0)
-        share = first(overlap, overlap_before, real(0.0)) if begins else acts
-        pressing = share
-        share = last(overlap, overlap_before, ends_at) if ends else share
-        acts = real(1.0) if ends else acts
-        ratio = overlap / pull_off
-        ratio = ratio if ratio > real(wp.static(end)) else real(wp.static(end))
-        s = contact_radius(ratio)
+        acts = real(1.0) if there or ends else real(0.0)
+        jumping = share_of_step(overlap, overlap_before, ends_at if ends else real(0.0))
+        share = jumping if begins or ends else acts
+        pressing = share if there else real(0.0)
+        bounded = overlap if overlap > ends_at else ends_at
+        s = contact_radius((bounded + pull_off) / pull_off)
         s2 = s * s
         s3 = s2 * s
         unit = wp.sqrt(pull_off * real(wp.static(1.0 / 3.0)))  # sqrt(d_e) is s^2 times that
         pull = real(3.0) * stiffness * pull_off * unit
         elastic = pull * s3 * (s3 - real(6.0)) * real(wp.static(1.0 / 9.0))
-        dashpot = damping * s * wp.sqrt(unit) * share
+        # what jumps is weighed: at the touch F(0), not what it has grown to since
+        jump = real(wp.static(-8.0 / 9.0)) * pull if there else elastic
+        dashpot = damping * s * share
         depth = pull_off * s2 * s2 * real(wp.static(1.0 / 3.0))
         load = (elastic + real(2.0) * pull) * pressing
         now = depth if there else real(0.0)
         return (
-            elastic * share - dashpot * speed, load, stiffness * s2 * unit * acts, dashpot, depth,
+            elastic + jump * (share - real(1.0)) - dashpot * speed, load, stiffness * s2 * unit * acts, dashpot, depth,
             before if held else depth, History(now),
         )  # fmt: skip
 

@@ -38,6 +38,6 @@ def meeting(speed, step, phase=0.5, *, normal="jkr", restitution=1.0, wall=False
 def contacts(law, real, overlap, before, history, *, stiffness, pull_off, speed=0.0, damping=0.0) -> dict[str, np.ndarray]:
     """As of ``Contacts.force``, of contacts with these K, C, d_c and d_e remembered: what a JKR law gives for each."""
     made = Contacts(law, [0.0] * 5, 1.0, real=real)
-    made.constants = np.array([stiffness, damping, 1.0, pull_off])
+    made.constants = np.array([stiffness, damping * (pull_off / 3.0) ** 0.25, 1.0, pull_off])
     found = made.force(overlap, before, speed, np.reshape(history, (-1, 1)))
     return found | {"history": found["history"][:, 0]}

@@ -12,6 +12,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # tools/
@@ -27,20 +28,22 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 AROUND, ALONG = 192, 24  # facets of a tessellated shape
 
 
-def phases(sim: Simulation, launches: int) -> dict[str, float]:
+def phases(sim: Simulation, launches: int, only: Sequence[str] = ("pairs", "walls", "motion")) -> dict[str, float]:
     """Least time of each phase of the present step [us]."""
     engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
     grains, contacts, rows = engine.structs.arguments()
     base, _ = engine.batch.row()
     b, last = engine.batch, len(sim.state)
+    batches = lists.totals[0] // sim.plan.backend.lanes  # the arrays are longer
     shared = b.model, b.control, grains
     calls = {
-        "pairs": (loop.pair_forces, [1, contacts.owner.shape[0], base, 0, *shared, contacts, b.report]),
+        "pairs": (loop.pair_forces, [1, batches, base, 0, *shared, contacts, b.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, rows, b.report]),
         "motion": (loop.move, [1, last, base - 1, 0, *shared, rows, b.report, lists.max_displacement]),
     }
     out = {}
-    for name, (kernel, inputs) in calls.items():
+    for name in only:
+        kernel, inputs = calls[name]
         command = wp.launch(kernel, dim=1, inputs=inputs, device=sim.device, record_cmd=True)
         best = np.inf
         for _ in range(launches if name != "motion" else 300):  # the motion goes on with each launch

@@ -10,32 +10,31 @@ from warpdem.kernels.contact import jumps
 
 @functools.cache
 def kernel(real):
-    first, last = jumps.build(real)
+    share = jumps.build(real)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def probe(overlap: wp.array(dtype=real), before: wp.array(dtype=real), at: real, out: wp.array2d(dtype=real)):
+    def probe(overlap: wp.array(dtype=real), before: wp.array(dtype=real), at: real, out: wp.array(dtype=real)):
         i = wp.tid()
-        out[i, 0] = first(overlap[i], before[i], at)
-        out[i, 1] = last(overlap[i], before[i], at)
+        out[i] = share(overlap[i], before[i], at)
 
     return probe
 
 
 def shares(overlap, before, at, real):
     overlap = np.asarray(overlap, dtype=float)
-    out = wp.zeros((len(overlap), 2), dtype=real, device="cpu")
+    out = wp.zeros(len(overlap), dtype=real, device="cpu")
     given = [wp.array(np.asarray(x, dtype=float), dtype=real, device="cpu") for x in (overlap, before)]
     wp.launch(kernel(real), dim=len(overlap), inputs=[*given, at, out], device="cpu")
-    return out.numpy().astype(float).T
+    return out.numpy().astype(float)
 
 
 @pytest.mark.parametrize("at", [0.0, -2e-6])
 def test_shares_follow_the_place_of_the_jump_within_the_step(real, at):
     tau, step = np.array([0.0, 0.1, 0.5, 0.9, 1.0]), 3e-6
     tolerance = 1e-14 if real is wp.float64 else 1e-6
-    first, _ = shares(at + tau * step, at - (1 - tau) * step, at, real)
+    first = shares(at + tau * step, at - (1 - tau) * step, at, real)
     np.testing.assert_allclose(first, tau + 0.5, rtol=tolerance, atol=tolerance)
-    _, last = shares(at - tau * step, at + (1 - tau) * step, at, real)
+    last = shares(at - tau * step, at + (1 - tau) * step, at, real)
     np.testing.assert_allclose(last, 0.5 - tau, rtol=tolerance, atol=tolerance)
 
 
@@ -49,8 +48,8 @@ def test_the_impulse_of_a_force_that_jumps_on_and_off_is_exact_for_an_even_motio
     step, a = 0.13, 1.0
     there = step * (start + np.arange(-4, 14)) - 0.4  # grows through 0, where the force begins
     back = there[::-1] - 1.0  # falls through -a, where it ends
-    first, _ = shares(there[1:], there[:-1], 0.0, wp.float64)
-    _, last = shares(back[1:], back[:-1], -a, wp.float64)
+    first = shares(there[1:], there[:-1], 0.0, wp.float64)
+    last = shares(back[1:], back[:-1], -a, wp.float64)
     begins = (there[1:] > 0) & (there[:-1] <= 0)
     ends = (back[1:] < -a) & (back[:-1] >= -a)
     weight_in = np.where(begins, first, there[1:] > 0)
