@@ -74,15 +74,14 @@ class GroupFields:
 
 def concatenated(first: InitialGrains, second: InitialGrains) -> InitialGrains:
     """The grains of both."""
+    clumps = None
     if first.clumps is not None or second.clumps is not None:
-        if len(second):
-            raise ValueError("grains come to clumps: their arrays know of none")
-        return first
+        clumps = of_groups([first.clumps, second.clumps], [len(first), len(second)])
     both: dict[str, Any] = {key: (getattr(first, key), getattr(second, key)) for key in vars(first) if key != "clumps"}
     joined: dict[str, Any] = {
         key: np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b for key, (a, b) in both.items()
     }
-    return InitialGrains(**joined)
+    return InitialGrains(**joined, clumps=clumps)
 
 
 def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
