@@ -8,6 +8,8 @@ import pytest
 
 from warpdem import Scene, Simulation, load_scene
 from warpdem.app import cli
+from warpdem.calibration.experiments import Experiments, How
+from warpdem.calibration.file import load_calibration
 from warpdem.scene.models import model_names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,8 +29,10 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_tutorial_can_be_run(folder):
-    [text] = blocks(TUTORIAL, "toml")
+    text, wanted = blocks(TUTORIAL, "toml")
     (folder / "drum.toml").write_text(text)
+    (folder / "glass.toml").write_text(wanted)
+    Experiments(load_calibration(folder / "glass.toml"), folder / "glass.toml", folder / "out", How()).check()
     sim = Simulation(load_scene("drum.toml"), device="cpu", threads=1)
     assert len(sim.state) == 600
     sim.step(3)
