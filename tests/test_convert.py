@@ -56,6 +56,7 @@ def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
     assert validation_errors(tmp_path / "b.usda") == []
 
 
+LIQUID = {"surface_tension": 0.0712, "contact_angle": 0.31, "viscosity": 1.1e-3, "roughness": 1.3e-6}
 LAWS = {
     "hooke": {"stiffness": 1234.5, "tangential_stiffness_ratio": 0.3},
     "dmt": {"surface_energy": 0.0123, "tail_length": 1.7e-8},
@@ -71,8 +72,9 @@ LAWS = {
         "slope_exponent": 1.5, "tangential_stiffness_ratio": 0.3,
     },
     "spring": {"rolling_damping": 0.21},
+    "bridge": LIQUID, "bridge_rabinovich": LIQUID,
 }  # fmt: skip
-"""A value of each key that a law of the package reads; the last is of a rolling law."""
+"""A value of each key that a law of the package reads."""
 
 
 def test_a_value_of_every_key_of_every_law_is_here():
@@ -83,7 +85,8 @@ def test_a_value_of_every_key_of_every_law_is_here():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_keys_of_contact_laws_come_back_equal_from_every_format(tmp_path, law):
-    contact = {"rolling": "spring"} if law == "spring" else {"normal": law, "twisting": "marshall"}
+    [role] = {role for _, laws in pair_keys.of_package().values() for role, name in laws if name == law}
+    contact = {role: law, "twisting": "marshall"}
     pair = {"materials": ["g", "g"], "restitution": 0.5, "friction": 0.1, **LAWS[law]}
     scene = scene_from_dict(
         {

@@ -69,6 +69,31 @@ def test_amounts_and_sizes():
     np.testing.assert_allclose(np.unique(grains.radius), [0.4e-3, 0.5e-3])
 
 
+def test_sizes_of_a_distribution_stay_with_their_clumps():
+    fill = {"solid_fraction": 0.4, "size": {"uniform": [0.5, 1.5]}, "seed": 2}
+    grains = load_grains(scene(fill), {})
+    check_whole(grains)
+    clumps = grains.clumps
+    size = grains.radius[clumps.first] / 1e-3
+    assert size.min() < 0.6
+    assert size.max() > 1.4
+    one = load_grains(scene({"count": 1}), {}).clumps.mass[0]
+    np.testing.assert_allclose(clumps.mass, one * size**3)
+    arm = np.linalg.norm(grains.position[clumps.first + 1] - grains.position[clumps.first], axis=1)
+    np.testing.assert_allclose(arm, 1.2e-3 * size)
+    assert clumps.mass.sum() == pytest.approx(0.4 * 1.5e-2**3 * 1000.0, rel=0.01)
+    two = load_grains(scene({"count": 40, "size": {"table": [[0.5, 1], [1.0, 3]]}}), {}).clumps.mass / one
+    assert sorted(set(np.round(two, 12))) == [0.125, 1.0]
+    assert 22 <= (two > 0.5).sum() <= 38
+
+
+def test_few_clumps_keep_the_orientation_they_are_given():
+    half = np.sqrt(0.5)
+    grains = load_grains(scene({"count": 5, "orientation": [2 * half, 2 * half, 0, 0]}), {})
+    along = np.diff(grains.position.reshape(5, 2, 3), axis=1)[:, 0]  # z of the clump is -y of the frame
+    np.testing.assert_allclose(along / 1.2e-3, np.tile([0.0, -1.0, 0.0], (5, 1)), rtol=0, atol=0.05)
+
+
 def test_clumps_and_spheres_fill_one_space():
     spheres = {"material": "nut", "fill": {"box": BOX, "solid_fraction": 0.2, "diameter": 1.2e-3}}
     held = {"material": "nut", "clump": "c", "positions": [[7.5e-3, 7.5e-3, 7.5e-3]]}
@@ -106,6 +131,11 @@ def test_a_filled_scene_runs():
         ({"mass": 1e-12}, {}, "less than half of one"),
         ({"count": 20000}, {}, "clumps in .* a solid fraction of"),
         ({"count": 1, "size": 5.0}, {}, "no position found"),
+        ({"count": 1, "size": {"uniform": [2.0, 1.0]}}, {}, "must not be above the second"),
+        ({"count": 1, "size": {"table": [[1.0, 0.0]]}}, {}, "must not all be 0"),
+        ({"count": 1, "size": {}}, {}, "uniform"),
+        ({"count": 1, "orientation": [0, 0, 0, 0]}, {}, "must not be zero"),
+        ({"count": 1, "orientation": "upright"}, {}, "orientation"),
     ],
 )
 def test_wrong_fillings_are_named(fill, more, reason):

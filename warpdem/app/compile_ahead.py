@@ -99,7 +99,7 @@ def likely_features(scene: Scene) -> Features | None:
         None where it does not: a start from another run, periodic borders beside walls, a law whose reach depends on the
         largest grain, models from files of the user.
     """
-    normal = model("normal", scene.located(scene.contact.normal))
+    normal = model("normal", scene.normal_law)
     if scene.start is not None or hasattr(normal, "gap"):
         return None
     names, scheme = list(scene.materials), model("integrator", scene.engine.integrator)

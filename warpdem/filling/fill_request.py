@@ -101,10 +101,10 @@ def filling(
 def clump_filling(
     space: FillRegion,
     template: ClumpTemplate,
-    size: float,
+    sizes: SizeLaw,
     seed: int,
     *,
-    turned: bool,
+    orientation: Sequence[float] | None,
     count: int | None = None,
     solid_fraction: float | None = None,
     mass: float | None = None,
@@ -117,9 +117,10 @@ def clump_filling(
     Args:
         space: Where they go.
         template: The clump.
-        size: Factor on its lengths [-].
+        sizes: Distribution of the factor on its lengths [-], in place of a diameter.
         seed: Seed of the random numbers.
-        turned: Whether each is turned at random, all directions alike; else their axes are the frame axes.
+        orientation: Quaternion (w, x, y, z) from the axes of the clump to the frame axes, of any length; None: each is turned
+            at random, all directions alike.
         count: Number of clumps; exactly one of ``count``, ``solid_fraction`` and ``mass`` is given.
         solid_fraction: Volume of the clumps over volume of the region [-].
         mass: Of all clumps [kg].
@@ -131,26 +132,26 @@ def clump_filling(
         SceneError: Less than half a clump, or more than the region can hold.
     """
     generator = np.random.default_rng(seed)
-    positions = generator.spawn(1)[0]
-    one = template.volume * size**3
-    wanted = (solid_fraction or 0.0) * space.volume / one if mass is None else mass / (template.mass_at(density) * size**3)
-    number = count if count is not None else round(wanted)
+    positions, of_sizes = generator.spawn(2)
+    cube = 6.0 / np.pi * sizes.mean_volume  # mean of the third power of the factor
+    at_1 = (solid_fraction or 0.0) * space.volume / template.volume if mass is None else mass / template.mass_at(density)
+    wanted = at_1 / cube if count is None else count
+    members = wanted * len(template.radius)
+    if reason := memory.refusal(members * PACKING_BYTES, f"packing {members:.0f} members of clumps", "ask for fewer clumps"):
+        raise SceneError(f"{key}: {reason}")
+    size = sizes.draw(of_sizes, count) if count is not None else sizes.draw_volume(of_sizes, np.pi / 6.0 * at_1)
+    number, volume = len(size), template.volume * float((size**3).sum())
     if number < 1:
         raise SceneError(f"{key}: what is asked for is {wanted:.3g} clumps of {template.name!r}, less than half of one")
-    members = number * len(template.radius)
-    if reason := memory.refusal(members * PACKING_BYTES, f"packing {members} members of clumps", "ask for fewer clumps"):
-        raise SceneError(f"{key}: {reason}")
-    _refuse_too_dense(number, number * one / space.volume, space, key, what="clumps")
-    turn = np.tile([1.0, 0.0, 0.0, 0.0], (number, 1))
-    if turned:
-        turn = generator.normal(size=(number, 4))  # all rotations alike
-        turn /= np.linalg.norm(turn, axis=1)[:, None]
+    _refuse_too_dense(number, volume / space.volume, space, key, what="clumps")
+    turn = generator.normal(size=(number, 4)) if orientation is None else np.tile(np.asarray(orientation, float), (number, 1))
+    turn /= np.linalg.norm(turn, axis=1)[:, None]  # all rotations alike, or the given one
     turn = multiply_quaternions(turn, template.axes[None])
-    radius = np.tile(size * template.radius, number)
+    radius = (size[:, None] * template.radius).ravel()
     reach = size * float((np.linalg.norm(template.arm, axis=1) + template.radius).max())
     clumps = ClumpsToPlace(
-        of=np.repeat(np.arange(number), len(template.radius)), arm=np.tile(size * template.arm, (number, 1)), turn=turn,
-        reach=np.full(number, reach), volume=number * one,
+        of=np.repeat(np.arange(number), len(template.radius)), arm=(size[:, None, None] * template.arm).reshape(-1, 3),
+        turn=turn, size=size, reach=reach, volume=volume,
     )  # fmt: skip
     near = tuple(wall for wall in walls if wall.is_near(space.bounds, float(radius.max())))
     return Filling(space, radius, positions, key, near, clumps)

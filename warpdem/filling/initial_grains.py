@@ -14,11 +14,12 @@ from warpdem.filling.grain_file import read_grain_file
 from warpdem.filling.packing import pack
 from warpdem.filling.packing_run import Packing
 from warpdem.filling.placed_walls import PlacedWall, in_body_axes, place_walls, wall_poses_at_start
+from warpdem.filling.rigid_moves import PlacedClumps
 from warpdem.mesh.triangle_mesh import TriangleMesh
-from warpdem.scene.grains import Grains
+from warpdem.scene.grains import Fill, Grains
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain
-from warpdem.scene.size_distribution import size_law
+from warpdem.scene.size_distribution import factor_law, size_law
 from warpdem.usd.motion import conjugate, multiply_quaternions
 
 
@@ -116,7 +117,7 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
         if isinstance(position, np.ndarray):
             groups[k] = GroupFields(position, request.radius, np.zeros_like(position), np.zeros_like(position))
         else:
-            groups[k] = _filled_with_clumps(scene, scene.grains[k], templates, *position)
+            groups[k] = _filled_with_clumps(scene, scene.grains[k], templates, position)
     for k, group in enumerate(scene.grains):
         if group.velocities_in == "laboratory":
             groups[k] = _relative_to_frame(groups[k], frame_chain(scene))
@@ -147,7 +148,7 @@ def _fill_space(
     fill = group.fill
     assert fill is not None
     if group.clump is not None:
-        least = float(templates[group.clump].radius.min()) * (fill.size or 1.0)
+        least = float(templates[group.clump].radius.min()) * factor_law(fill.size).extremes[0]
     else:
         assert fill.diameter is not None
         least = 0.5 * size_law(fill.diameter).extremes[0]
@@ -170,7 +171,7 @@ def _request(
     fraction = HEIGHT_FRACTION if (fill.count, fill.mass, fill.solid_fraction) == (None,) * 3 else fill.solid_fraction
     if group.clump is not None:
         return clump_filling(
-            space.region, templates[group.clump], fill.size or 1.0, fill.seed, turned=fill.orientation != "aligned",
+            space.region, templates[group.clump], factor_law(fill.size), fill.seed, orientation=_orientation(fill),
             count=fill.count, solid_fraction=fraction, mass=fill.mass, density=density, key=key, walls=space.walls,
         )  # fmt: skip
     assert fill.diameter is not None
@@ -178,16 +179,22 @@ def _request(
     return filling(space.region, size_law(fill.diameter), fill.seed, fill.count, fraction, volume, key, space.walls)
 
 
+def _orientation(fill: Fill) -> tuple[float, ...] | None:
+    """Quaternion of all clumps of a filling; None where each has its own by chance."""
+    if isinstance(fill.orientation, tuple):
+        return fill.orientation
+    return (1.0, 0.0, 0.0, 0.0) if fill.orientation == "aligned" else None
+
+
 def _filled_with_clumps(
-    scene: Scene, group: Grains, templates: dict[str, ClumpTemplate], centre: np.ndarray, turn: np.ndarray
+    scene: Scene, group: Grains, templates: dict[str, ClumpTemplate], there: PlacedClumps
 ) -> GroupFields:
-    """Clumps of a filling, at rest, given their centres of mass [m] and quaternions from the principal axes."""
-    assert group.clump is not None and group.fill is not None
-    template, rest = templates[group.clump], np.zeros_like(centre)
+    """Clumps of a filling, at rest."""
+    assert group.clump is not None
+    template, rest = templates[group.clump], np.zeros_like(there.centre)
     clumps, members = placed(
-        template, list(templates).index(group.clump), scene.materials[group.material].density, centre, rest, rest,
-        multiply_quaternions(turn, conjugate(template.axes[None]).astype(float)),
-        np.full(len(centre), group.fill.size or 1.0),
+        template, list(templates).index(group.clump), scene.materials[group.material].density, there.centre, rest, rest,
+        multiply_quaternions(there.turn, conjugate(template.axes[None]).astype(float)), there.size,
     )  # fmt: skip
     return GroupFields(*members, clumps=clumps)
 

@@ -21,13 +21,14 @@ from warpdem.core import memory
 from warpdem.filling.fill_region import Corners, closed_region
 from warpdem.filling.fill_request import PACKING_BYTES, Filling, filling
 from warpdem.filling.packing_run import Packing, PackingRun
+from warpdem.filling.rigid_moves import PlacedClumps
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.size_distribution import DiameterDistribution, size_law
 
 
 def pack(
     fillings: list[Filling], fixed: tuple[np.ndarray, np.ndarray] | None = None
-) -> tuple[list[np.ndarray | tuple[np.ndarray, np.ndarray]], list[Packing]]:
+) -> tuple[list[np.ndarray | PlacedClumps], list[Packing]]:
     """Positions for the grains of all fillings: inside their regions and without overlap.
 
     Fillings whose regions meet are packed together, others by themselves. The same arguments give the same bits, on any
@@ -38,7 +39,7 @@ def pack(
         fixed: Positions [m], shape (m, 3), and radii [m], shape (m,), of grains that do not move; or None.
 
     Returns:
-        Positions [m] of each filling, shape (n, 3), or of clumps as of ``PackingRun.positions``; what each group took.
+        Positions [m] of each filling, shape (n, 3), or the clumps; what each group took.
 
     Raises:
         SceneError: A grain without a position, or a solid fraction that cannot be reached; says what was reached.
@@ -48,7 +49,7 @@ def pack(
         grains = sum(len(request.radius) for request in fillings)
         keys = ", ".join(request.key for request in fillings)
         memory.require(grains * PACKING_BYTES, keys, f"packing {grains} grains", "ask for fewer or larger grains")
-    positions: list[np.ndarray | tuple[np.ndarray, np.ndarray]] = [np.zeros((0, 3))] * len(fillings)
+    positions: list[np.ndarray | PlacedClumps] = [np.zeros((0, 3))] * len(fillings)
     took = []
     for group in _meeting([request.region.bounds for request in fillings]):
         low = np.min([fillings[k].region.bounds[0] for k in group], axis=0)

@@ -1,6 +1,7 @@
 """Clumps in a packing: the pushes on their members turned into moves of rigid bodies."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,10 +22,23 @@ class ClumpsToPlace:
     """Places of the members in the principal axes, from the centre [m], shape (n, 3)."""
     turn: np.ndarray
     """Quaternions (w, x, y, z) from the principal axes to the frame axes at first, shape (c, 4)."""
+    size: np.ndarray
+    """Factors on the lengths of the clump of the scene [-], shape (c,)."""
     reach: np.ndarray
     """Radius of the sphere about the centre that holds the clump [m], shape (c,)."""
     volume: float
     """Volume of all clumps [m3]."""
+
+
+class PlacedClumps(NamedTuple):
+    """Clumps that have found their places."""
+
+    centre: np.ndarray
+    """Centres of mass [m], shape (c, 3)."""
+    turn: np.ndarray
+    """Quaternions (w, x, y, z) from the principal axes to the frame axes, shape (c, 4)."""
+    size: np.ndarray
+    """Factors on the lengths of the clump of the scene [-], shape (c,)."""
 
 
 class RigidMoves:
@@ -38,6 +52,7 @@ class RigidMoves:
 
     def __init__(self, clumps: ClumpsToPlace, radius: np.ndarray, centre: np.ndarray) -> None:
         self.of, self.arm, self.turn, self.centre = clumps.of, clumps.arm, clumps.turn.copy(), centre.copy()
+        self.size = clumps.size
         self._first = np.flatnonzero(np.diff(self.of, prepend=-1))
         self._count = np.bincount(self.of)[:, None]
         self._least = np.add.reduceat((LEAST_ARM * radius) ** 2, self._first)

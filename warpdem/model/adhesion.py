@@ -54,7 +54,7 @@ def adhesions(scene: Scene, start: InitialGrains) -> list[Adhesion]:
         scene: the validated scene.
         start: grains at the start, or that are to be expected.
     """
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     module = model("normal", law)
     of_law, after = getattr(module, "adhesion", None), getattr(module, "pull_after", None)
     if of_law is None and after is None:

@@ -21,6 +21,7 @@ from warpdem.model.dynamic_walls import complete_dynamic_walls
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
+from warpdem.model.liquid import liquid_of
 from warpdem.model.model import Model
 from warpdem.model.past import Past
 from warpdem.model.schedule import Schedule
@@ -128,6 +129,7 @@ def prepare(
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
         coefficient_table=table,
         apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
+        liquid=liquid_of(scene, float(expected.radius.max(initial=0.0)), features.backend.real),
         walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )

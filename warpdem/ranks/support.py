@@ -26,6 +26,8 @@ def refuse(scene: Scene, device: str | None) -> None:
 def _missing(scene: Scene) -> Iterator[str]:
     if scene.clumps:
         yield "clumps"
+    if scene.contact.liquid != "none":
+        yield "liquid bridges"
     if scene.streams:
         yield "streams"
     if scene.outlets:

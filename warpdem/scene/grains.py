@@ -9,9 +9,11 @@ from pydantic_core import core_schema
 
 from warpdem.scene.base import (
     GROUP_NAME,
+    LIQUID_CONTENT,
     FileName,
     Label,
     Length,
+    LiquidContent,
     Point,
     SceneModel,
     Whole,
@@ -19,9 +21,10 @@ from warpdem.scene.base import (
     validation_error,
 )
 from warpdem.scene.regions import VOLUMES, Box, CylinderRegion, MeshRegion, SphereRegion
-from warpdem.scene.size_distribution import Diameter
-from warpdem.scene.units import Array, Quantity
+from warpdem.scene.size_distribution import Diameter, Factor
+from warpdem.scene.units import Array, Quantity, Vector
 
+Quaternion = Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4)]
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 
 class Fill(SceneModel):
@@ -59,13 +62,13 @@ class Fill(SceneModel):
     diameter: Diameter | None = Field(
         None, description="Diameter of the grains [m], > 0, or a distribution; not with clump, which has its size."
     )
-    size: Annotated[float, Quantity("-", gt=0)] | None = Field(
-        None, description="With clump: factor on its lengths [-], > 0, default 1."
+    size: Factor | None = Field(
+        None, description="With clump: factor on its lengths [-], > 0, or a distribution of it, default 1."
     )
-    orientation: Literal["random", "aligned"] | None = Field(
+    orientation: Literal["random", "aligned"] | Quaternion | None = Field(
         None,
-        description='With clump: "random" (default), all directions alike, or "aligned", its axes along the frame axes before '
-        "the clumps are pushed apart.",
+        description='With clump: "random" (default), all directions alike; "aligned", its axes along the frame axes; or a '
+        "quaternion (w, x, y, z) [-] from its axes to the frame axes, not 0. The last two before the clumps are pushed apart.",
     )
     seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0: the same seed gives the same grains.")
 
@@ -79,6 +82,8 @@ class Fill(SceneModel):
             exactly_one(self, *amounts)
         if self.point is not None and self.wall is None:
             raise validation_error([(("point",), None, "selects a space of a wall; a region is filled completely")])
+        if isinstance(self.orientation, tuple) and not any(self.orientation):
+            raise validation_error([(("orientation",), self.orientation, "must not be zero")])
         if self.region is not None and self.wall is None:
             raise validation_error([(("region",), None, "clips the inside of a wall; else give the smaller region itself")])
         return self
@@ -162,6 +167,7 @@ class Grains(SceneModel):
         None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
     )
     fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     velocities_in: Literal["frame", "laboratory"] = Field(
         "frame", description='Axes that velocities and spins are relative to: "frame" (default) or "laboratory".'
     )

@@ -90,6 +90,39 @@ Diameter = Annotated[
 ]
 
 
+class FactorDistribution(SceneModel):
+    """Distribution of the factor on the lengths of a clump, by number; exactly one form is given."""
+
+    uniform: Annotated[tuple[float, float], Vector(Quantity("-", gt=0), length=2)] | None = Field(
+        None, description="Least and greatest factor [-], > 0; factors are uniform between them."
+    )
+    table: Annotated[list[tuple[Annotated[float, Quantity("-", gt=0)], Share]], Field(min_length=1)] | None = Field(
+        None, description="Rows [factor [-], > 0, fraction of the clumps [-], >= 0]: only these; fractions in any scale."
+    )
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> "FactorDistribution":
+        exactly_one(self, "uniform", "table")
+        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
+            raise validation_error([(("uniform",), self.uniform, "the first factor must not be above the second")])
+        if self.table is not None and sum(share for _, share in self.table) <= 0.0:
+            raise validation_error([(("table",), self.table, "the fractions must not all be 0")])
+        return self
+
+
+Factor = Annotated[
+    Annotated[float, Quantity("-", gt=0), Tag("~number")] | Annotated[FactorDistribution, Tag("~distribution")],
+    Discriminator(lambda value: "~distribution" if isinstance(value, (dict, FactorDistribution)) else "~number"),
+]
+
+
+def factor_law(factor: "float | FactorDistribution | None") -> "SizeLaw":
+    """Cumulative distribution of a factor, in place of a diameter; None stands for 1."""
+    if isinstance(factor, FactorDistribution):
+        return size_law(DiameterDistribution(uniform=factor.uniform, table=factor.table))
+    return size_law(1.0 if factor is None else factor)
+
+
 @dataclass(frozen=True, eq=False)
 class SizeLaw:
     """Cumulative distribution of diameters by number: linear between nodes, a step where a diameter is repeated."""

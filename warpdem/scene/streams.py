@@ -7,7 +7,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import GROUP_NAME, Duration, Label, SceneModel, Vec3, Whole, exactly_one, validation_error
+from warpdem.scene.base import (
+    GROUP_NAME,
+    LIQUID_CONTENT,
+    Duration,
+    Label,
+    LiquidContent,
+    SceneModel,
+    Vec3,
+    Whole,
+    exactly_one,
+    validation_error,
+)
 from warpdem.scene.regions import VOLUMES, DiskFace, MeshFace, Region
 from warpdem.scene.size_distribution import Diameter, SizeLaw, size_law
 from warpdem.scene.units import Quantity, Vector
@@ -57,6 +68,7 @@ class Portion(_OfSpheres):
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
     diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     mass_share: Annotated[float, Quantity("-", gt=0)] | None = Field(
         None, description="Part of the stream's mass, relative to those of the other portions [-], > 0; this or number_share."
     )
@@ -81,6 +93,7 @@ class Stream(_OfSpheres, Region):
     name: Label | None = GROUP_NAME
     material: str | None = Field(None, description="Name of the material; this and diameter, or recipe.")
     diameter: Diameter | None = Field(None, description="Diameter of the grains [m], > 0, or a distribution.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     recipe: list[Portion] | None = Field(
         None,
         min_length=1,
@@ -124,7 +137,8 @@ class Stream(_OfSpheres, Region):
         if self.recipe is not None:
             return self.recipe
         assert self.material is not None and self.diameter is not None
-        return [Portion.model_construct(material=self.material, diameter=self.diameter, name=self.name)]
+        of_stream = {key: getattr(self, key) for key in ("material", "diameter", "name", "liquid_content")}
+        return [Portion.model_construct(**of_stream)]
 
     @property
     def by_mass(self) -> bool:
@@ -191,6 +205,8 @@ class Stream(_OfSpheres, Region):
                 if getattr(self, key) is None:
                     raise validation_error([((key,), None, "missing: give material and diameter, or a recipe")])
             return
+        if self.liquid_content > 0.0:
+            raise validation_error([(("liquid_content",), self.liquid_content, "give it in the portions of the recipe")])
         for key in ("material", "diameter"):
             if (given := getattr(self, key)) is not None:
                 raise validation_error([((key,), given, "cannot be given with a recipe, whose portions have their own")])

@@ -8,7 +8,6 @@ import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
 from warpdem.kernels.contact.dissipation import ENTRY_AT
-from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.blocks import Rows, each_block
@@ -37,7 +36,7 @@ def springs_width(at: Columns) -> int:
 def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and pair forces of the listed grain-grain contacts."""
     contacts, features = view.contacts, view.model.features
-    at, force_width = features.contact.history, pair_force_width(features.contact.spins)
+    at, force_width = features.contact.history, features.contact.pair_force_width
     springs = springs_width(at)
     own = [name for name in at.names if name not in VECTORS]
     if not contacts.contact_count:
