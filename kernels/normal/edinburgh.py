@@ -37,6 +37,7 @@ from warpdem.kernels.normal import hertz, hooke, jkr
 
 SUMMARY = "EEPA: Hertz, plastic and adhesive"
 PASSIVE = True
+JUMPS = True
 TANGENT = hertz.TANGENT
 PAIR = {
     "surface_energy": jkr.PAIR["surface_energy"],
