@@ -1,4 +1,4 @@
-"""The option --accuracy: what step it chooses for an error that is known, when it says that a measure is chaotic, and how it verifies."""
+"""The option --accuracy: the step it chooses where the error is known, a chaotic measure, and how a run is verified."""
 
 import io
 import json
