@@ -98,7 +98,7 @@ def build(real, liquid: ModuleType, viscous: bool):
     Own, History = at.vector(real), scalars(history(liquid)).vector(real)
     Bridge, width = liquid.BRIDGE.vector(real), liquid.BRIDGE.width
     rupture, square = liquid.BRIDGE.rupture, liquid.BRIDGE.square
-    first, last = jumps.build(real)
+    share_of = jumps.build(real)
     of_bridge, of_numbers = liquid.build(real), series.build(real)
 
     @wp.func
@@ -132,14 +132,14 @@ def build(real, liquid: ModuleType, viscous: bool):
         holds = there if gap <= far else real(0.0)
         place = gap if holds > real(0.0) else far
         pull = of_bridge.force(place, own[0], bridge)
-        ending = last(overlap, overlap_before, -far)
+        ending = share_of(overlap, overlap_before, -far)
         ending = ending if gap < real(wp.static(FAR)) * far else real(0.0)
         late = before[1] if before[1] > real(0.0) else real(0.0)
         share = holds * (real(1.0) + late) + (there - holds) * ending
 
         touching = real(1.0) if overlap > real(0.0) else real(0.0)
         asks = touching if count == real(0.0) else real(0.0)
-        missed = first(overlap, overlap_before, real(0.0)) if overlap_before <= real(0.0) else real(-1.0)
+        missed = share_of(overlap, overlap_before, real(0.0)) if overlap_before <= real(0.0) else real(-1.0)
         unwetted = touching * (real(wp.static(PENDING)) if asks > real(0.0) else real(wp.static(DRY)))
         now = History()
         now[0] = holds * count + (real(1.0) - there) * unwetted
