@@ -128,7 +128,9 @@ def gas(**changes) -> Scene:
 
 def ruptures(sim: Simulation) -> int:
     """Bridges between grains that broke in the last step: each gives a gift to two grains."""
-    return int(np.count_nonzero(sim.lists.row.numpy()[sim.lists.slot_i.numpy().ravel(), -1]))
+    listed = sim.lists.view()
+    slot, row = listed.slot_i.numpy().ravel(), listed.row.numpy()
+    return int(np.count_nonzero(row[slot[slot < len(row) - 1], -1]))
 
 
 @pytest.mark.slow
