@@ -95,6 +95,11 @@ WARNED = {
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),
     "fields": ({"fields": [{"model": "drag", "parameters": {"coefficient": 1.0}}]}, ["external fields", "0.95 rad per step"]),
     "restitution": ({"pairs": pairs(0.02)}, ["pairs[0].restitution = 0.02", "0.05 or more"]),
+    "jumps": (
+        {"contact": {"normal": "dmt", "tangential": "none"}, "pairs": [{**pairs(0.5)[0], "surface_energy": 1e-3}],
+         "engine": {"integrator": "rk4"}, "time": SHORT},
+        ['engine.integrator = "rk4"', 'contact.normal = "dmt" jumps', '"exact_drift"'],
+    ),
     "sizes": (
         {"grains": [{"material": "g", "radii": [1e-3, 2e-2], "positions": [[0, 0, 2e-3], [0.05, 0, 0.03]]}]},
         ["20 times the smallest, 0.002 m wide"],
@@ -420,15 +425,6 @@ def test_a_pressure_that_pulls_is_warned_of():
         servo = {"axis": [0, 0, -1], "pressure": pressure, "area": 1e-4, "max_speed": 0.01}
         assert "walls[0].servo.pressure = -500 Pa: the wall pulls" in said(walls=[lid | {"servo": servo}])
     assert "pulls" not in said(walls=[lid | {"servo": servo | {"pressure": 500}}])
-
-
-@pytest.mark.parametrize("recipe", [False, True])
-def test_a_clump_in_a_stream_is_refused_as_such(recipe):
-    portion = {"material": "g", "diameter": 2e-3, "clump": "pair"}
-    stream = {"count": 3, "box": {"min": [0, 0, 0.1], "max": [0.1, 0.1, 0.2]}}
-    stream |= {"recipe": [portion | {"number_share": 1}]} if recipe else portion
-    with pytest.raises(SceneError, match=r"(?s)streams\[0\]\.(recipe\[0\]\.)?clump.*streams insert no clumps yet"):
-        scene(streams=[stream])
 
 
 def test_a_pressure_in_another_unit_is_told_as_a_pressure():

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.errors import SceneError
+from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
@@ -74,10 +75,12 @@ def prepare(
         needs.check_places(scene, start)
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
-    start = _within(borders, start)
+    start = within(borders, start)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
+    if expected.clumps is not None and start.clumps is None:
+        start = replace(start, clumps=no_clumps(len(start)))
     needs.check_masses(scene, expected)
     size_warnings(scene, meshes, 2.0 * expected.radius)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
@@ -136,7 +139,7 @@ def prepare(
     return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
-def _within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
+def within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
     """Grains and clumps at their images within the periodic borders: each member of a clump by its own place."""
     if grains.clumps is not None:
         grains = replace(grains, clumps=replace(grains.clumps, position=borders.wrapped(grains.clumps.position)))

@@ -17,7 +17,7 @@ from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
 from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.wall import record
-from warpdem.scene.units import DIMENSIONS
+from warpdem.scene.parse_units import DIMENSIONS
 
 REQUIRED = {
     "normal": ("coefficients", "build", "energy"),

@@ -170,6 +170,8 @@ class State:
 
     def add(self, start: InitialGrains, density: np.ndarray, step: int = 0) -> None:
         """Append the grains ``start`` (absolute velocities and spins), inserted at ``step``, after the others."""
+        if (start.clumps is None) != (self.clumps is None):
+            raise ValueError("the grains that come must know of clumps where those there do")
         more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums, self.liquid)
         there, n = self.slots, self.slots + more.slots
         for name in self.names:
@@ -182,6 +184,8 @@ class State:
             both: wp.array = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
             both._ref = room  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
             setattr(self, name, both)
+        if self.clumps is not None and more.clumps is not None:
+            self.clumps.add(more.clumps, there)
         self.next_id = max(self.next_id, more.next_id)
         self.group = np.concatenate([self.group, more.group])
         if self.came is not None:
