@@ -422,15 +422,6 @@ def test_a_pressure_that_pulls_is_warned_of():
     assert "pulls" not in said(walls=[lid | {"servo": servo | {"pressure": 500}}])
 
 
-@pytest.mark.parametrize("recipe", [False, True])
-def test_a_clump_in_a_stream_is_refused_as_such(recipe):
-    portion = {"material": "g", "diameter": 2e-3, "clump": "pair"}
-    stream = {"count": 3, "box": {"min": [0, 0, 0.1], "max": [0.1, 0.1, 0.2]}}
-    stream |= {"recipe": [portion | {"number_share": 1}]} if recipe else portion
-    with pytest.raises(SceneError, match=r"(?s)streams\[0\]\.(recipe\[0\]\.)?clump.*streams insert no clumps yet"):
-        scene(streams=[stream])
-
-
 def test_a_pressure_in_another_unit_is_told_as_a_pressure():
     servo = {"axis": [0, 0, -1], "pressure": "500 N", "area": 1e-4, "max_speed": 0.01}
     lid = {"name": "lid", "material": "g", "plane": {"point": [0, 0, 0.01], "normal": [0, 0, -1]}, "servo": servo}

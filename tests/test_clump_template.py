@@ -119,7 +119,6 @@ def test_a_clump_in_pieces_is_allowed_and_noted():
     assert any("clumps.pea: its spheres are 2 groups that do not touch" in note for note in found.notes)
 
 
-STREAM = {"material": "stone", "box": {"min": [1, 1, 1], "max": [2, 2, 2]}, "diameter": 1e-3, "count_rate": 1.0}
 GIVEN = {"spheres": TWO, "inertia": "given", "mass": 1e-3, "moments": [1e-9, 1e-9, 1e-9]}
 
 
@@ -157,7 +156,6 @@ def test_wrong_clumps_are_named(clump, reason):
         ({}, {"engine": {"integrator": "rk4"}}, "engine.integrator.*\n.*exact_drift"),
         ({}, {"engine": {"precision": "mixed"}}, "engine.precision.*\n.*double"),
         ({}, {"contact": {"rolling": "spring"}}, "contact.rolling.*\n.*shape"),
-        ({}, {"streams": [STREAM]}, "streams insert no clumps yet"),
     ],
 )
 def test_what_clumps_cannot_be_with_is_named(grains, more, reason):

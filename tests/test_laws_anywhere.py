@@ -15,12 +15,17 @@ LAWS = {
     "sjkr": {"cohesion_energy_density": 2e4},
     "jkr": {"surface_energy": 0.02},
     "luding": {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100},
+    "hertz + bridge": {
+        "surface_tension": 0.07, "contact_angle": "20 deg", "viscosity": "5 mPa s", "roughness": "2 um"
+    },
     "edinburgh": {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2},
 }
 TWISTING = {"hertz_clamped", "jkr", "luding"}
 """Laws that are run with twisting resistance."""
 TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
 """Laws that other tests run in all these ways, and one that differs from its like by a number."""
+WITH = " + "
+"""Between a normal law and a law of liquid bridges."""
 STEPS = 500
 
 
@@ -29,10 +34,11 @@ def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **change
     rng = np.random.default_rng(5)
     cell = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     n = len(cell)
+    normal, *liquid = law.split(WITH)
     data = {
         "gravity": [0, 0, gravity],
         "materials": {"g": {"density": 2500, "young_modulus": 4e6, "poisson_ratio": 0.3}},
-        "contact": {"normal": law, "tangential": "mindlin", "rolling": "spring"}
+        "contact": {"normal": normal, "tangential": "mindlin", "rolling": "spring", "liquid": (liquid or ["none"])[0]}
         | ({"twisting": "marshall"} if law in TWISTING else {}),
         "pairs": [
             {"materials": ["g", "g"], "restitution": 0.6, "friction": 0.5, "rolling_friction": 0.1} | LAWS[law],
@@ -41,6 +47,7 @@ def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **change
             {
                 "material": "g", "positions": cell * 1.97e-3 + [0, 0, 1.0e-3], "radii": rng.uniform(0.9, 0.98, n) * 1e-3,
                 "velocities": rng.normal(0, 0.1, (n, 3)), "spins": rng.normal(0, 50, (n, 3)),
+                "liquid_content": 0.03 if liquid else 0.0,
             }
         ],
         "walls": [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}],
@@ -58,7 +65,7 @@ def after(scene: Scene, steps: int = STEPS, **keywords) -> Simulation:
 
 
 def test_all_laws_are_here():
-    assert {*LAWS, *TESTED_ELSEWHERE} == set(model_names("normal"))
+    assert {name.split(WITH)[0] for name in (*LAWS, *TESTED_ELSEWHERE)} == set(model_names("normal"))
 
 
 @pytest.fixture(scope="module", params=LAWS)
@@ -69,6 +76,7 @@ def law(request):
 @pytest.fixture(scope="module")
 def plain(law):
     sim = after(bed(law))
+    assert sim.plan.backend.lanes > 1, "the law must be straight-line code"
     contacts = sim.contacts()
     touching = contacts.overlap > 0.0
     assert (touching & (contacts.j >= 0)).sum() > 12 and (touching & (contacts.j < 0)).sum() > 5, "it must have fallen together"
@@ -76,18 +84,20 @@ def plain(law):
     return sim
 
 
-@pytest.mark.parametrize("lanes", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 8))])
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_lanes_change_no_bit(law, plain, lanes, monkeypatch):
     chosen = choose_features
     monkeypatch.setattr(
         "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
     )
     sim = after(bed(law))
-    assert sim.plan.backend.lanes == lanes, "the law must be straight-line code"
+    assert sim.plan.backend.lanes == lanes
     assert sim.state_hash() == plain.state_hash()
 
 
 def test_threads_lists_and_the_graph_change_no_bit(law, plain):
+    """The graph evaluates one contact after the other, so this is also a test of the lanes."""
     assert after(bed(law), threads=2).state_hash() == plain.state_hash()
     rebuilt = after(bed(law, skin=1e-5))
     assert rebuilt.lists.rebuilds > 2 * plain.lists.rebuilds

@@ -75,12 +75,30 @@ def test_sums_of_the_grains_inside(tmp_path):
         assert found[f"region {name} velocity_y [m/s]"] == pytest.approx(mean[1], rel=1e-12)
         agitation = ((p.velocity[within] - mean) ** 2).sum(axis=1).mean() / 3.0
         assert found[f"region {name} granular_temperature [m2/s2]"] == pytest.approx(agitation, rel=1e-12)
-        assert f"region {name} solid_fraction [-]" not in found
+        assert (f"region {name} solid_fraction [-]" in found) == (name != "all")
+    assert "region mesh stress_zz [Pa]" not in found
     # the ring is made of flat sides, up to 0.1 mm within the circle
     least = ((level >= 0.003) & (level <= 0.0079) & (np.abs(p.position[:, 2]) < 0.005)).sum()
     most = ((level >= 0.0029) & (level <= 0.008) & (np.abs(p.position[:, 2]) < 0.005)).sum()
     assert least <= found["region mesh grains [-]"] <= most
     assert most - least < 15
+
+
+def test_every_shape_that_holds_all_measures_the_same_stress(tmp_path):
+    """Stress times volume, and solid fraction times volume, of a box, a sphere and a cylinder around all grains."""
+    around = {
+        "box": ({"min": [-0.02] * 3, "max": [0.02] * 3}, 0.04**3),
+        "sphere": ({"centre": [0, 0, 0], "radius": 0.03}, 4 / 3 * np.pi * 0.03**3),
+        "cylinder": ({"point": [0, 0, -0.02], "axis": [0, 0, 1], "radius": 0.03, "length": 0.04}, np.pi * 0.03**2 * 0.04),
+    }
+    entries = [{"name": name, name: shape} for name, (shape, _) in around.items()]
+    sim = simulation(tmp_path, (), {}, measures={"regions": entries})
+    sim.step(20)
+    found = sim.measure()
+    for name in ("solid_fraction [-]", "stress_xx [Pa]", "stress_yz [Pa]"):
+        box, sphere, cylinder = (found[f"region {key} {name}"] * volume for key, (_, volume) in around.items())
+        assert box != 0.0
+        np.testing.assert_allclose([sphere, cylinder], box, rtol=1e-8)
 
 
 @pytest.mark.parametrize("place", [{"fixed_to": "laboratory"}, {"follows": "arm"}], ids=["laboratory", "wall"])

@@ -13,7 +13,7 @@ from warpdem.app import cli
 from warpdem.drawing.style import PictureStyle
 from warpdem.scene import models
 from warpdem.scene.messages import _all_keys, rounded_down, rounded_up
-from warpdem.scene.units import DIMENSIONS, to_si
+from warpdem.scene.parse_units import DIMENSIONS, to_si
 
 PACKAGE = Path(cli.__file__).parents[1]
 KEY = re.compile(r"\b([a-z]+(?:\[[^\]\s]*\])?(?:\.[a-z_]+(?:\[[^\]\s]*\])?)+)\b")

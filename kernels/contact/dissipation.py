@@ -75,6 +75,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
     twisting_torque = twisting.build(real) if twisting else None
+    viscous = getattr(normal, "VISCOUS", False)
     rolls_with_history = bool(rolling) and bool(rolling.HISTORY)
     small = tiny(real)
 
@@ -130,7 +131,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
-        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own = of_normal.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, _c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
@@ -152,6 +153,8 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
             rest = force - n * f_n + limited_spring * k_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
+        if wp.static(tangential is None and viscous):
+            rest = force - n * f_n
         if wp.static(rolling is not None):
             nonelastic = moment
             if wp.static(rolls_with_history):

@@ -17,7 +17,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, rotation, tiny
-from warpdem.kernels.contact import columns, history, normal_law
+from warpdem.kernels.contact import columns, history, liquid, normal_law
 
 
 @functools.cache
@@ -38,6 +38,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     rolling_torque = rolling.build(real) if rolling else None
     twisting_torque = twisting.build(real) if twisting else None
     small = tiny(real)
+    viscous = getattr(normal, "VISCOUS", False)
     rolls_with_history = bool(rolling) and bool(rolling.HISTORY)
 
     @wp.func
@@ -80,10 +81,14 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     ):
         """Force on i [N], rolling torque on i [N m] and the contact history after this step."""
         speed = wp.dot(velocity, n)
-        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own = of_normal.force(
+        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         total = n * f_n
+        dragged = vec3()
+        if wp.static(viscous):
+            dragged = (velocity - n * speed) * c_t  # by the liquid
+            total = total - dragged
         spring = vec3()
         torque = vec3()
         angle = vec3()
@@ -97,6 +102,8 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
             )
             spring = limited_spring
             total = n * f_n + f_t
+            if wp.static(viscous):
+                total = total - dragged
         if wp.static(rolling is not None):
             roll = spin
             roll_predicted = spin_predicted
@@ -135,4 +142,5 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     return KernelSet(
         force=force, constants=of_normal.constants, Coefficients=Coefficients, Constants=Constants, History=History,
         history=past, at=at, normal=of_normal, losses=of_normal.losses,
+        bridge_at=past.at.of(liquid.COUNT) if hasattr(normal, "LIQUID") else None,
     )  # fmt: skip

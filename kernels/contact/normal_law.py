@@ -51,7 +51,7 @@ from types import ModuleType
 
 import warp as wp
 from warpdem.kernels import KernelSet
-from warpdem.kernels.contact import columns
+from warpdem.kernels.contact import columns, liquid
 
 NORMAL_CAP, TANGENTIAL_CAP = 0.3, 0.25  # damping coefficient times the time step over m* and over m_t [-]
 ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to turn, over m* [-]
@@ -66,28 +66,76 @@ def build(real, normal: ModuleType, predicted: bool = True):
         normal: module of the law.
         predicted: the velocities that dashpots see are predicted by the last acceleration.
     """
-    at, own = columns.coefficients(normal), columns.own_coefficients(normal)
-    Coefficients, Constants, Own = at.vector(real), columns.constants(normal).vector(real), own.vector(real)
-    History = columns.own_history(normal).vector(real)
-    constants_of_law, force_of_law, *lost_of_law = normal.build(real)
+    viscous = getattr(normal, "VISCOUS", False)
+    dry, wet = getattr(normal, "DRY", normal), hasattr(normal, "LIQUID")
+    bridges = liquid.build(real, normal.LIQUID, normal.VISCOUS) if wet else None
+    at, own, dry_own = columns.coefficients(normal), columns.own_coefficients(normal), columns.own_coefficients(dry)
+    Coefficients, Constants, Own = at.vector(real), columns.constants(normal).vector(real), dry_own.vector(real)
+    History, DryHistory = (columns.own_history(law).vector(real) for law in (normal, dry))
+    constants_of_law, force_of_law, *lost_of_law = dry.build(real)
     losses = columns.scalars(columns.losses(normal))
     Losses = losses.vector(real)
     first = len(columns.OF_CONTACT)
+    wet_first, dry_kept = first + dry_own.width, columns.own_history(dry).width
     half_tangent = 0.5 * getattr(normal, "TANGENT", 1.0)
     clamped, needs_closeness = getattr(normal, "CLAMPED", False), getattr(normal, "CLOSENESS", False)
 
-    if not columns.declares_own(normal):
+    Wet = WetOwn = wet_part = wet_own = with_bridge = None
+
+    if not wet:
 
         @wp.func
-        def constants(c: Coefficients, radius: real, mass: real, closeness: real) -> Constants:
+        def dry_part(history: History) -> DryHistory:
+            return history
+
+    else:
+        Wet, WetOwn = bridges.History, bridges.Own
+
+        @wp.func
+        def dry_part(history: History) -> DryHistory:
+            """What the normal law itself remembers."""
+            out = DryHistory()
+            for f in range(wp.static(dry_kept)):
+                out[f] = history[f]
+            return out
+
+        @wp.func
+        def wet_part(history: History) -> Wet:
+            """What is remembered of the bridge."""
+            out = Wet()
+            for f in range(wp.static(len(Wet()))):
+                out[f] = history[wp.static(dry_kept) + f]
+            return out
+
+        @wp.func
+        def wet_own(k: Constants) -> WetOwn:
+            """Own numbers of the bridge."""
+            out = WetOwn()
+            for f in range(wp.static(len(WetOwn()))):
+                out[f] = k[wp.static(wet_first) + f]
+            return out
+
+        @wp.func
+        def with_bridge(of_law: DryHistory, of_bridge: Wet) -> History:
+            out = History()
+            for f in range(wp.static(dry_kept)):
+                out[f] = of_law[f]
+            for f in range(wp.static(len(Wet()))):
+                out[wp.static(dry_kept) + f] = of_bridge[f]
+            return out
+
+    if not columns.declares_own(dry):
+
+        @wp.func
+        def made_of(c: Coefficients, radius: real, mass: real, closeness: real):
             """Stiffness and damping of a contact from R* [m] and m* [kg]."""
             stiffness, damping = constants_of_law(
                 c[wp.static(at.stiffness)], c[wp.static(at.damping)], radius, mass
             )  # fmt: skip
-            return Constants(stiffness, damping, real(1.0) / mass)
+            return stiffness, damping, Own()
 
         @wp.func
-        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
+        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: DryHistory):
             """F_n, load [N], k_n [N/m], gamma_n [N s/m], depth now and before [m], history."""
             f_n, k_n, gamma_n = force_of_law(overlap, speed, k[0], k[1])
             load = f_n if f_n > real(0.0) else real(0.0)
@@ -104,27 +152,21 @@ def build(real, normal: ModuleType, predicted: bool = True):
                 return stiffness, dashpot, made
 
         @wp.func
-        def constants(c: Coefficients, radius: real, mass: real, closeness: real) -> Constants:
+        def made_of(c: Coefficients, radius: real, mass: real, closeness: real):
             """Stiffness, damping and the law's own constants of a contact from R* [m], m* [kg] and 1/(R_i + R_j) [1/m]."""
             given = Own()
-            for f in range(wp.static(own.width)):
+            for f in range(wp.static(dry_own.width)):
                 given[f] = c[wp.static(at.width - own.width) + f]
             stiffness, damping, made = made_by_law(
                 c[wp.static(at.stiffness)], c[wp.static(at.damping)], given, radius, mass, closeness
             )  # fmt: skip
-            k = Constants()
-            k[0] = stiffness
-            k[1] = damping
-            k[2] = real(1.0) / mass
-            for f in range(wp.static(own.width)):
-                k[wp.static(first) + f] = made[f]
-            return k
+            return stiffness, damping, made
 
         @wp.func
-        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: History):
+        def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: DryHistory):
             """F_n, load [N], k_n [N/m], gamma_n [N s/m], depth now and before [m], history."""
             own_constants = Own()
-            for f in range(wp.static(own.width)):
+            for f in range(wp.static(dry_own.width)):
                 own_constants[f] = k[wp.static(first) + f]
             f_n, load, k_n, gamma_n, depth, depth_before, now = force_of_law(
                 overlap, overlap_before, speed, k[0], k[1], own_constants, history
@@ -132,14 +174,41 @@ def build(real, normal: ModuleType, predicted: bool = True):
             return f_n, load, k_n, gamma_n, depth, depth_before, now
 
     @wp.func
+    def constants(c: Coefficients, radius: real, mass: real, closeness: real) -> Constants:
+        """Constants of a contact from R* [m], m* [kg], 1/(R_i + R_j) [1/m]: of every law, the law's own, the bridge's."""
+        stiffness, damping, made = made_of(c, radius, mass, closeness)
+        k = Constants()
+        k[0] = stiffness
+        k[1] = damping
+        k[2] = real(1.0) / mass
+        for f in range(wp.static(dry_own.width)):
+            k[wp.static(first) + f] = made[f]
+        if wp.static(wet):
+            given = WetOwn()
+            for f in range(wp.static(own.width - dry_own.width)):
+                given[f] = c[wp.static(at.width - own.width + dry_own.width) + f]
+            of_bridge = bridges.constants(given, radius)
+            for f in range(wp.static(own.width - dry_own.width)):
+                k[wp.static(wet_first) + f] = of_bridge[f]
+        return k
+
+    @wp.func
     def force(
         overlap: real, overlap_before: real, speed: real, k: Constants, c: Coefficients, history: History, dt: real
     ):
-        """F_n, load, the dashpot's part of F_n [N], k_n [N/m], gamma_t [N s/m], depth now and before [m], history."""
+        """F_n, load, the dashpots' part of F_n [N], k_n [N/m], gamma_t [N s/m], depth now and before [m], history, c_t [N s/m].
+
+        c_t is the dashpot of a bridge across the normal, which friction does not limit.
+        """
+        before = dry_part(history)
+        c_n = real(0.0)
+        c_t = real(0.0)
+        if wp.static(wet):
+            c_n, c_t = bridges.drag(overlap, wet_own(k), wet_part(history))
         share_n = real(1.0)
         share_t = real(1.0)
         if wp.static(predicted):
-            _f, _l, k_n, gamma_n, _d, _b, _h = of_speed(overlap, overlap_before, real(0.0), k, history)
+            _f, _l, k_n, gamma_n, _d, _b, _h = of_speed(overlap, overlap_before, real(0.0), k, before)
             lag = dt * k[2]
             swing = k_n * dt * lag
             pull = gamma_n * lag
@@ -147,13 +216,16 @@ def build(real, normal: ModuleType, predicted: bool = True):
             across = real(wp.static(0.5 / ROLLING_MASS)) * c[wp.static(at.shear)] * swing + real(1.0)
             cap_n = real(wp.static(1.0 / NORMAL_CAP)) * pull
             cap_t = real(wp.static(1.0 / (TANGENTIAL_CAP * ROLLING_MASS))) * c[wp.static(at.shear_damping)] * pull
+            if wp.static(viscous):
+                cap_n = cap_n + real(wp.static(1.0 / NORMAL_CAP)) * c_n * lag
+                cap_t = cap_t + real(wp.static(1.0 / (TANGENTIAL_CAP * ROLLING_MASS))) * c_t * lag
             along = along if along > cap_n else cap_n
             across = across if across > cap_t else cap_t
             both = real(1.0) / (along * across)
             share_n = across * both
             share_t = along * both
         f_n, load, k_n, gamma_n, depth, depth_before, now = of_speed(
-            overlap, overlap_before, speed * share_n, k, history
+            overlap, overlap_before, speed * share_n, k, before
         )
         gamma_t = c[wp.static(at.shear_damping)] * gamma_n * share_t
         dashpot = -(gamma_n * share_n) * speed
@@ -161,7 +233,19 @@ def build(real, normal: ModuleType, predicted: bool = True):
             pushing = f_n if f_n > real(0.0) else real(0.0)
             dashpot = dashpot + (pushing - f_n)
             f_n = pushing
-        return f_n, load, dashpot, k_n, gamma_t, depth, depth_before, now
+        kept = History()
+        if wp.static(not wet):
+            kept = now
+        else:
+            pull_of_bridge, of_bridge = bridges.force(overlap, overlap_before, wet_own(k), wet_part(history))
+            f_n = f_n - pull_of_bridge
+            kept = with_bridge(now, of_bridge)
+        if wp.static(viscous):
+            squeezed = -(c_n * share_n) * speed
+            f_n = f_n + squeezed
+            dashpot = dashpot + squeezed
+            c_t = c_t * share_t
+        return f_n, load, dashpot, k_n, gamma_t, depth, depth_before, kept, c_t
 
     if not losses.width:
 
@@ -171,20 +255,29 @@ def build(real, normal: ModuleType, predicted: bool = True):
             return Losses()
 
     else:
-        lost_of_law = lost_of_law[0]
+        of_dry = columns.losses(dry)
+        lost_of_law = lost_of_law[0] if of_dry else None
+        at_liquid = losses.liquid if "liquid" in losses else 0
 
         @wp.func
         def lost(overlap: real, overlap_before: real, k: Constants, before: History, now: History) -> Losses:
             """LOSSES of the step [J]."""
-            own_constants = Own()
-            for f in range(wp.static(own.width)):
-                own_constants[f] = k[wp.static(first) + f]
-            return lost_of_law(overlap, overlap_before, k[0], k[1], own_constants, before, now)
+            out = Losses()
+            if wp.static(lost_of_law is not None):
+                own_constants = Own()
+                for f in range(wp.static(dry_own.width)):
+                    own_constants[f] = k[wp.static(first) + f]
+                of_law = lost_of_law(overlap, overlap_before, k[0], k[1], own_constants, dry_part(before), dry_part(now))
+                for f in range(wp.static(len(of_dry))):
+                    out[f] = of_law[f]  # its losses come first
+            if wp.static(wet):
+                out[wp.static(at_liquid)] = out[wp.static(at_liquid)] + bridges.lost(overlap, wet_own(k), wet_part(before))
+            return out
 
     @wp.func
     def elastic(overlap: real, k: Constants, history: History):
         """k_n [N/m] and depth [m]."""
-        _f, _l, k_n, _g, depth, _b, _h = of_speed(overlap, overlap, real(0.0), k, history)
+        _f, _l, k_n, _g, depth, _b, _h = of_speed(overlap, overlap, real(0.0), k, dry_part(history))
         return k_n, depth
 
     return KernelSet(

@@ -13,17 +13,26 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
-from warpdem.kernels.contact.columns import Columns
+from warpdem.kernels.contact import liquid
+from warpdem.kernels.contact.columns import Columns, scalars
 from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT, with_losses
 
 
-def pair_force_width(spins: bool) -> int:
-    """Numbers of a pair force on one grain: the force, or force and torque."""
+def force_width(spins: bool) -> int:
+    """Numbers of the force on one grain, or of force and torque."""
     return 6 if spins else 3
+
+
+def pair_force_width(spins: bool, wet: bool = False) -> int:
+    """Numbers of a pair force on one grain: the force, or force and torque, then of a law with bridges WISH and GIFT."""
+    return force_width(spins) + (2 if wet else 0)
 
 
 RESULT_AT = Columns((("force", 3), ("torque_i", 3), ("torque_j", 3)))
 """What a contact gives its two grains: force on i [N], the opposite on j, and the torques on both [N m]."""
+EXCHANGE_AT = RESULT_AT.and_(scalars(["wish_i", "wish_j", "gift"]))
+"""Of a law with bridges also what it asks of the films of i and j, the radius of the other grain [m] or 0, and what it gives
+back to each [counts] (``films``)."""
 
 
 @functools.cache
@@ -44,8 +53,10 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
     vec3d = wp.vec3d
     Coefficients = law.at.vector(wp.float64)
     Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, law.history.Rotation
-    Result = RESULT_AT.vector(real)
-    PairForce = wp.types.vector(pair_force_width(spins), real)
+    wet = law.bridge_at is not None
+    bridge_at = law.bridge_at or 0
+    Result = (EXCHANGE_AT if wet else RESULT_AT).vector(real)
+    PairForce = wp.types.vector(pair_force_width(spins, wet), real)
     losses = len(law.losses)
     Parts, Entry = with_losses(PARTS_AT, law.losses).vector(real), with_losses(ENTRY_AT, law.losses).vector(real)
     Common = ENTRY_AT.vector(real)
@@ -143,7 +154,18 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         lever = wp.cross(cast_vector(n), force)
         ti = moment - lever * real(arm_i)
         tj = -moment - lever * real(arm_j)
-        result = Result(force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2])
+        result = Result()
+        if wp.static(wet):
+            had = history[wp.static(bridge_at)]
+            has = now[wp.static(bridge_at)]
+            asks = real(1.0) if has == real(wp.static(liquid.PENDING)) else real(0.0)
+            gift = real(0.5) * had if had > real(0.0) and has <= real(0.0) else real(0.0)
+            result = Result(
+                force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2], asks * real(gj[3]), asks * real(gi[3]),
+                gift,
+            )  # fmt: skip
+        else:
+            result = Result(force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2])
         for_i = Entry()
         for_j = Entry()
         if wp.static(parts is not None):
@@ -194,5 +216,6 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         contact=contact, constants_of_clumps=constants_of_clumps, clumps=of_clumps, margin=margin,
         margin_before=margin_before, reduced_radius=reduced_radius,
         cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,
-        has_parts=parts is not None, PairForce=PairForce, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
+        has_parts=parts is not None, PairForce=PairForce, wet=wet, bridge_at=bridge_at, border=border,
+        grain=g, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
     )  # fmt: skip

@@ -11,7 +11,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.pairs import RESULT_AT
+from warpdem.kernels.contact.pairs import EXCHANGE_AT
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import LANE, NUMBER, declarations
 from warpdem.kernels.simd.translate import Translator
@@ -98,6 +98,9 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         in_reach = f"({in_reach}) | ~(batch::{law.margin_before}(gi, gj, f64(slip_time)) < f64(0.0))"
         announced += [f"(const char*)(entry.data + slot_{side}.data[k]) + {at}" for side, _ in sides for at in (0, 64)]
         zeros += f" entry.data[{places[0]}] = entry.data[{places[1]}] = {{}};"
+    if pairs.wet:  # a bridge acts beyond the reach of the law, and breaks there
+        bridge = f"batch::load({history_in.format(f=pairs.bridge_at)})"
+        in_reach = f"({in_reach}) | __builtin_convertvector({bridge} != {lane}(0), m64)"
     prefetch = "".join(f"            __builtin_prefetch({address}, 1);\n" for address in announced)
     idle = f"""        if (!__builtin_reduce_or({in_reach})) {{  // the law gives zero
             for (int k = 0; k < {lanes}; ++k) {{ {zeros} }}
@@ -151,12 +154,15 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
 
 def _given(pairs, lanes: int, places: list[str]) -> str:
     """What writes the results to the force slots ``places`` of i and j."""
-    at = RESULT_AT
+    at = EXCHANGE_AT
     force = [f"o.r0.c[{at.force + f}]" for f in range(3)]
     on_i, on_j = list(force), [f"wp::neg({text})" for text in force]
     if pairs.spins:
         on_i += [f"o.r0.c[{at.torque_i + f}]" for f in range(3)]
         on_j += [f"o.r0.c[{at.torque_j + f}]" for f in range(3)]
+    if pairs.wet:
+        on_i += [f"o.r0.c[{at.wish_i}]", f"o.r0.c[{at.gift}]"]
+        on_j += [f"o.r0.c[{at.wish_j}]", f"o.r0.c[{at.gift}]"]
     text = rows.write(
         pairs.real, lanes, "batch", [(f"row.data[{k}].c", on) for k, on in zip(places, (on_i, on_j), strict=True)]
     )

@@ -9,6 +9,7 @@ of its grains: a GPU computes faster than it reads. Bits are those of ``sweep``:
 import functools
 
 import warp as wp
+from warpdem.kernels.contact.pairs import force_width
 
 
 @functools.cache
@@ -28,6 +29,7 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
     past, remembers = law.history, law.history.at.width
     Constants, History = law.Constants, law.History
     PairForce = pairs.PairForce
+    wish = force_width(spins)
 
     @wp.func
     def evaluate(
@@ -53,7 +55,10 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
         gj = grains.record[j]
         # the energy that a contact loses when it opens is found in the step after its last one
         if wp.static(not parts):
-            if pairs.margin(gi, gj) < wp.float64(0.0):
+            far = pairs.margin(gi, gj) < wp.float64(0.0)
+            if wp.static(pairs.wet):  # a bridge acts beyond the reach of the law, and breaks there
+                far = far and contacts.history[p, wp.static(pairs.bridge_at), k] == real(0.0)
+            if far:
                 grains.row[at_i] = PairForce()
                 grains.row[at_j] = PairForce()
                 for f in range(wp.static(remembers)):
@@ -86,7 +91,23 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
         result, now, ratio, speed, for_i, for_j = pairs.contact(
             gi, gj, numbers, real(radius), real(inertia), c, history, slip_time, model.dt
         )
-        if wp.static(spins):
+        if wp.static(pairs.wet):
+            on_i = PairForce()
+            on_j = PairForce()
+            for f in range(3):
+                on_i[f] = result[f]
+                on_j[f] = -result[f]
+            if wp.static(spins):
+                for f in range(3):
+                    on_i[3 + f] = result[3 + f]
+                    on_j[3 + f] = result[6 + f]
+            on_i[wp.static(wish)] = result[9]
+            on_j[wp.static(wish)] = result[10]
+            on_i[wp.static(wish + 1)] = result[11]
+            on_j[wp.static(wish + 1)] = result[11]
+            grains.row[at_i] = on_i
+            grains.row[at_j] = on_j
+        elif wp.static(spins):
             grains.row[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
             grains.row[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
         else:

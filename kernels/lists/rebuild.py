@@ -18,8 +18,8 @@ HASTY = 16  # steps between two outer lists below which the host is to look for 
 
 
 @functools.cache
-def build(WallContacts):
-    """Return the kernels; ``WallContacts`` is the struct of the wall contacts."""
+def build(WallContacts, wetting=None):
+    """Return the kernels; ``WallContacts``: struct of the wall contacts; ``wetting``: of ``wall.films.build``, or None."""
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @kernel
@@ -78,6 +78,8 @@ def build(WallContacts):
         old = 1 - new
         n = wp.min(wall_contacts.point_count[old, i], slots[i + 1] - slots[i])
         wall_contacts.point_count[new, i] = n
+        if wp.static(wetting is not None):
+            wetting.give_all_back(i, old, i, n, wall_contacts, wall_contacts)
         for k in range(n):
             wall_contacts.point[new, slots[i] + k] = wall_contacts.point[old, wall_contacts.first[i] + k]
 
@@ -96,6 +98,8 @@ def build(WallContacts):
         wall_contacts.point_count[old, i] = n
         for k in range(n):
             wall_contacts.point[old, slots[i] + k] = wall_contacts.point[new, slots[i] + k]
+        if wp.static(wetting is not None):
+            wetting.forget(i, new, wall_contacts)
 
     return KernelSet(
         ask_outer=ask_outer, check_outer_capacity=check_outer_capacity, replace_outer=replace_outer,

@@ -21,7 +21,10 @@ def too_deep(extreme: wp.array(dtype=wp.float64), at: int, max_overlap: wp.array
 
 
 @functools.cache
-def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_grain, sweep_walls, WallContacts, *, walls: bool):
+def build(
+    structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_grain, sweep_walls, WallContacts, *, walls: bool,
+    films=None,
+):  # fmt: skip
     """Return ``pair_phase``, ``wall_phase`` and both together, ``force_phase``.
 
     Args:
@@ -33,6 +36,7 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
         wall_contacts_of_grain: of ``wall.evaluate.build``, for one grain, and ``WallContacts``, its struct.
         sweep_walls: of ``wall.sweep.build``, for many; None where they are evaluated one by one.
         walls: there are walls.
+        films: of ``contact.films.build``; None for a law without bridges.
     """
     Model, Grains, ContactBatches = structs.Model, structs.Grains, structs.ContactBatches
 
@@ -58,6 +62,13 @@ def build(structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_gra
     ):
         """Contacts between grains: forces to their slots, history, extremes."""
         row = control.row[call.row]
+        if wp.static(films is not None):
+            for p in range(part.first, part.last, part.stride):
+                for k in range(wp.static(lanes)):
+                    films.settle(
+                        p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
+                        model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+                    )  # fmt: skip
         history_out = contacts.history
         if call.stage > 0:
             history_out = contacts.trial

@@ -50,8 +50,9 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 
 @functools.cache
 def build(
-    structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int
-):
+    structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int,
+    films=None,
+):  # fmt: skip
     """Return the kernels of the graph.
 
     Args:
@@ -63,6 +64,7 @@ def build(
         history: numbers remembered per contact.
         stages: force calls per step.
         lanes: contacts per contact batch.
+        films: of ``contact.films.build``; None for a law without bridges.
     """
     real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -76,6 +78,11 @@ def build(
         if t >= clock[CONTACT_LANES] or not forces_due(clock, ahead, stage):
             return
         row = control.row[(clock[SCHEDULE_ROW] + ahead) * wp.static(stages) + stage]
+        if wp.static(films is not None):
+            films.settle(
+                t // wp.static(lanes), t % wp.static(lanes), model.quantum, grains.record, contacts.owner, contacts.partner,
+                contacts.kind, model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+            )  # fmt: skip
         history_out = contacts.history
         if stage > 0:
             history_out = contacts.trial

@@ -10,7 +10,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
-from warpdem.kernels.contact.pairs import pair_force_width
+from warpdem.kernels.contact.pairs import force_width, pair_force_width
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.lists.path import Flight, bend, in_flight, position_at, velocity_at
 from warpdem.kernels.step.region import Regions
@@ -56,10 +56,13 @@ NUMBER = {wp.float64: "wp::float64", wp.float32: "wp::float32"}
 
 
 @functools.cache
-def build_load(real, *, spins: bool, walls: bool):
-    """Return ``load``: the float64 sum over the contacts of a grain, whose pair forces are of type ``real``."""
-    width = pair_force_width(spins)
-    PairForce = wp.types.vector(width, real)
+def build_load(real, *, spins: bool, walls: bool, wet: bool = False):
+    """Return ``load``: the float64 sum over the contacts of a grain, whose pair forces are of type ``real``.
+
+    ``wet``: as of ``pairs.pair_force_width``.
+    """
+    width = force_width(spins)
+    PairForce = wp.types.vector(pair_force_width(spins, wet), real)
     head = width - width % 4 or 2  # registers of 4 and 2 numbers, or of 2 and 1
     snippet = SUM.format(width=width, number=NUMBER[real], head=head, tail=width - head)
 

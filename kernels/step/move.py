@@ -18,7 +18,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, clumps=None, *,
-    stages: int, spins: bool, walls: bool, leave: bool,
+    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None,
 ):  # fmt: skip
     """Return ``move_phase``.
 
@@ -37,6 +37,7 @@ def build(
         spins: grains spin.
         walls: there are walls.
         leave: grains may leave the domain.
+        films: of ``contact.films.build``, and ``wetting`` of ``wall.films.build``; None for a law without bridges.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -86,6 +87,8 @@ def build(
             path[11] = wp.float64(-1.0)
             grains.flight[i] = path
         if wp.static(walls):
+            if wp.static(wetting is not None):
+                wetting.give_all_back(i, (control.origin[0] + s) & 1, i, 0, wall_contacts, wall_contacts)
             wall_contacts.candidates[i] = 0
             for generation in range(wall_contacts.point_count.shape[0]):
                 wall_contacts.point_count[generation, i] = 0
@@ -117,6 +120,13 @@ def build(
         dt = model.dt
         moved = int(0)
         for i in range(part.first, part.last, part.stride):
+            if wp.static(films is not None):
+                films.exchange(
+                    i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
+                    grains.film,
+                )  # fmt: skip
+                if wp.static(walls):
+                    wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
             if wp.static(leave):
                 if g.is_removed(grains.record[i]):
                     continue

@@ -174,6 +174,9 @@ def build(pairs):
         materials: wp.int32
         surface: Surface  # of the walls
         dt: wp.float64  # time step [s]
+        # of a law with bridges (``contact.films``)
+        quantum: wp.float64  # volume of a count of liquid [m3]
+        most_from_film: wp.float64  # counts that a film gives to a bridge at most
 
     @wp.struct
     class Grains:
@@ -191,6 +194,7 @@ def build(pairs):
         flight: wp.array(dtype=Flight)  # (n,), or of size 0 when no grain is in flight; ended where a grain leaves
         exit: wp.array2d(dtype=wp.int32)  # (n, 2) 1 + number of the outlet that it left by in this batch, and the step
         clumps: Clumps  # of empty arrays without clumps
+        film: wp.array2d(dtype=wp.int64)  # (n, 3) of ``contact.films.FILM_AT``; of a law with bridges
         # written by the contacts
         row: wp.array(dtype=pairs.PairForce)  # (force slots + 1,)
         entry: wp.array(dtype=pairs.Entry)  # beside ``row`` when energies are added up

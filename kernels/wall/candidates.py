@@ -16,11 +16,12 @@ from warpdem.kernels.wall.surface import Surface
 
 @functools.cache
 def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool,
-          apart: bool = False):  # fmt: skip
+          apart: bool = False, wetting=None):  # fmt: skip
     """Return the kernels for walls with ``meshes`` and with analytic ``shapes``.
 
     ``around``: of ``images.build``; ``border``: of ``border.build``; ``gap`` as in ``pairs.build``. Where grains may ``leave``
-    the domain, those that have are beside no wall; ``apart``: some materials pass through each other.
+    the domain, those that have are beside no wall; ``apart``: some materials pass through each other; ``wetting``: of
+    ``films.build``, None for a law without bridges.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -131,6 +132,9 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                 n = add(c, 1, at, n, wall_contacts.feature)
         wall_contacts.candidates[i] = n
         if n == 0:
+            if wp.static(wetting is not None):  # only one of the generations holds bridges
+                wetting.give_all_back(i, 0, i, 0, wall_contacts, wall_contacts)
+                wetting.give_all_back(i, 1, i, 0, wall_contacts, wall_contacts)
             wall_contacts.point_count[0, i] = 0
             wall_contacts.point_count[1, i] = 0
 
@@ -169,6 +173,9 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
         if o >= 0:
             n = wp.min(before.point_count[parity, o], now.first[i + 1] - now.first[i])
         now.point_count[parity, i] = n
+        if wp.static(wetting is not None):
+            if o >= 0:
+                wetting.give_all_back(i, parity, o, n, before, now)
         for k in range(n):
             s = before.first[o] + k
             d = now.first[i] + k

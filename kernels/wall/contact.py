@@ -14,6 +14,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
+from warpdem.kernels.contact.films import RELEASED
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
 from warpdem.kernels.step.schedule import (
     Placement,
@@ -65,6 +66,7 @@ def build(
     history_at = record.GEOMETRY.width
     WallHistory, Result = record.history_type(past.at), record.result_type(rolling, wear)
     Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
+    wet, bridge_at = law.bridge_at is not None, law.bridge_at or 0
     losses = len(law.losses)
     Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
     Common = wall_entry_type(())
@@ -262,6 +264,13 @@ def build(
             memory[wp.static(at.normal) + d] = n[d]
         for d in range(wp.static(remembers)):
             memory[wp.static(history_at) + d] = history_now[d]
+        if wp.static(wet):  # what a bridge held that has broken is the grain's (``films``)
+            had = history[wp.static(bridge_at)]
+            has = history_now[wp.static(bridge_at)]
+            broken = wp.float64(wp.static(RELEASED)) - had
+            memory[wp.static(history_at + bridge_at)] = (
+                broken if had > wp.float64(0.0) and has <= wp.float64(0.0) else has
+            )
         load = vec6(force[0], force[1], force[2], torque[0], torque[1], torque[2])
         rest = Rest()
         for d in range(3):

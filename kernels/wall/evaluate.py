@@ -16,7 +16,7 @@ from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.measure.budget import WALL_ENTRY_AT
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.step.structs import ForceCall
-from warpdem.kernels.wall import contact_points
+from warpdem.kernels.wall import contact_points, films
 from warpdem.kernels.wall.contact import vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
@@ -24,7 +24,7 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float):
+def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None):
     """Return the struct of wall contacts, and the functions of a grain's.
 
     Args:
@@ -36,6 +36,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         table: coefficients differ between contacts.
         meshes: some walls are meshes.
         gap: as in ``pairs.build``.
+        of_films: of ``contact.films.build``; None for a law without bridges.
     """
     g, at = grain.build(one.spins), one.at
     WallHistory, Result, WallEntry = one.WallHistory, one.Result, one.WallEntry
@@ -60,10 +61,16 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         # contact points by generation: 0 and 1 in alternate steps, 2 for the stages within a step
         point_count: wp.array2d(dtype=wp.int32)  # (generations, n)
         point: wp.array2d(dtype=WallHistory)  # (generations, slots)
+        # of a law with bridges
+        film: wp.array2d(dtype=wp.int64)  # per grain, of ``contact.films.FILM_AT``
+        wall_film: wp.array(dtype=wp.float64)  # (walls,) thickness of the film on each wall [m]
         # per grain, when energies are added up
         entry: wp.array(dtype=WallEntry)
         power: wp.array2d(dtype=wp.float64)  # of each wall's motion [W]
 
+    wetting = None
+    if of_films is not None:
+        wetting = films.build(WallContacts, Model, of_films, at, table=table)
     find_contact_points = contact_points.build(
         WallContacts, closest_on_feature, around, meshes=meshes, moving=moving, gap=gap
     )
@@ -162,6 +169,8 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
                     n += 1
                     slot += 1
         wall_contacts.point_count[call.new_generation, i] = slot - first
+        if wp.static(wetting is not None):
+            wetting.exchange(i, radius, call.old_generation, listed, n, grains.material[i], model, wall_contacts)
         return n
 
     @wp.func
@@ -224,4 +233,4 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
             approach = wp.max(approach, b)
         return overlap_ratio, approach
 
-    return KernelSet(WallContacts=WallContacts, search=search, evaluate=evaluate)
+    return KernelSet(WallContacts=WallContacts, search=search, evaluate=evaluate, wetting=wetting)

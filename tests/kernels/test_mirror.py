@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROLES = ("normal", "tangential", "rolling", "twisting", "field", "observer")
+ROLES = ("normal", "tangential", "rolling", "twisting", "liquid", "field", "observer")
 MODELS = sorted(p for role in ROLES for p in (ROOT / "kernels" / role).glob("[!_]*.py"))
 
 

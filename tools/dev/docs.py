@@ -39,7 +39,7 @@ PAGES = {
     "CHANGELOG.md": "Changelog",
 }
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-ROLES = ("normal", "tangential", "rolling", "field", "observer", "integrator")
+ROLES = ("normal", "tangential", "rolling", "twisting", "field", "observer", "integrator")
 READINGS = ("measure.observers.Particles", "measure.observers.Contacts", "core.snapshot.WallLoad")
 """Classes that ``Simulation`` hands out, in ``warpdem``."""
 RESULTS = ("runs.run.read", "runs.run.Run", "runs.history.History", "runs.history.NoColumn")

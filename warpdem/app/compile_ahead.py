@@ -23,7 +23,6 @@ import warp as wp
 from warpdem.core.device import pick_device
 from warpdem.core.start_warp import start_warp
 from warpdem.core.threads import available_threads
-from warpdem.filling.stream_grains import extreme_grains
 from warpdem.model import needs
 from warpdem.model.choose_features import choose_features
 from warpdem.model.compiled import compile_kernels, step_kernels
@@ -99,7 +98,7 @@ def likely_features(scene: Scene) -> Features | None:
         None where it does not: a start from another run, periodic borders beside walls, a law whose reach depends on the
         largest grain, models from files of the user.
     """
-    normal = model("normal", scene.located(scene.contact.normal))
+    normal = model("normal", scene.normal_law)
     if scene.start is not None or hasattr(normal, "gap"):
         return None
     names, scheme = list(scene.materials), model("integrator", scene.engine.integrator)
@@ -107,7 +106,9 @@ def likely_features(scene: Scene) -> Features | None:
     features = choose_features(
         scene,
         np.array(
-            [names.index(group.material) for group in scene.grains] + extreme_grains(scene).type.tolist(), np.int32
+            [names.index(group.material) for group in scene.grains]
+            + [names.index(portion.material) for stream in scene.streams for portion in stream.portions],
+            np.int32,
         ),
         has_spin=any(group.positions is not None and bool(np.any(group.explicit_spins)) for group in scene.grains),
         moving=schedule.moving,

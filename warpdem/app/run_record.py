@@ -14,6 +14,7 @@ from warpdem.model import digests
 from warpdem.ranks.front import Front
 from warpdem.scene import pair_keys
 from warpdem.scene.models import model
+from warpdem.scene.user_models import parts_of
 from warpdem.simulation import Simulation
 
 
@@ -66,8 +67,9 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
 def _models(sim: Simulation) -> dict[str, dict[str, str]]:
     """Name of each model that was run and what its file says of itself, equations and sources, by its role."""
     scene, contact = sim.scene, sim.plan.contact
-    names = {"normal": contact.normal, "tangential": contact.tangential, "rolling": contact.rolling}
-    names |= {"twisting": contact.twisting, "integrator": sim.plan.backend.integrator}
+    normal, *liquid = parts_of(contact.normal)
+    names = {"normal": normal, "tangential": contact.tangential, "rolling": contact.rolling}
+    names |= {"liquid": liquid[0] if liquid else None, "twisting": contact.twisting, "integrator": sim.plan.backend.integrator}
     found = {}
     for role, name in names.items():
         if name:

@@ -139,7 +139,7 @@ def _impacts(sim: Simulation) -> Iterator[str]:
     sound = min(OVERLAP, limit)
     if share <= sound:
         return
-    normal = model("normal", sim.scene.located(sim.scene.contact.normal))
+    normal = model("normal", sim.scene.normal_law)
     key = getattr(normal, "STIFFNESS_KEY", "young_modulus")
     factor = least_factor(sim.scene, sim.expected, speed, sound, key)
     remedy = f"no {key} brings that to {sound:.0%}" if factor is None else (

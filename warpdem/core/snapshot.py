@@ -82,6 +82,8 @@ class ContactNetwork:
     """1 where the friction force has reached the Coulomb limit, else 0, shape (c,), int8."""
     damping_force: np.ndarray | None = None
     """Part of the force that is not of the springs [N], shape (c, 3); None where it was not asked for."""
+    bridge: np.ndarray | None = None
+    """Liquid in the bridge [m3], 0 without one, shape (c,); None in a run without liquid."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,8 @@ class Snapshot:
     """Id of the clump of each grain, -1 for a grain of its own, shape (n,), int64; None in a run without clumps."""
     clumps: ClumpShots | None = None
     """The clumps; None in a run without any."""
+    liquid: np.ndarray | None = None
+    """Liquid on each grain, without that in bridges [m3], shape (n,); None in a run without liquid."""
     gravity: np.ndarray | None = None
     """Gravity in laboratory axes [m/s2], shape (3,); None where results do not hold it."""
 

@@ -190,6 +190,8 @@ def model_struct(model: Model) -> Any:
     """``Model`` of ``kernels.step.structs``: what is the same in all steps."""
     struct = model.kernels.structs.Model()
     struct.coefficients, struct.materials, struct.dt = model.coefficients, model.features.contact.materials, model.dt
+    if model.liquid is not None:
+        struct.quantum, struct.most_from_film = model.liquid.quantum, model.liquid.most_from_film
     struct.surface = model.walls.surface if model.walls is not None else Surface()
     return struct
 

@@ -136,6 +136,16 @@ class ContactLists:
         self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)))
 
     @property
+    def row_vectors(self) -> wp.array:
+        """``row`` as an array of vectors."""
+        row = self.row
+        out: wp.array = wp.array(
+            ptr=row.ptr, shape=row.shape[:1], dtype=self.model.kernels.pairs.PairForce, device=row.device
+        )
+        out._ref = row  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+        return out
+
+    @property
     def max_displacement(self) -> float:
         """Displacement of a grain up to which the inner list holds [m]."""
         alone = len(self.state) < 2 and not self.model.features.walls.present
@@ -173,8 +183,30 @@ class ContactLists:
         if features.measures.energy:
             contacts.entry = wp.zeros(grains, dtype=wall_entry_type(features.measures.losses), device=device)
             contacts.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
+        if self.model.liquid is not None:
+            contacts.film = self.state.film
+            contacts.wall_film = wp.array(self.model.liquid.wall_film, dtype=wp.float64, device=device)
         contacts.point = wp.zeros((generations, slots), dtype=wall_record.history_type(features.contact.history), device=device)
         return contacts
+
+    def give_films_to_walls(self) -> None:
+        """Let the wall contacts know the films of the grains, whose array may have changed."""
+        film, walls = self.state.film, self.wall_contacts
+        if walls is not None and film is not None and walls.film is not film:
+            walls.film = film
+
+    def settle_liquid(self) -> None:
+        """Before lists are built: bridges take what films have given, and those that no list would hold go to the films."""
+        model, state, liquid = self.model, self.state, self.model.liquid
+        if liquid is None or not self.contact_count:
+            return
+        assert state.film is not None
+        lanes = model.features.backend.lanes
+        inputs = [
+            lanes, liquid.quantum, state.record, self.owner, self.partner, self.kind, model.coefficients, self.slot_i,
+            self.slot_j, self.row_vectors, self.history, state.film,
+        ]  # fmt: skip
+        wp.launch(model.kernels.films.settle_contacts, self.totals[0], [0, *inputs], device=model.device)
 
     # -- reading --------------------------------------------------------------------------------
 

@@ -78,6 +78,7 @@ class ThreadedBuild(HostBuild):
             near_feature=a.near_feature, old_history=a.history,
         )  # fmt: skip
         read = structs.grains(), structs.outer(), structs.references(a.max_displacement, outer_limit)
+        a.give_films_to_walls()
         walls = a.wall_contacts if a.wall_contacts is not None else self._no_wall_contacts
         self.launch.on_each(
             m.kernels.inner.build_inner, self._threads(n), self._work, b.model, b.control, b.watched, *read, b.report,

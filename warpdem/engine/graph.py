@@ -229,11 +229,23 @@ class Captured:
     def _build_lists(self) -> None:
         """The outer list, if it is out of date and may be built here, then the inner list, unless the host is asked."""
         lists, clock = self.lists, self.batch.clock
+        self._settle_liquid()
         self.build.check(self.scratch.nothing, 0.5 * lists.skin - lists.max_displacement)
         self.launch.once(self.model.kernels.rebuild.ask_outer, clock)
         wp.capture_if(self._condition(BUILD_OUTER), self.build.build_outer)
         self.launch.once(self.model.kernels.graph.resume, clock)
         wp.capture_if(self._condition(BUILD_INNER), self.build.build_inner)
+
+    def _settle_liquid(self) -> None:
+        """As ``ContactLists.settle_liquid``."""
+        model, state, lists, contacts = self.model, self.state, self.lists, self.contacts
+        if model.liquid is None:
+            return
+        inputs = [
+            model.features.backend.lanes, model.liquid.quantum, state.record, contacts.owner, contacts.partner, contacts.kind,
+            model.coefficients, contacts.slot_i, contacts.slot_j, lists.row_vectors, contacts.history, state.film,
+        ]  # fmt: skip
+        self.launch(model.kernels.films.settle_contacts, contacts.owner.size, *inputs)
 
     # -- decisions ------------------------------------------------------------------------------
 
@@ -295,7 +307,7 @@ class Captured:
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         k = self.model.kernels
-        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, numbering):
+        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, k.films, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=self.model.device)

@@ -20,7 +20,6 @@ from warpdem.engine.program import ListBuild
 from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowCapacity, finest_cell, grids_for, size_classes
 from warpdem.kernels import grain
-from warpdem.kernels.contact.pairs import pair_force_width
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
 from warpdem.state.particles import State
@@ -257,6 +256,8 @@ class HostBuild:
         a = self.lists
         wall_contacts = self._free_wall_contacts(self.state.slots, a.near_feature.shape[0])
         put(wall_contacts, first=a.new.first)
+        if self.state.film is not None:
+            put(wall_contacts, film=self.state.film)
         inputs = a.force_parity, a.new.old_slot, a.wall_contacts, wall_contacts
         self.launch(self.model.kernels.walls.carry_wall_contacts, self.state.slots, *inputs)
         if not (a.rows_are_counted or self.model.features.measures.energy):  # of those some arrays must be zero
@@ -288,6 +289,7 @@ class HostBuild:
             setattr(a, name, buffer(name, (n,), wp.int32))
         a.row_start = buffer("row start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
+        a.give_films_to_walls()
         if a.wall_contacts is not None:
             put(a.wall_contacts, grain=buffer("wall grain", (n,), wp.int32))
 
@@ -303,7 +305,7 @@ class HostBuild:
         law, width = features.contact, features.backend.lanes
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(law.memory, 1), width)
-        a.row = self.storage.force_slots((slots + 1, pair_force_width(law.spins)), history, a.outer.slot.shape[0], a.real)
+        a.row = self.storage.force_slots((slots + 1, law.pair_force_width), history, a.outer.slot.shape[0], a.real)
         a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, features.measures.entry_width), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))

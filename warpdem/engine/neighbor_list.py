@@ -18,8 +18,11 @@ from warpdem.engine.host_build import Found, HostBuild
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.newcomers import Newcomers
 from warpdem.engine.stops import not_finite
+from warpdem.kernels.contact.films import FILM_AT, RELEASED
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.kernels.lists.displacement import FAST, INNER, INNER_HALF, NOT_FINITE, OFF_PATH, OUTER, OUTER_HALF
 from warpdem.kernels.step.motion import BEYOND
+from warpdem.kernels.wall import record as wall_record
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State, changed
@@ -103,6 +106,7 @@ class NeighborLists(ContactLists):
         changed = grown or force_rebuild or not self.built
         if not changed and not pending:
             return
+        self.settle_liquid()
         steps = self.clock.step_number - self._last_refresh
         few_left = len(self.state) < KEPT_SHARE * self.state.slots
         # where grains may fly instead, or the arrays are made for others, the inner list has to wait for what is found
@@ -229,13 +233,33 @@ class NeighborLists(ContactLists):
 
     def _remove(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` touch nothing any more; the lists stay valid for the others."""
+        self._give_back_at_walls(gone[gone < self.known])
         self.state.leave(gone)
+        self.settle_liquid()
         self.flights.leave(gone)
         gone = gone[gone < self.known]  # one that was inserted just now is in no list
         if self.wall_contacts is not None and len(gone):
             for array in (self.wall_contacts.candidates, self.wall_contacts.point_count):
                 with changed(array) as values:
                     values[..., gone] = 0
+
+    def _give_back_at_walls(self, gone: np.ndarray) -> None:
+        """Grains in slots ``gone`` take the liquid along that is between them and walls."""
+        walls, film = self.wall_contacts, self.state.film
+        if walls is None or film is None or not len(gone):
+            return
+        parity = (self.clock.step_number - 1) & 1
+        count, first, points = walls.point_count.numpy()[parity], walls.first.numpy(), walls.point.numpy()[parity]
+        at = wall_record.columns(self.model.features.contact.history)
+        thickness = walls.wall_film.numpy()
+        with changed(film) as films:
+            for i in gone:
+                for point in points[first[i] : first[i] + count[i]]:
+                    counts = point[at.of(COUNT)]
+                    held = int(counts) if counts > 0.0 else int(max(RELEASED - counts, 0.0))
+                    of_wall = held // 2 if thickness[int(point[at.wall])] > 0.0 else 0
+                    films[i, FILM_AT.returned] += held - of_wall
+                    films[i, FILM_AT.drawn] -= of_wall
 
     def _adapt_skin(self) -> None:
         """A wider skin where outer lists were built often; once it is right a device builds the next ones alone."""

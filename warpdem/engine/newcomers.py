@@ -12,6 +12,7 @@ import warp as wp
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists, OuterList
 from warpdem.kernels import grain
+from warpdem.kernels.clump import NONE
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 
@@ -103,11 +104,14 @@ class Newcomers:
             close = close[np.abs(separation) <= half[k]]
         apart = model.scene.apart if model.features.contact.apart else None
         kind = self.state.material.numpy()
+        of = self.state.clumps.of_grain.numpy() if self.state.clumps is not None else None
         out = [np.zeros((0, 2), dtype=np.int64)]
         for i in new[here[new]]:
             separation = model.domain.nearest(position[i] - position[close])
             far = (radius[i] + radius[close] + beyond) * (1.0 + 1.0e-12)
             near = close[(np.einsum("ij,ij->i", separation, separation) < far * far) & (close != i)]
+            if of is not None and of[i] != NONE:
+                near = near[of[near] != of[i]]
             if apart is not None:
                 near = near[~apart[kind[i], kind[near]]]
             out.append(np.stack([np.full(len(near), i), near], axis=1))

@@ -35,6 +35,7 @@ class Structs:
     def arguments(self) -> tuple[Any, Any, Any]:
         """``Grains`` and ``ContactBatches`` of ``kernels.step.structs``, ``WallContacts`` of ``kernels.wall.evaluate``."""
         walls = self._lists.wall_contacts
+        self._lists.give_films_to_walls()
         return self._grains_now(), self._contacts_now(), walls if walls is not None else self._no_wall_contacts
 
     def _view(self, name: str, array: wp.array, dtype: type) -> wp.array:
@@ -54,6 +55,8 @@ class Structs:
         )  # fmt: skip
         if state.clumps is not None:
             put(grains, clumps=state.clumps.struct(model.kernels.pairs.clumps.Clumps))
+        if state.film is not None:
+            put(grains, film=state.film)
         if features.measures.orientation:
             put(grains, orientation=state.orientation)
         if grains.store is None or len(grains.store) != n:

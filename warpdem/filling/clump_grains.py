@@ -135,6 +135,15 @@ def placed(
     return clumps, members
 
 
+def no_clumps(count: int) -> InitialClumps:
+    """None, of ``count`` grains that are their own."""
+    whole, rows, turns = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 4))
+    return InitialClumps(
+        first=whole, count=whole, template=whole, position=rows, velocity=rows, spin=rows, turn=turns, mass=np.zeros(0),
+        moments=rows, axes=turns, radius=np.zeros(0), of_grain=np.full(count, NONE), arm=np.zeros((count, 3)),
+    )  # fmt: skip
+
+
 def of_groups(groups: list[InitialClumps | None], counts: list[int]) -> InitialClumps | None:
     """The clumps of groups of grains that follow each other.
 
@@ -151,7 +160,8 @@ def of_groups(groups: list[InitialClumps | None], counts: list[int]) -> InitialC
     for group, start, count in zip(groups, starts, counts, strict=False):
         if group is None:
             continue
-        of_grain[start : start + count], arm[start : start + count] = group.of_grain + before, group.arm
+        of_grain[start : start + count] = np.where(group.of_grain == NONE, NONE, group.of_grain + before)
+        arm[start : start + count] = group.arm
         moved.append(replace(group, first=group.first + start))
         before += len(group)
     names = [name for name in vars(there[0]) if name not in ("of_grain", "arm")]

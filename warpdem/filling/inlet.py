@@ -5,9 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from warpdem.errors import SceneError
 from warpdem.filling.inlet_walls import InletWalls
 from warpdem.filling.stream_amount import brought_by, highest_rate, next_portion, total_of
 from warpdem.filling.stream_place import StreamPlace
+from warpdem.filling.stream_portions import Drawn, Spheres, extremes_of, portions_of
 from warpdem.scene.model import Scene
 
 TRIES = 60  # random positions tried for one grain before it has to wait
@@ -18,26 +20,29 @@ LEAST_EVENT_STEPS = (
 
 
 class Insertion(NamedTuple):
-    """Grains that are inserted at a step."""
+    """Grains and clumps that are inserted at a step."""
 
     position: np.ndarray
     """Centers in frame axes [m], shape (k, 3)."""
-    radius: np.ndarray
-    """Radii [m], shape (k,)."""
+    drawn: list[Drawn]
+    """What was drawn of each (``PortionBodies.draw``)."""
     portion: np.ndarray
     """Portion of the recipe that each is of, shape (k,)."""
+    axes: np.ndarray | None
+    """Of the region in frame axes, shape (3, 3); None where they are those of the frame."""
 
 
 class Inlet:
     """One stream in a run.
 
     Attributes:
-        count: number of inserted grains.
+        count: number of inserted grains, a clump is one.
         mass: their mass [kg].
         every: steps between two looks.
         blocked: whether a grain that is due found no free position at the last insertion.
         group: group of each portion.
         type: material of each portion.
+        bodies: what each portion inserts.
 
     Args:
         number: Number of the stream.
@@ -55,17 +60,17 @@ class Inlet:
         self.dt = dt
         self.group = [scene.groups.index(name) for name in scene.stream_groups(number)]
         self.type = [list(scene.materials).index(portion.material) for portion in stream.portions]
-        self.density = [scene.materials[portion.material].density for portion in stream.portions]
+        self.bodies = portions_of(scene, stream)
         self.generator = np.random.default_rng(stream.seed)
         self.count, self.mass = 0, 0.0
         self.earlier = 0.0  # of the total, what it inserted in the runs before that this one continues
         self.brought = [0.0] * len(stream.portions)  # of each portion, grains [-] or mass [kg]
-        self.waiting: float | None = None  # diameter drawn for the next grain [m]
+        self.waiting: Drawn = None  # what was drawn of the next grain or clump
         fall = float(np.linalg.norm(scene.gravity))
-        self.sizes = [portion.sizes for portion in stream.portions]
-        smallest, _ = stream.extremes
+        self.extremes = smallest, largest = extremes_of(self.bodies)
+        _check_size(scene, number, largest)
         self.blocked = False
-        mass = min(self.density) * np.pi / 6.0 * smallest**3
+        mass = self._least_mass(smallest)
         # until ten grains are due
         ten = 10.0 * (1.0 if stream.count_rate else mass) / highest_rate(stream)
         times = [ten] if ten else []
@@ -91,6 +96,11 @@ class Inlet:
         """Whether grains may be inserted at ``step``."""
         return step >= self.first and (step - self.first) % self.every == 0
 
+    def beside(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Middle and half sizes [m] of the box that no grain reaches into which is not beside the region at ``step``."""
+        low, high = self.place.at(step * self.dt).bounds
+        return 0.5 * (low + high), 0.5 * (high - low) + 0.5 * self.extremes[1]
+
     def insert(
         self, step: int, position: np.ndarray, radius: np.ndarray, nearest: Callable[[np.ndarray], np.ndarray]
     ) -> Insertion:
@@ -103,53 +113,63 @@ class Inlet:
             nearest: maps separations (n, 3) [m] to those of the nearest periodic images.
         """
         stream, place = self.stream, self.place.at(step * self.dt)
-        low, high = place.bounds
         due = brought_by(stream, step * self.dt)
         walls = self.walls.at(step * self.dt) if self.walls is not None else []
-        _, largest = stream.extremes
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        beside = (np.abs(nearest(position - middle)) < half + 0.5 * largest + radius[:, None]).all(axis=1)
+        middle, half = self.beside(step)
+        beside = (np.abs(nearest(position - middle)) < half + radius[:, None]).all(axis=1)
         near, size = [position[beside]], [radius[beside]]
-        positions, radii, portions = [], [], []
+        axes = None if place.axes is None else place.axes[0]
+        positions, all_drawn, portions = [], [], []
         self.blocked = False
         while not self.is_complete:
             mass, portion = self._next_mass(), self._portion()
             if due - (self.count if stream.count_rate else self.mass) < (1.0 if stream.count_rate else mass):
                 break
-            assert self.waiting is not None
-            r = 0.5 * self.waiting
+            body, drawn = self.bodies[portion], self.waiting
             there, sizes = np.concatenate(near), np.concatenate(size)
             for _ in range(TRIES):
-                candidate = place.random_point(self.generator, r)
+                candidate = place.random_point(self.generator, body.reach(drawn))
                 if candidate is None:
                     continue
-                separation = nearest(there - candidate)
-                if not (np.einsum("ij,ij->i", separation, separation) >= (sizes + r) ** 2).all():
+                centers, radii = body.grains(drawn, candidate, axes)
+                if not all(_is_clear(center, r, there, sizes, nearest) for center, r in zip(centers, radii, strict=True)):
                     continue
-                if all(wall.gap(candidate[None], r)[0] >= 0.0 for wall in walls):
+                if all((wall.gap(centers, radii) >= 0.0).all() for wall in walls):
                     break
             else:
                 self.blocked = True
                 break
-            near.append(candidate[None])
-            size.append(np.array([r]))
+            near.append(centers)
+            size.append(radii)
             positions.append(candidate)
-            radii.append(r)
+            all_drawn.append(drawn)
             portions.append(portion)
             self.count, self.mass, self.waiting = self.count + 1, self.mass + mass, None
             self.brought[portion] += mass if stream.by_mass else 1.0
-        return Insertion(np.array(positions).reshape(-1, 3), np.array(radii), np.array(portions, dtype=int))
+        return Insertion(np.array(positions).reshape(-1, 3), all_drawn, np.array(portions, dtype=int), axes)
 
     def _portion(self) -> int:
         """Portion that the next grain is of."""
         return next_portion(self.stream, self.brought)
 
     def _next_mass(self) -> float:
-        """Mass of the next grain [kg], whose size is drawn where it is not known yet."""
-        portion = self._portion()
+        """Mass of the next grain or clump [kg], which is drawn where it is not known yet."""
+        body = self.bodies[self._portion()]
         if self.waiting is None:
-            self.waiting = float(self.sizes[portion].draw(self.generator, 1)[0])
-        return float(self.density[portion] * 4.0 / 3.0 * np.pi * (0.5 * self.waiting) ** 3)
+            self.waiting = body.draw(self.generator)
+        return body.mass(self.waiting)
+
+    def _least_mass(self, smallest: float) -> float:
+        """Least mass of a body [kg], of spheres as if those of the least density were the smallest."""
+        spheres = [one.density for one in self.bodies if isinstance(one, Spheres)]
+        clumps = [one.mean_mass for one in self.bodies if not isinstance(one, Spheres)]
+        return min([*clumps, *([min(spheres) * np.pi / 6.0 * smallest**3] if spheres else [])])
+
+    def _largest_mass(self) -> float:
+        """Largest mass of a body [kg], likewise."""
+        spheres = [one.density for one in self.bodies if isinstance(one, Spheres)]
+        clumps = [one.mean_mass for one in self.bodies if not isinstance(one, Spheres)]
+        return max([*clumps, *([max(spheres) * np.pi / 6.0 * self.extremes[1] ** 3] if spheres else [])])
 
     def due(self, step: int) -> tuple[float, str]:
         """What should have been inserted by ``step``, and its unit: grains, or kg."""
@@ -167,7 +187,7 @@ class Inlet:
         if self.is_complete:
             return None
         inserted = float(self.count) if unit == "grains" else self.mass
-        one = 1.0 if unit == "grains" else max(self.density) * np.pi / 6.0 * self.stream.extremes[1] ** 3
+        one = 1.0 if unit == "grains" else self._largest_mass()
         rate = highest_rate(self.stream) if np.isfinite(highest_rate(self.stream)) else 0.0
         if due - inserted <= BEHIND * due + 2.0 * one + rate * self.every * self.dt:
             return None
@@ -194,3 +214,28 @@ class Inlet:
         """Continue a stream of the run before, which ended with ``state``: here its grains are counted from 0."""
         inserted = state["count"] if self.stream.count is not None else state["mass"]
         self.restore({**state, "count": 0, "mass": 0.0, "earlier": state["earlier"] + inserted})
+
+
+def _is_clear(
+    center: np.ndarray, radius: float, there: np.ndarray, sizes: np.ndarray, nearest: Callable[[np.ndarray], np.ndarray]
+) -> bool:
+    """Whether a grain touches none of those of radius ``sizes`` at ``there`` [m]."""
+    separation = nearest(there - center)
+    return bool((np.einsum("ij,ij->i", separation, separation) >= (sizes + radius) ** 2).all())
+
+
+def _check_size(scene: Scene, number: int, largest: float) -> None:
+    """Refuse a region thinner than a clump, whose size only its template says; that of spheres the scene has checked.
+
+    Raises:
+        SceneError: The clump cannot be in the region in every direction.
+    """
+    stream = scene.streams[number]
+    key = stream.shape_key
+    if key in ("box", "cylinder", "sphere", "disk"):
+        what, size = getattr(stream, key).thinnest
+        if size < largest:
+            raise SceneError(
+                f"{scene.source}: streams[{number}].{key}: its {what} of {size:g} m must be at least the length of the largest "
+                f"clump, {largest:g} m"
+            )

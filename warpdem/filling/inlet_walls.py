@@ -10,6 +10,7 @@ from warpdem.filling.fill_region import closed_region, sample_points
 from warpdem.filling.fill_space import body_test
 from warpdem.filling.placed_walls import PlacedWall, WallPose, assign_sides, place_walls, smallest_gap
 from warpdem.filling.stream_place import StreamPlace
+from warpdem.filling.stream_portions import extremes_of, portions_of
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.model import Scene
 from warpdem.scene.regions import Box
@@ -49,7 +50,8 @@ class InletWalls:
     ) -> None:
         stream = scene.streams[number]
         self._scene, self._meshes, self._poses, self._place = scene, meshes, poses, place
-        smallest, largest = (0.5 * diameter for diameter in stream.extremes)
+        bodies = portions_of(scene, stream)
+        smallest, largest = (0.5 * diameter for diameter in extremes_of(bodies))
         self._reach = largest
         self.notes: list[str] = []
         walls = place_walls(
@@ -72,7 +74,7 @@ class InletWalls:
         self._still = [w for w in sided if w.name not in moving and (place.moves or w.is_near(here.bounds, largest))]
         self._moving = [k for k, wall in enumerate(sided) if wall.name in moving]
         self._sides = [wall.side for wall in sided]
-        self._check(key, stream, centers, smallest)
+        self._check(key, stream, centers, min(one.narrowest for one in bodies))
 
     def _check(self, key: str, stream: Stream, centers: np.ndarray, radius: float) -> None:
         """Refuse a region that is never free, note what walls leave of it; of a stream that comes after the end, neither."""

@@ -1,7 +1,7 @@
 """One packing: grains that grow while they are pushed apart, and are shaken where that is not enough."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,10 +9,10 @@ from warpdem.core.progress import report_state
 from warpdem.core.threads import Threads, available_threads
 from warpdem.errors import SceneError
 from warpdem.filling.fill_request import Filling
-from warpdem.filling.initial_positions import initial_positions
+from warpdem.filling.packing_moves import keep_grains_in, moved_and_kept_in, starting_positions
 from warpdem.filling.packing_neighbors import NeighborTable
-from warpdem.filling.packing_walls import MARGIN, PackingWall, keep_this_side, walls_of
-from warpdem.filling.rigid_moves import PlacedClumps, RigidMoves
+from warpdem.filling.packing_walls import MARGIN, keep_this_side, walls_of
+from warpdem.filling.rigid_moves import PlacedClumps
 from warpdem.filling.size_grids import finest_cell, size_classes
 
 OVERLAP = 1e-6
@@ -93,9 +93,9 @@ class PackingRun:
         cell = 2.0 * finest_cell(self._radius, size_classes(self._radius), 0.0)
         self._order, points, self._rigid = [], [], []
         for request in fillings:
-            order, placed, rigid = _placed(request, cell)
+            order, points_of, rigid = starting_positions(request, cell)
             self._order.append(order)
-            points.append(placed)
+            points.append(points_of)
             self._rigid.append(rigid)
         self._position = np.concatenate([*points, held_position])
         for part, order in zip(self._parts, self._order, strict=True):
@@ -242,9 +242,9 @@ class PackingRun:
         for request, part, walls, rigid in zip(self._fillings, self._parts, self._walls, self._rigid, strict=True):
             if rigid is None:
                 loose[part] += self._last[part]
-                _keep_grains_in(request, loose[part], before[part], self._radius[part], walls)
+                keep_grains_in(request, loose[part], before[part], self._radius[part], walls)
             else:
-                loose[part] = _moved_and_kept_in(request, rigid, self._last[part], self._radius[part], walls)
+                loose[part] = moved_and_kept_in(request, rigid, self._last[part], self._radius[part], walls)
         np.subtract(loose, before, out=self._last)
         for part, walls in zip(self._parts, self._walls, strict=True):
             for wall in walls:
@@ -303,72 +303,3 @@ class PackingRun:
                     where = ", ".join(f"{x:.4g}" for x in position[wall.worst(position)])
                     return f"; a grain at ({where}) m keeps reaching into {wall.name!r}, where there is too little space for it"
         return ""
-
-
-def _placed(request: Filling, cell: float) -> tuple[np.ndarray, np.ndarray, RigidMoves | None]:
-    """Order of the grains of a filling by space, random positions in that order [m], and how clumps move.
-
-    Args:
-        request: The filling.
-        cell: Edge of the cells that are gone through [m].
-    """
-    clumps = request.clumps
-    if clumps is None:
-        points = initial_positions(request)
-        order = np.lexsort(np.floor(points / cell).T)
-        return order, points[order], None
-    centre = initial_positions(replace(request, radius=clumps.reach, clumps=None))
-    by_space = np.lexsort(np.floor(centre / cell).T)
-    place = np.argsort(by_space)  # of each clump in that order
-    order = np.argsort(place[clumps.of], kind="stable")
-    sorted_clumps = replace(
-        clumps, of=place[clumps.of][order], arm=clumps.arm[order], turn=clumps.turn[by_space], size=clumps.size[by_space]
-    )
-    rigid = RigidMoves(sorted_clumps, request.radius[order], centre[by_space])
-    return order, rigid.positions(), rigid
-
-
-def _keep_grains_in(
-    request: Filling, loose: np.ndarray, before: np.ndarray, radius: np.ndarray, walls: list[PackingWall]
-) -> None:
-    """Move grains (n, 3) [m] of a filling back into its region, in place."""
-    request.region.clamp(loose, radius)
-    for wall in walls:
-        came_from = loose.copy() if len(walls) > 1 else None
-        wall.push_in(loose)
-        if came_from is not None:  # the other walls count on knowing of every move
-            for other in walls:
-                if other is not wall:
-                    other.note(loose - came_from)
-    if request.region.open_space is not None:
-        strayed = ~request.region.open_space.is_near(loose)
-        loose[strayed] = before[strayed]
-        for wall in walls:
-            wall.slack[strayed] = np.minimum(wall.slack[strayed], 0.0)  # to be measured again
-
-
-def _moved_and_kept_in(
-    request: Filling, rigid: RigidMoves, move: np.ndarray, radius: np.ndarray, walls: list[PackingWall]
-) -> np.ndarray:
-    """Move clumps as the rigid moves of their members say, and back into the region; positions of the members [m]."""
-    centre, turn = rigid.centre.copy(), rigid.turn.copy()
-    rigid.advance(move)
-    members = rigid.positions()
-    inside = members.copy()
-    request.region.clamp(inside, radius)
-    members += rigid.keep_in(inside - members, along_axes=True)
-    for wall in walls:
-        off = members.copy()
-        wall.push_in(off)
-        shift = rigid.keep_in(off - members, along_axes=False)
-        members += shift
-        for one in walls:
-            one.note(shift)
-    if request.region.open_space is not None:
-        strayed = ~request.region.open_space.is_near(members)
-        if strayed.any():
-            rigid.restore(strayed, centre, turn)
-            members = rigid.positions()
-            for wall in walls:
-                wall.slack[:] = np.minimum(wall.slack, 0.0)  # to be measured again
-    return members

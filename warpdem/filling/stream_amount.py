@@ -51,11 +51,17 @@ def next_portion(stream: Stream, brought: Sequence[float]) -> int:
     return parts.index(min(parts))
 
 
-def mean_mass(stream: Stream, densities: Sequence[float]) -> float:
-    """Mean mass of the grains of a stream [kg], given the density of the material of each portion [kg/m3]."""
-    portions = stream.portions
-    masses = [density * portion.sizes.mean_volume for density, portion in zip(densities, portions, strict=True)]
-    shares = [portion.share for portion in portions]
+def mean_mass(stream: Stream, masses: Sequence[float]) -> float:
+    """Mean mass of the grains and clumps of a stream [kg], given that of each portion [kg]."""
+    shares = [portion.share for portion in stream.portions]
     if stream.by_mass:
         return sum(shares) / sum(share / mass for share, mass in zip(shares, masses, strict=True))
     return sum(share * mass for share, mass in zip(shares, masses, strict=True)) / sum(shares)
+
+
+def mean_members(stream: Stream, masses: Sequence[float], members: Sequence[int]) -> float:
+    """Mean number of grains that a body of a stream has, given the mean mass [kg] and the members of each portion."""
+    shares = [portion.share for portion in stream.portions]
+    if stream.by_mass:
+        shares = [share / mass for share, mass in zip(shares, masses, strict=True)]
+    return sum(share * count for share, count in zip(shares, members, strict=True)) / sum(shares)

@@ -3,16 +3,16 @@ r"""Bulk properties of the grains in a region at one instant: sums over grains a
     V = sum m v / sum m,     T = sum m |v - V|^2 / (3 sum m)                                        [m/s], [m2/s2]
     Z = (2 N_pairs + N_walls) / N                                                                   [-]
     Phi_kl = sum b n_k n_l / sum b                                                                  [-]
-    solid fraction = sum of the balls' volumes in the box / box volume                              [-]
-    s_kl = (sum m (v - V)_k (v - V)_l + sum a f_k l_l) / box volume                                 [Pa]
+    solid fraction = sum of the balls' volumes in the region / its volume                           [-]
+    s_kl = (sum m (v - V)_k (v - V)_l + sum a f_k l_l) / its volume                                 [Pa]
 
 f is the force on grain i, l the branch vector: the way to its centre from the other centre, or from the contact point at a
-wall; a is the share of this line that lies in the box. Pressure is positive. So the contact stress of boxes side by side adds
-up to that of the whole, and in a uniform state it does not depend on where the faces lie between the grains. Grains in m, v,
-V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by the
-volume that they have in the box, overlaps of grains twice. n is the unit vector along the branch of a contact, b how many of
-the region's grains the contact belongs to (1 or 2); the trace of the fabric tensor Phi is 1, and 1/3 on its diagonal is
-isotropic. A selection counts as if its grains were alone, but for Z and Phi, which take all their contacts. Vectors are
+wall; a is the share of this line that lies in the region. Pressure is positive. So the contact stress of boxes side by side
+adds up to that of the whole, and in a uniform state it does not depend on where the faces lie between the grains. Grains in m,
+v, V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by
+the volume that they have in the region, overlaps of grains twice. n is the unit vector along the branch of a contact, b how
+many of the region's grains the contact belongs to (1 or 2); the trace of the fabric tensor Phi is 1, and 1/3 on its diagonal
+is isotropic. A selection counts as if its grains were alone, but for Z and Phi, which take all their contacts. Vectors are
 relative to what the region is fixed to, and in its axes. T takes a mean flow that varies over the region for agitation: choose
 the region small, or use the grid.
 Sources: Babic 1997 (averages), Christoffersen, Mehrabadi and Nemat-Nasser 1981 (contact stress), Oda 1982 (fabric).
@@ -25,9 +25,23 @@ import numpy as np
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
 from warpdem.measure.observers import Particles
+from warpdem.measure.round_share import RoundShare
 from warpdem.measure.seen_grains import SeenGrains
 from warpdem.mesh.solid import Bounded
 from warpdem.scene.measures import Region
+
+
+def share_of(region: Region, period: tuple[float, float, float]) -> BoxShare | RoundShare | None:
+    """What tells how much of balls and lines is in a region; None for a mesh, a cylinder without ends, or all grains."""
+    if region.box is not None:
+        return BoxShare(region.box.min, region.box.max, period)
+    shape = region.sphere or region.cylinder
+    return None if shape is None or not has_share(region) else RoundShare(shape, period)
+
+
+def has_share(region: Region) -> bool:
+    """Whether solid fraction and stress are measured in a region: a box, a sphere, or a cylinder with ends."""
+    return bool(region.box or region.sphere or (region.cylinder and region.cylinder.length is not None))
 
 
 class Bulk:
@@ -52,9 +66,9 @@ class Bulk:
         shape: Bounded | None = None,
     ) -> None:
         self._particles, self._network = particles, network
-        self._box = None if region.box is None else BoxShare(region.box.min, region.box.max, period)
+        self._share = share_of(region, period)
         position = particles.position
-        here = self._box if self._box is not None else shape
+        here = self._share if isinstance(self._share, BoxShare) else shape
         self._inside = np.ones(len(position), dtype=bool) if here is None else here.holds(position)
         self._counts = counts
         if counts is not None:
@@ -112,20 +126,20 @@ class Bulk:
 
     @cached_property
     def solid_fraction(self) -> float:
-        """Solid fraction [-]; only in a box."""
-        assert self._box is not None
+        """Solid fraction [-]; only where ``share_of`` gives one."""
+        assert self._share is not None
         counts = slice(None) if self._counts is None else self._counts
-        return self._box.of_balls(self._particles.position[counts], self._particles.radius[counts]) / self._box.volume
+        return self._share.of_balls(self._particles.position[counts], self._particles.radius[counts]) / self._share.volume
 
     @cached_property
     def stress(self) -> np.ndarray:
-        """Stress, symmetric, pressure positive [Pa], shape (3, 3); only in a box."""
-        assert self._box is not None
+        """Stress, symmetric, pressure positive [Pa], shape (3, 3); only where ``share_of`` gives one."""
+        assert self._share is not None
         out = np.zeros((3, 3))
         if self.grains:
             fluctuation = self._velocity - self.velocity
             out += np.einsum("i,ij,ik->jk", self._mass, fluctuation, fluctuation)
         network = self._network
-        part = self._box.of_lines(network.start, network.end)
+        part = self._share.of_lines(network.start, network.end)
         out += np.einsum("i,ij,ik->jk", part, network.force, network.start - network.end)
-        return 0.5 * (out + out.T) / self._box.volume
+        return 0.5 * (out + out.T) / self._share.volume

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.kernels.measure import readings as kernels
 from warpdem.measure.sums import Reader
 from warpdem.model.impact import own_constants, own_of, stiffness
@@ -50,7 +51,12 @@ class ContactColumns:
         inputs = owner, partner, slot, lists.row.shape[0] - 1, period, overlap, normal
         reader.each(kernels.pair_overlaps, count, record, *inputs)
         overlaps = overlap.numpy()
-        self._lane = np.flatnonzero(overlaps > -self._law.gap)
+        acts = overlaps > -self._law.force_gap
+        if self._law.wet:
+            assert lists.history is not None
+            held = lists.history.numpy()[:, self._law.history.of(COUNT), :].reshape(-1) > 0.0
+            acts |= held & (overlaps > -self._law.gap)  # lanes without a contact are further apart, and hold anything
+        self._lane = np.flatnonzero(acts)
         self._pair_overlap, self._normals = overlaps[self._lane], normal
 
     @cached_property
@@ -88,6 +94,10 @@ class ContactColumns:
             parity = (self._view.clock.step_number - self._since) & 1
             slot, self._g = lists.point_slots(parity, lists.wall_grains)
             self._points = lists.contact_points(parity, slot)
+            if law.wet:
+                acts = np.flatnonzero((self._points["overlap"] > -law.force_gap) | (self._points[COUNT] > 0.0))
+                self._g = self._g[acts]
+                self._points = {name: values[acts] for name, values in self._points.items()}
         # of how many pairs, and whether there are contacts at walls
         self.pairs, self._walls = len(self._lane), bool(self._points)
         self._law = law
@@ -241,6 +251,15 @@ class ContactColumns:
             return np.maximum(np.einsum("ij,ij->i", self.force, self.normal), 0.0)
         at_walls = self._points[LOAD] * self._points["weight"] if self._walls else np.zeros(0)
         return self._joined(self._history(LOAD), at_walls)
+
+    @cached_property
+    def bridge(self) -> np.ndarray:
+        """Liquid in the bridge [m3]; 0 without one."""
+        liquid = self._view.model.liquid
+        if liquid is None:
+            return np.zeros(len(self))
+        counts = self._joined(self._history(COUNT), self._points.get(COUNT, np.zeros(len(self._g))))
+        return np.maximum(counts, 0.0) * liquid.quantum
 
     @cached_property
     def own(self) -> dict[str, np.ndarray]:

@@ -51,6 +51,7 @@ def read_network(view: RunView, damping: bool = True) -> ContactNetwork:
         overlap=contacts.overlap,
         sliding=(reached & (limit > 0.0)).astype(np.int8),
         damping_force=contacts.force - _elastic_force(view, contacts, table) if damping else None,
+        bridge=contacts.bridge if view.model.liquid is not None else None,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from warpdem.kernels.contact import columns as laws
 from warpdem.kernels.measure.budget import MOMENTA
 from warpdem.measure.budget import VECTORS
-from warpdem.measure.bulk import Bulk
+from warpdem.measure.bulk import Bulk, has_share
 from warpdem.measure.column import Column, Readings
 from warpdem.measure.mixing import kinds, lacey_index
 from warpdem.measure.residence import residence_times
@@ -35,7 +35,7 @@ REGION: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("coordination", "-", lambda b: b.coordination),
 )
 """Name, unit and reading of what every region has."""
-BOX: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
+SHARED: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("solid_fraction", "-", lambda b: b.solid_fraction),
     ("stress_xx", "Pa", lambda b: b.stress[0, 0]),
     ("stress_yy", "Pa", lambda b: b.stress[1, 1]),
@@ -44,7 +44,7 @@ BOX: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("stress_yz", "Pa", lambda b: b.stress[1, 2]),
     ("stress_zx", "Pa", lambda b: b.stress[2, 0]),
 )
-"""Name, unit and reading of what a region with a box has beside these."""
+"""Name, unit and reading of what a box, a sphere and a cylinder with ends have beside these."""
 PLACE: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
     ("centre_x", "m", lambda b: b.centre[0]),
     ("centre_y", "m", lambda b: b.centre[1]),
@@ -62,7 +62,7 @@ FABRIC: tuple[tuple[str, str, Callable[[Bulk], float]], ...] = (
 )
 """What a region with ``fabric`` has beside these."""
 SOLID = 1
-"""Of ``BOX``, what a selection has too: a stress is that of all grains."""
+"""Of ``SHARED``, what a selection has too: a stress is that of all grains."""
 
 
 def columns(scene: Scene) -> list[Column]:
@@ -74,6 +74,7 @@ def columns(scene: Scene) -> list[Column]:
     found += [column for region in asked.all_regions for column in region_columns(region)]
     found += [column for one in asked.residence for column in _residence(one)]
     found += _wear(scene)
+    found += _liquid() if scene.contact.liquid != "none" else []
     return found + [_mixing(one) for one in asked.mixing]
 
 
@@ -85,7 +86,7 @@ def measured(view: RunView) -> dict[str, float]:
 
 def _energy(scene: Scene) -> list[Column]:
     """The energy budget; the integral of Jacobi where the frame moves, and the work of each wall."""
-    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.located(scene.contact.normal)))]
+    losses = [f"dissipated_{name}" for name in laws.losses(model("normal", scene.normal_law))]
     names = [*ENERGY, *losses, *(["jacobi"] if frame_chain(scene).moves else [])]
     return [Column(name, "J", _energy_term(name)) for name in (*names, *(f"{wall.name} work" for wall in scene.walls))]
 
@@ -116,10 +117,10 @@ def _flow(plane: FlowPlane, number: int) -> list[Column]:
 
 def region_columns(region: Region) -> list[Column]:
     """Bulk properties of a region."""
-    of_box = () if region.box is None else BOX if region.of is None else BOX[:SOLID]
+    shared = () if not has_share(region) else SHARED if region.of is None else SHARED[:SOLID]
     return [
         Column(f"region {region.name} {name}", unit, _in_region(region, read))
-        for name, unit, read in (*REGION, *of_box, *PLACE, *(FABRIC if region.fabric else ()))
+        for name, unit, read in (*REGION, *shared, *PLACE, *(FABRIC if region.fabric else ()))
     ]
 
 
@@ -158,6 +159,17 @@ def _wear(scene: Scene) -> list[Column]:
 def _worn(wall: str, name: str) -> Callable[[Readings], float]:
     """Reads the total of a wall."""
     return lambda readings: float(np.sum(getattr(readings.wear[wall], name)))
+
+
+def _liquid() -> list[Column]:
+    """Where the liquid is."""
+
+    def volume(name: str) -> Callable[[Readings], float]:
+        return lambda readings: readings.totals.liquid.volume(name)
+
+    names = {"films": "films", "bridges": "bridges", "from walls": "from_walls", "left": "left", "brought": "brought"}
+    found = [Column(f"liquid {said}", "m3", volume(name)) for said, name in names.items()]
+    return [*found, Column("liquid bridge_count", "-", lambda readings: float(readings.totals.liquid.bridge_count))]
 
 
 def _mixing(asked: Mixing) -> Column:

@@ -6,6 +6,7 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
+from warpdem.kernels.contact.films import FILM_AT
 from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.totals import Totals, reader_of
 from warpdem.model.coefficients import field_numbers
@@ -86,6 +87,19 @@ class Particles:
     def position(self) -> np.ndarray:
         """Position in frame axes [m], shape (n, 3)."""
         return self._state.by_id(grain.POSITION)
+
+    @property
+    def liquid(self) -> np.ndarray:
+        """Liquid on each grain, without that in bridges [m3], shape (n,).
+
+        Raises:
+            SceneError: the scene has no law of liquid bridges.
+        """
+        liquid, film = self._view.model.liquid, self._state.film
+        if liquid is None or film is None:
+            raise SceneError(f'{self._view.model.scene.source}: contact.liquid = "none": there is no liquid')
+        counts = film.numpy()[self._state.rank]
+        return (counts[:, FILM_AT.film] + counts[:, FILM_AT.returned]) * liquid.quantum
 
     @property
     def force(self) -> np.ndarray:
@@ -169,6 +183,8 @@ class Contacts:
     """Fraction of a full contact, below 1 where neighboring facets of a wall carry a grain together [-], shape (c,)."""
     load: np.ndarray
     """Coulomb load of the force call, which friction is limited by [N], shape (c,)."""
+    bridge: np.ndarray
+    """Liquid in the bridge, 0 without one [m3], shape (c,)."""
     own: dict[str, np.ndarray]
     """The normal law's own constants and history by name [of the law], each of shape (c,)."""
 

@@ -6,6 +6,7 @@ from warpdem.core.snapshot import ClumpShots, Snapshot, WallLoad
 from warpdem.measure import measures, observation, observers, wall_loads, wall_wear
 from warpdem.measure.budget import Budget
 from warpdem.measure.clumps import read_clumps
+from warpdem.measure.liquid import LiquidTotals, read_liquid
 from warpdem.measure.residence import Departed, read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.state.view import RunView
@@ -66,6 +67,14 @@ class RunReadings:
             SceneError: the scene has no observer of that name.
         """
         return observation.observe(self.view, name)
+
+    def liquid(self) -> LiquidTotals:
+        """Where the liquid is at the present time, in whole counts.
+
+        Raises:
+            SceneError: the scene has no law of liquid bridges.
+        """
+        return read_liquid(self.view)
 
     def loads(self) -> tuple[np.ndarray, np.ndarray]:
         """Contact force [N] and torque [N m] on each grain, by id, shapes (n, 3)."""

@@ -36,6 +36,7 @@ def take_snapshot(view: RunView) -> Snapshot:
         contacts=read_network(view, scene.output.contacts) if scene.output.contacts or scene.measures.grid else None,
         clump=clumps.of_grains(view) if view.state.clumps is not None else None,
         clumps=clumps.read_clumps(view) if view.state.clumps is not None else None,
+        liquid=p.liquid if model.liquid is not None else None,
         gravity=np.array(scene.gravity, dtype=float),
     )
 

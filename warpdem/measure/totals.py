@@ -21,6 +21,7 @@ from warpdem.kernels.measure import readings as kernels
 from warpdem.kernels.measure.readings import GRAIN_SUMS, WALL_SUMS
 from warpdem.measure import elastic
 from warpdem.measure.contact_columns import ContactColumns
+from warpdem.measure.liquid import LiquidTotals, read_liquid
 from warpdem.measure.selection import Slots, selected_flow
 from warpdem.measure.sums import Reader
 from warpdem.measure.surface_power import surface_powers
@@ -53,6 +54,7 @@ class Totals:
     def made(self) -> "Totals":
         """The same, all of it made now: it may be read when the run has gone on."""
         names = ["pose", "bodies", "_sums", "elastic", "surface_powers", "fields"]
+        names += ["liquid"] if self.view.model.liquid is not None else []
         for name in names if self.view.totals is None else [*names, "added_up"]:
             getattr(self, name)
         for name in ("contacts", "listed"):  # arrays of the run, which goes on
@@ -90,6 +92,11 @@ class Totals:
     def listed(self) -> ListedContacts:
         """The contacts of the lists."""
         return self.view.contacts
+
+    @cached_property
+    def liquid(self) -> LiquidTotals:
+        """Where the liquid is."""
+        return read_liquid(self.view, self.listed)
 
     @cached_property
     def _sums(self) -> np.ndarray:

@@ -49,7 +49,7 @@ def adhesions(scene: Scene, start: InitialGrains) -> list[Adhesion]:
         scene: the validated scene.
         start: grains at the start, or that are to be expected.
     """
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     of_law = getattr(model("normal", law), "adhesion", None)
     if of_law is None:
         return []

@@ -14,11 +14,12 @@ from warpdem.model.features import (
     MeasureFeatures,
     WallFeatures,
 )
+from warpdem.model.liquid import liquid_reach
 from warpdem.scene.free import FreeBody
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
 from warpdem.scene.motion_chain import frame_chain
-from warpdem.scene.user_models import digest, is_file
+from warpdem.scene.user_models import digest, is_file, parts_of
 
 SIMD_LANES = 4  # four doubles fill an AVX2 register
 WARP_LANES = 32  # a GPU thread takes one contact, and a warp of 32 threads one batch: it reads consecutive memory
@@ -62,7 +63,7 @@ def choose_features(
     apart = any(separate[a, b] for a in present for b in others)
     if not apart:
         left_out["materials that do not touch"] = "all that meet touch"
-    normal = scene.located(scene.contact.normal)
+    normal = scene.normal_law
     tangential: str | None = None if scene.contact.tangential == "none" else scene.located(scene.contact.tangential)
     rolling: str | None = None if scene.contact.rolling == "none" else scene.located(scene.contact.rolling)
     if tangential is None or not np.any(used[:, at.friction] > 0):
@@ -79,6 +80,8 @@ def choose_features(
     if twisting is None or tangential is None:
         left_out["twisting resistance"] = "contact.twisting is none" if twisting is None else "there is no friction"
         twisting = None
+    if scene.contact.liquid == "none":
+        left_out["liquid"] = "contact.liquid is none"
     spins = bool(tangential or rolling or has_spin or clumps)
     if not spins:
         left_out["spins and torques"] = "nothing turns a grain"
@@ -104,7 +107,7 @@ def choose_features(
         left_out["clumps"] = "every grain is a sphere of its own"
     if not scene.observers:
         left_out["observers"] = "the scene has none"
-    chosen = [name for name in (normal, tangential, rolling, twisting, *(name for name, _ in fields)) if name]
+    chosen = [name for name in (*parts_of(normal), tangential, rolling, twisting, *(name for name, _ in fields)) if name]
     domain = Domain(scene)
     if not any(domain.period):
         left_out["periodic images"] = "no axis is periodic"
@@ -130,7 +133,8 @@ def choose_features(
             spins=spins,
             materials=len(names),
             table=not one_kind,
-            gap=law_gap(scene, largest),
+            gap=max(law_gap(scene, largest), liquid_reach(scene, largest)),
+            dry_gap=law_gap(scene, largest) if scene.contact.liquid != "none" else None,
             twisting=twisting,
             clumps=clumps,
             apart=apart,

@@ -18,7 +18,7 @@ def coefficient_table(scene: Scene) -> np.ndarray:
     Pairs that cannot meet or do not touch (no coefficients given) hold NaN.
     """
     names = list(scene.materials)
-    normal, at = model("normal", scene.located(scene.contact.normal)), coefficient_columns(scene)
+    normal, at = model("normal", scene.normal_law), coefficient_columns(scene)
     table = np.full((len(names), len(names), at.width), np.nan)
     for pair in scene.pairs:
         if not pair.contact:
@@ -32,7 +32,7 @@ def coefficient_table(scene: Scene) -> np.ndarray:
 
 def coefficient_columns(scene: Scene) -> Columns:
     """Columns of ``coefficient_table``, by name."""
-    return columns.coefficients(model("normal", scene.located(scene.contact.normal)))
+    return columns.coefficients(model("normal", scene.normal_law))
 
 
 def field_numbers(scene: Scene) -> np.ndarray:
@@ -47,7 +47,7 @@ def law_gap(scene: Scene, largest: float) -> float:
         scene: the validated scene.
         largest: radius of the largest grain [m]; R* is at most that at a wall, and half of it between grains.
     """
-    gap = getattr(model("normal", scene.located(scene.contact.normal)), "gap", None)
+    gap = getattr(model("normal", scene.normal_law), "gap", None)
     if gap is None:
         return 0.0
     materials = scene.materials

@@ -6,7 +6,7 @@ from contextlib import suppress
 import warp as wp
 
 from warpdem.kernels import KernelSet
-from warpdem.kernels.contact import dissipation, law, pairs, sweep, thread_contact
+from warpdem.kernels.contact import dissipation, films, law, pairs, sweep, thread_contact
 from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
@@ -30,9 +30,10 @@ from warpdem.kernels.wall import candidates, contact, evaluate, feature
 from warpdem.kernels.wall import images as wall_images
 from warpdem.kernels.wall import sweep as wall_sweep
 from warpdem.model.features import Features
+from warpdem.model.liquid import TRAVEL
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
-from warpdem.scene.user_models import is_file, using
+from warpdem.scene.user_models import is_file, parts_of, using
 
 
 def compile_kernels(features: Features, device: wp.Device | None = None) -> KernelSet:
@@ -51,7 +52,7 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Kern
         SceneError: Warp cannot compile a file of the user.
     """
     laws = features.contact
-    names = [laws.normal, laws.tangential or "", laws.rolling or "", laws.twisting or ""]
+    names = [*parts_of(laws.normal), laws.tangential or "", laws.rolling or "", laws.twisting or ""]
     names += [name for name, _ in features.fields]
     with using(names):
         built = _built(features)
@@ -104,7 +105,7 @@ def of_pairs(features: Features) -> KernelSet:
     pair_law = law.build(real, *models, laws.torsion, predicted=predicted, twisting=twisting)
     parts = dissipation.build(real, *models, laws.torsion, predicted, twisting)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
-    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.gap, clumps=laws.clumps)
+    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.force_gap, clumps=laws.clumps)
 
 
 def no_lanes(features: Features) -> str:
@@ -147,6 +148,10 @@ def _built(features: Features) -> KernelSet:
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
     pair_kernels = of_pairs(features)
+    liquid = None
+    if laws.wet:
+        of_bridges = model("normal", laws.normal).LIQUID
+        liquid = films.build(pair_kernels, of_bridges, table=laws.table, reach=laws.gap, longest=laws.gap / TRAVEL)
     arrays = structs.build(pair_kernels)
     seen = {"turning_frame": turns, "table": laws.table}
     by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
@@ -162,8 +167,8 @@ def _built(features: Features) -> KernelSet:
         conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
     )
     wall_kernels = evaluate.build(
-        arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap
-    )
+        arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
+    )  # fmt: skip
     WallContacts = wall_kernels.WallContacts
     walls_swept = None
     if swept is not None and walls.present:
@@ -187,9 +192,9 @@ def _built(features: Features) -> KernelSet:
     shared_by_steps = {"stages": stages, "walls": walls.present}
     forces = step_forces.build(
         arrays, pair_kernels, by_lane, swept, backend.lanes, wall_kernels.evaluate, walls_swept, WallContacts,
-        walls=walls.present,
+        walls=walls.present, films=liquid,
     )  # fmt: skip
-    load = motion.build_load(backend.real, **spins, walls=walls.present)
+    load = motion.build_load(backend.real, **spins, walls=walls.present, wet=laws.wet)
     acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE, clumps=laws.clumps)
     integrator = scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
     grain_turned = orientation.build(turning_axes=turns) if measures.orientation else None
@@ -204,7 +209,7 @@ def _built(features: Features) -> KernelSet:
     moved_by = move.build(
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
-        leave=domain.outlets > 0,
+        leave=domain.outlets > 0, films=liquid, wetting=wall_kernels.wetting,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
@@ -226,6 +231,7 @@ def _built(features: Features) -> KernelSet:
             gap=laws.gap,
             leave=domain.outlets > 0,
             apart=laws.apart,
+            wetting=wall_kernels.wetting,
         )
     paths = flight.build(
         travel, images, closest_on_feature, WallContacts, **spins, moving=walls.moving, meshes=meshes,
@@ -240,11 +246,11 @@ def _built(features: Features) -> KernelSet:
     if backend.resident:
         graph = captured.build(
             arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
-            stages=stages, lanes=backend.lanes,
+            stages=stages, lanes=backend.lanes, films=liquid,
         )  # fmt: skip
-        again = rebuild.build(WallContacts)
+        again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(
         structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
-        dynamic=dynamic,
+        dynamic=dynamic, films=liquid,
     )  # fmt: skip

@@ -41,7 +41,7 @@ class ContactCase:
 def contact_cases(scene: Scene, start: InitialGrains) -> Iterator[ContactCase]:
     """What may touch, of grains that the scene starts with or that come."""
     names, materials = list(scene.materials), list(scene.materials.values())
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     table = coefficient_table(scene).reshape(len(names), len(names), at.width)
     walls = {names.index(w.material) for w in scene.walls}
     apart = scene.apart
@@ -95,6 +95,6 @@ def _springs(scene: Scene, one: ContactCase, secant: float, slope: float) -> tup
     dashpot = one.row[at.damping] * math.sqrt(secant * one.reduced_mass)
     sticks = scene.contact.tangential != "none" and one.row[at.friction] > 0.0
     shear, shear_damping = (one.row[at.of(name)] if sticks else 0.0 for name in ("shear", "shear_damping"))
-    made_up = lessening(scene.located(scene.contact.normal), slope, secant)
+    made_up = lessening(scene.normal_law, slope, secant)
     normal = along(slope, dashpot, one.reduced_mass, made_up)
     return normal, across(shear * secant, shear_damping * dashpot, one.reduced_mass)

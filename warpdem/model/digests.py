@@ -7,7 +7,7 @@ from pathlib import Path
 
 from warpdem.core.key_path import key_text
 from warpdem.scene.model import Scene
-from warpdem.scene.user_models import is_file
+from warpdem.scene.user_models import LAWS, is_file
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Given:
 
 def file_digests(scene: Scene) -> dict[str, str]:
     """SHA-256 of each file that the scene names, models among them, by the key that names it; missing ones are left out."""
-    laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in ("normal", "tangential", "rolling", "twisting")]
+    laws = [(f"contact.{role}", getattr(scene.contact, role)) for role in LAWS]
     laws += [(f"fields[{k}].model", field.model) for k, field in enumerate(scene.fields)]
     named = [(key_text(place), scene.resolve(name)) for place, name in scene.files()]
     named += [(key, Path(scene.located(name))) for key, name in laws if is_file(name)]

@@ -13,6 +13,7 @@ from warpdem.kernels.contact.dissipation import ENTRY_AT
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
 from warpdem.kernels.wall import record
 from warpdem.scene.models import model
+from warpdem.scene.user_models import parts_of
 
 LEFT_OUT = "left out  "  # how a line of Features.explain begins for what the scene does not need
 
@@ -31,12 +32,29 @@ class ContactFeatures:
     table: bool
     """Coefficients differ between contacts."""
     gap: float
-    """How far beyond contact the normal law acts [m]: lists and forces have a cutoff that much larger."""
+    """How far beyond contact the normal law or a liquid bridge acts [m]: lists have a cutoff that much larger."""
+    dry_gap: float | None = None
+    """How far beyond contact the normal law itself acts [m], if not as far: forces reach further only of a bridge."""
     twisting: str | None = None
     clumps: bool = False
     """Some grains are members of clumps."""
     apart: bool = False
     """Some materials that meet do not touch: lists leave them out."""
+
+    @property
+    def force_gap(self) -> float:
+        """How far beyond contact a contact without a bridge has a force [m]."""
+        return self.gap if self.dry_gap is None else self.dry_gap
+
+    @property
+    def wet(self) -> bool:
+        """There is a law of liquid bridges."""
+        return len(parts_of(self.normal)) > 1
+
+    @property
+    def pair_force_width(self) -> int:
+        """Numbers of a pair force on one grain."""
+        return pairs.pair_force_width(self.spins, self.wet)
 
     @cached_property
     def history(self) -> Columns:
@@ -235,8 +253,9 @@ class Features:
         if self.backend.resident:
             constants, memories, listed, near = 0, 1, 3.2, 10 * (4 + 4) + 20
         number = 4 if self.backend.precision == "mixed" else 8
-        contact = number * (2 * pairs.pair_force_width(law.spins) + memories * law.memory + constants) + 16 + 4 * law.table
+        contact = number * (2 * law.pair_force_width + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
+        fixed += 24 * law.wet  # films
         contact += number * 2 * measures.entry_width * measures.energy
         wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
@@ -248,7 +267,9 @@ class Features:
     def explain(self) -> list[str]:
         """One line per feature: what runs and what is left out, with the reason."""
         contact, walls, backend, measures = self.contact, self.walls, self.backend, self.measures
-        runs = [f"normal: {contact.normal}"]
+        normal, *liquid = parts_of(contact.normal)
+        runs = [f"normal: {normal}"]
+        runs += [f"liquid: {name}, films of the grains in whole counts" for name in liquid]
         runs += [f"tangential: {contact.tangential}"] if contact.tangential else []
         runs += [f"rolling: {contact.rolling}" + (" with torsion" if contact.torsion else "")] if contact.rolling else []
         runs += [f"twisting: {contact.twisting}"] if contact.twisting else []

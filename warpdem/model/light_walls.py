@@ -44,7 +44,7 @@ def light_walls(
     scene: Scene, dynamic: list[DynamicWall], start: InitialGrains, meshes: dict[str, TriangleMesh]
 ) -> Iterator[LightWall]:
     """Free walls lighter than their grains, and on which a load is known that acts from the start."""
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     for one in dynamic:
         if not isinstance(one.given, Slider | Hinge) or not len(start.id):
             continue

@@ -12,6 +12,7 @@ from warpdem.model.digests import Given
 from warpdem.model.domain import Domain
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
+from warpdem.model.liquid import Liquid
 from warpdem.model.schedule import Schedule
 from warpdem.model.time_step import Limits
 from warpdem.model.walls import Walls
@@ -54,6 +55,8 @@ class Model:
     """The same on the host, shape (sets, columns)."""
     apart: wp.array
     """Whether two materials pass through each other, shape (materials, materials); of size 0 where all that meet touch."""
+    liquid: Liquid | None
+    """The liquid in counts; None without a law of bridges."""
     walls: Walls | None
     """Walls on the device; None without any."""
     notes: tuple[str, ...]

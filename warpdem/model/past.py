@@ -27,3 +27,5 @@ class Past:
     """State of the random numbers of streams that go on."""
     notes: tuple[str, ...]
     """What was left behind."""
+    film: np.ndarray | None = None
+    """Liquid of the grains in counts, shape (n, 3); None without a law of bridges."""

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.errors import SceneError
+from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
@@ -21,6 +22,7 @@ from warpdem.model.dynamic_walls import complete_dynamic_walls
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
+from warpdem.model.liquid import liquid_of
 from warpdem.model.model import Model
 from warpdem.model.past import Past
 from warpdem.model.schedule import Schedule
@@ -73,10 +75,12 @@ def prepare(
         needs.check_places(scene, start)
     check_start(start, meshes, scene, () if past is None else past.old_walls)
     borders = domain.Domain(scene)
-    start = _within(borders, start)
+    start = within(borders, start)
     scheme = model("integrator", scene.engine.integrator)
     schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
     expected = concatenated(start, extreme_grains(scene, functools.partial(_relative, schedule)))
+    if expected.clumps is not None and start.clumps is None:
+        start = replace(start, clumps=no_clumps(len(start)))
     needs.check_masses(scene, expected)
     size_warnings(scene, meshes, 2.0 * expected.radius)
     images = wall_images(scene, meshes, schedule, borders, expected.radius)
@@ -128,13 +132,14 @@ def prepare(
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
         coefficient_table=table,
         apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
+        liquid=liquid_of(scene, float(expected.radius.max(initial=0.0)), features.backend.real),
         walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
-def _within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
+def within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:
     """Grains and clumps at their images within the periodic borders: each member of a clump by its own place."""
     if grains.clumps is not None:
         grains = replace(grains, clumps=replace(grains.clumps, position=borders.wrapped(grains.clumps.position)))

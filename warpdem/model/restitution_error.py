@@ -30,7 +30,7 @@ def restitution_error(scene: Scene, start: InitialGrains, speed: float, dt: floa
 
     None where nothing collides, and for a law with a memory or a reach beyond contact: what it gives back is not one number.
     """
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     module = model("normal", law)
     if hasattr(module, "HISTORY") or hasattr(module, "gap") or speed <= 0.0:
         return None

@@ -22,7 +22,7 @@ OF_PAIRS = "pairs[]."
 
 def deepest_overlap(scene: Scene, start: InitialGrains, speed: float) -> float:
     """Deepest overlap of an undamped impact at ``speed`` [m/s] over the radius of the grain [-]; 0 without contacts."""
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     cases = contact_cases(scene, start)
     return max((impact_of(law, at.stiffness, one, speed).overlap / one.radius for one in cases), default=0.0)
 

@@ -92,7 +92,7 @@ class Limits:
 
 def contact_time(scene: Scene, row: np.ndarray, mass: float, radius: float, speed: float) -> float:
     """Undamped contact time [s] at reduced mass [kg] and radius [m]; ``row`` of the table of coefficients."""
-    law = scene.located(scene.contact.normal)
+    law = scene.normal_law
     return impact(law, row[coefficient_columns(scene).stiffness], mass, radius, speed, own_of(law, row)).time
 
 
@@ -104,7 +104,7 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
     rayleigh = contact = settled = stable = damped = math.inf
     weight = weight_per_area(scene, start)
     overlap = 0.0
-    law, at = scene.located(scene.contact.normal), coefficient_columns(scene)
+    law, at = scene.normal_law, coefficient_columns(scene)
     materials = list(scene.materials.values())
     rolling_law = model("rolling", scene.located(scene.contact.rolling)) if scene.contact.rolling != "none" else None
     oscillator = getattr(rolling_law, "oscillator", None)

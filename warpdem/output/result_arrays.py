@@ -45,6 +45,10 @@ ORIENTATION = ResultArray("orientation", "orientation", "", "orientation")
 """Quaternions (w, x, y, z) of the grains, if the scene asks for them."""
 CLUMP = ResultArray("clump", "clump", "", "clump")
 """Id of the clump of each grain, -1 for a grain of its own, in runs with clumps."""
+LIQUID = ResultArray("liquid", "liquid on the grain", "m3", "liquid")
+"""Volume of the film of each grain, in runs with liquid."""
+BRIDGE = ResultArray("bridge", "liquid in the bridge", "m3", "bridge")
+"""Volume of the liquid in each contact, in runs with liquid."""
 CLUMP_ARRAYS = (
     ResultArray("id", "clump id", "", "id"),
     ResultArray("type", "clump in the order of the scene", "", "type"),
@@ -94,7 +98,7 @@ _PARTS = (RotationPart, TranslationPart, SampledPart)
 
 def grain_arrays(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """Arrays of the grains by name, shapes (n,) or (n, components)."""
-    more = [entry for entry in (ORIENTATION, CLUMP) if getattr(snapshot, entry.field) is not None]
+    more = [entry for entry in (ORIENTATION, CLUMP, LIQUID) if getattr(snapshot, entry.field) is not None]
     return _read((*GRAIN_ARRAYS, *more), snapshot)
 
 
@@ -106,7 +110,8 @@ def clump_arrays(clumps: ClumpShots) -> dict[str, np.ndarray]:
 def contact_arrays(network: ContactNetwork) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Ends of the lines one after the other [m], shape (2 c, 3), and the arrays of the contacts by name."""
     ends = np.stack([network.start, network.end], axis=1).reshape(-1, 3)
-    return ends, _read(CONTACT_ARRAYS, network)
+    more = (BRIDGE,) if network.bridge is not None else ()
+    return ends, _read((*CONTACT_ARRAYS, *more), network)
 
 
 def triangle_arrays(load: WallLoad) -> dict[str, np.ndarray]:
@@ -172,6 +177,7 @@ def snapshot_of(
         **fields_of_grains,
         orientation=grains.get(ORIENTATION.name),
         clump=grains.get(CLUMP.name),
+        liquid=grains.get(LIQUID.name),
         gravity=frame["gravity"][0] if "gravity" in frame else None,  # older results do not tell it
     )
 

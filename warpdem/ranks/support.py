@@ -26,14 +26,8 @@ def refuse(scene: Scene, device: str | None) -> None:
 def _missing(scene: Scene) -> Iterator[str]:
     if scene.clumps:
         yield "clumps"
-    if scene.streams:
-        yield "streams"
-    if scene.outlets:
-        yield "outlets"
-    for axis in "xyz":
-        border = getattr(scene.borders, axis, None)
-        if border is not None and border.kind != "periodic":
-            yield f"borders.{axis} of kind {border.kind}"
+    if scene.contact.liquid != "none":
+        yield "liquid bridges"
     for wall in scene.walls:
         if wall.dynamic is not None:
             yield f"walls that move by the load on them ({wall.name})"

@@ -106,7 +106,7 @@ def named_streams(record: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _contacts(record: Mapping[str, Any], scene: Mapping[str, Any]) -> Iterator[str]:
     models = record.get("models", {})
-    roles = ("normal", "tangential", "rolling", "twisting")
+    roles = ("normal", "tangential", "rolling", "twisting", "liquid")
     named = [f"{role} “{model['name']}”" for role, model in models.items() if role in roles]
     if named:
         yield f"Contact laws: {', '.join(named)}; their equations and sources are below."

@@ -15,6 +15,11 @@ def clump_problems(scene: "Scene") -> Iterator[Problem]:
     for i, group in enumerate(scene.grains):
         if group.clump is not None and group.clump not in scene.clumps:
             yield ("grains", i, "clump"), group.clump, f"no such clump; the scene has {known}"
+    for i, stream in enumerate(scene.streams):
+        for k, portion in enumerate(stream.portions):
+            path = ("recipe", k) if stream.recipe is not None else ()
+            if portion.clump is not None and portion.clump not in scene.clumps:
+                yield ("streams", i, *path, "clump"), portion.clump, f"no such clump; the scene has {known}"
     if not scene.clumps:
         return
     yield from _unknown_to_clumps(scene)
@@ -23,7 +28,6 @@ def clump_problems(scene: "Scene") -> Iterator[Problem]:
 def _unknown_to_clumps(scene: "Scene") -> Iterator[Problem]:
     engine, contact = scene.engine, scene.contact
     refused: list[tuple[tuple[str, ...], Any, bool, str]] = [
-        (("streams",), None, bool(scene.streams), "streams insert no clumps yet, nor grains beside clumps"),
         (
             ("engine", "integrator"), engine.integrator, engine.integrator != "exact_drift",
             'only "exact_drift" moves clumps: leave the key out',

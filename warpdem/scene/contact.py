@@ -51,6 +51,9 @@ class Contact(SceneModel):
     twisting: Annotated[FileName, ModelName("twisting", ("none",))] = Field(
         "none", description=models.choices("twisting", "none", "none")
     )
+    liquid: Annotated[FileName, ModelName("liquid", ("none",))] = Field(
+        "none", description=models.choices("liquid", "none", "none")
+    )
     torsion: StrictBool = Field(
         False, description="Whether the rolling law also resists spin about the normal, default false."
     )

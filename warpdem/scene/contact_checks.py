@@ -69,9 +69,11 @@ def law_problems(contact: Contact, pairs: Sequence[Pair]) -> Iterator[Problem]:
             elif not reads and getattr(pair, key) != entry.default:
                 names = " or ".join(f'"{n}"' for _, n in laws)
                 yield problem(key, f'only for contact.{role} = {names}; it is "{getattr(contact, role)}"')
-        normal = None if is_file(contact.normal) else models.model("normal", contact.normal)
-        for key, text in getattr(normal, "problems", lambda _: {})(pair).items():
-            yield problem(key, text)
+        for role in ("normal", "liquid"):
+            name = getattr(contact, role)
+            law = None if is_file(name) or name == "none" else models.model(role, name)
+            for key, text in getattr(law, "problems", lambda _: {})(pair).items():
+                yield problem(key, text)
         if contact.tangential == "none" and pair.friction > 0:
             yield problem("friction", f'contact.tangential = "none": set friction = 0 or choose {_choices("tangential")}')
         if contact.rolling == "none" and pair.rolling_friction > 0:
@@ -83,7 +85,7 @@ def own_law_problems(
     contact: Contact, pairs: Sequence[Pair], materials: Mapping[str, Material], known: Mapping[str, Any]
 ) -> Iterator[Problem]:
     """Files of the user that are no contact law, or that fail for the scene's coefficients. ``known``: its base and access."""
-    for role in ("normal", "tangential", "rolling", "twisting"):
+    for role in ("normal", "tangential", "rolling", "twisting", "liquid"):
         name = getattr(contact, role)
         if not is_file(name):
             continue

@@ -9,9 +9,11 @@ from pydantic_core import core_schema
 
 from warpdem.scene.base import (
     GROUP_NAME,
+    LIQUID_CONTENT,
     FileName,
     Label,
     Length,
+    LiquidContent,
     Point,
     SceneModel,
     Whole,
@@ -167,6 +169,7 @@ class Grains(SceneModel):
         "clumps_*.vtp of a run, of which those of the number of the clump are taken; of grains_*.vtp members are left out.",
     )
     fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     velocities_in: Literal["frame", "laboratory"] = Field(
         "frame", description='Axes that velocities and spins are relative to: "frame" (default) or "laboratory".'
     )

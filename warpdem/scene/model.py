@@ -44,6 +44,7 @@ from warpdem.scene.contact import Contact, Material, Pair, unknown_keys, with_ow
 from warpdem.scene.contact_checks import law_problems, own_law_problems, pair_problems
 from warpdem.scene.fields import ExternalField, Observer
 from warpdem.scene.grains import Grains
+from warpdem.scene.liquid_checks import liquid_problems
 from warpdem.scene.measures import Measures
 from warpdem.scene.messages import scene_error
 from warpdem.scene.model_names import plugin_refusal, user_model
@@ -164,6 +165,15 @@ class Scene(SceneModel):
         """Name of a model for ``models.model``: a file of the user by its absolute path."""
         return models.located(name, self.base)
 
+    @property
+    def normal_law(self) -> str:
+        """Name of the normal law for ``models.model``: with liquid bridges where the scene has a law of them."""
+        normal, liquid = self.located(self.contact.normal), self.contact.liquid
+        if liquid == "none":
+            return normal
+        viscous = any(getattr(pair, "viscosity", 0.0) > 0.0 for pair in self.pairs if pair.contact)
+        return models.with_liquid(normal, self.located(liquid), viscous)
+
     @classmethod
     def model_validate(cls, obj: Any, **keys: Any) -> "Scene":
         """The scene of nested tables; ``Scene(...)`` does the same with pydantic's own errors.
@@ -260,7 +270,7 @@ class Scene(SceneModel):
     @field_validator("contact")
     @classmethod
     def _laws_may_be_loaded(cls, contact: Contact, info: ValidationInfo) -> Contact:
-        laws = {role: getattr(contact, role) for role in ("normal", "tangential", "rolling", "twisting")}
+        laws = {role: getattr(contact, role) for role in ("normal", "tangential", "rolling", "twisting", "liquid")}
         refused = [
             ((role,), name, refusal) for role, name in laws.items() if (refusal := plugin_refusal(name, info.data))
         ]
@@ -291,6 +301,7 @@ class Scene(SceneModel):
                 exits(self.borders, self.outlets),
             ),
             *clump_problems(self),
+            *liquid_problems(self),
         ]
         if problems:
             raise validation_error(problems)

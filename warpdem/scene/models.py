@@ -10,7 +10,13 @@ from types import ModuleType
 import warpdem.kernels as kernels
 from warpdem.core.nearest import nearest
 from warpdem.errors import SceneError
-from warpdem.scene.user_models import is_file, user_model
+from warpdem.kernels.contact.liquid import joined
+from warpdem.scene.user_models import WITH, is_file, user_model
+
+
+def with_liquid(normal: str, liquid: str, viscous: bool) -> str:
+    """Name of a normal law with liquid bridges, as ``model`` takes it (``kernels.contact.liquid.joined``)."""
+    return WITH.join([normal, liquid, *["viscous"] * viscous])
 
 
 @functools.cache
@@ -51,11 +57,16 @@ def model(role: str, name: str) -> ModuleType:
 
     Args:
         role: one of ``user_models.REQUIRED``.
-        name: a file of ``kernels/<role>/`` without its suffix, or the absolute path of a file of the user.
+        name: a file of ``kernels/<role>/`` without its suffix, or the absolute path of a file of the user; of a normal law also
+            one ``with_liquid``.
 
     Raises:
         SceneError: there is no such file, it fails while it is imported, or it lacks what its role needs.
     """
+    if WITH in name:
+        normal, liquid, *viscous = name.split(WITH)
+        of_both: ModuleType = joined(model("normal", normal), model("liquid", liquid), bool(viscous))
+        return of_both
     if is_file(name):
         return user_model(role, name)
     if name not in model_names(role):

@@ -19,4 +19,9 @@ class Start(SceneModel):
         description='Parts that keep their own time and continue, instead of starting again: "frame", "streams", names of '
         "walls; their motions must be those of the previous run. Default none.",
     )
+    liquid: SkipJsonSchema[tuple[float, float] | None] = Field(
+        None,
+        exclude=True,
+        description="Volumes of a count of its liquid and of what a film gives to a bridge at most [m3]; not used in files.",
+    )
     groups: SkipJsonSchema[list[str]] = Field([], exclude=True, description="Names of its groups of grains; not used in files.")

@@ -1,13 +1,23 @@
 """Streams as scene data: grains that are inserted during the run, where, how many, of what."""
 
 import itertools
-from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from warpdem.scene.base import GROUP_NAME, Duration, Label, SceneModel, Vec3, Whole, exactly_one, validation_error
+from warpdem.scene.base import (
+    GROUP_NAME,
+    LIQUID_CONTENT,
+    Duration,
+    Label,
+    LiquidContent,
+    SceneModel,
+    Vec3,
+    Whole,
+    exactly_one,
+    validation_error,
+)
 from warpdem.scene.regions import VOLUMES, DiskFace, MeshFace, Region
 from warpdem.scene.size_distribution import Diameter, SizeLaw, size_law
 from warpdem.scene.units import Quantity, Vector
@@ -39,24 +49,50 @@ MassRate = _rate("kg/s")
 CountRate = _rate("1/s")
 
 
-class _OfSpheres(SceneModel):
-    """Base of what streams insert, which are spheres."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_clumps(cls, given: object) -> object:
-        if isinstance(given, Mapping) and "clump" in given:
-            reason = "streams insert no clumps yet: take them as [[grains]], which the scene starts with"
-            raise validation_error([(("clump",), given["clump"], reason)])
-        return given
+Orientation = Annotated[
+    Annotated[Literal["random", "aligned"], Tag("~word")]
+    | Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4), Tag("~quaternion")],
+    Discriminator(lambda value: "~quaternion" if isinstance(value, (list, tuple)) else "~word"),
+]
+"""How clumps come."""
 
 
-class Portion(_OfSpheres):
-    """A part of a recipe: grains of one material and size law."""
+class _Bodies(SceneModel):
+    """Base of what streams insert: what is to be said of clumps."""
+
+    diameter: Diameter | None = Field(
+        None, description="Diameter of the grains [m], > 0, or a distribution; not with clump, which has its size."
+    )
+    clump: str | None = Field(None, description="Name of the clump that each of them is, inserted whole; in place of diameter.")
+    size: Annotated[float, Quantity("-", gt=0)] | None = Field(
+        None, description="With clump: factor on its lengths [-], > 0, default 1."
+    )
+    orientation: Orientation | None = Field(
+        None,
+        description='With clump: "random" (default), all directions alike; "aligned", its axes along those of the region; or a '
+        "quaternion (w, x, y, z) [-] from the axes of the clump to those of the region, of any length > 0.",
+    )
+
+    @model_validator(mode="after")
+    def _clump_keys_agree(self) -> Self:
+        if self.clump is None:
+            for key in ("size", "orientation"):
+                if (given := getattr(self, key)) is not None:
+                    raise validation_error([((key,), given, "belongs to a clump: name it with clump")])
+        elif self.diameter is not None:
+            reason = "cannot be given with clump: the clump has its size, and size is a factor on it"
+            raise validation_error([(("diameter",), None, reason)])
+        if isinstance(self.orientation, tuple) and not any(self.orientation):
+            raise validation_error([(("orientation",), self.orientation, "must not be zero")])
+        return self
+
+
+class Portion(_Bodies):
+    """A part of a recipe: grains of one material and size law, or clumps."""
 
     name: Label | None = GROUP_NAME
     material: str = Field(description="Name of the material.")
-    diameter: Diameter = Field(description="Diameter of the grains [m], > 0, or a distribution.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     mass_share: Annotated[float, Quantity("-", gt=0)] | None = Field(
         None, description="Part of the stream's mass, relative to those of the other portions [-], > 0; this or number_share."
     )
@@ -71,21 +107,28 @@ class Portion(_OfSpheres):
 
     @property
     def sizes(self) -> SizeLaw:
-        """Law of its sizes."""
+        """Law of the sizes of its spheres."""
+        assert self.diameter is not None
         return size_law(self.diameter)
 
+    @model_validator(mode="after")
+    def _has_a_size(self) -> "Portion":
+        if self.diameter is None and self.clump is None:
+            raise validation_error([(("diameter",), None, "missing: give the diameter of the grains, or a clump")])
+        return self
 
-class Stream(_OfSpheres, Region):
+
+class Stream(_Bodies, Region):
     """Inlet: grains inserted during the run at random positions of a region or face that are free of grains and walls."""
 
     name: Label | None = GROUP_NAME
-    material: str | None = Field(None, description="Name of the material; this and diameter, or recipe.")
-    diameter: Diameter | None = Field(None, description="Diameter of the grains [m], > 0, or a distribution.")
+    material: str | None = Field(None, description="Name of the material; this and diameter or clump, or recipe.")
+    liquid_content: LiquidContent = LIQUID_CONTENT
     recipe: list[Portion] | None = Field(
         None,
         min_length=1,
-        description="Grains of several materials or sizes, in place of material and diameter. Each grain is of the portion "
-        "that is furthest behind its share.",
+        description="Grains of several materials or sizes, and clumps, in place of material and diameter. Each is of the "
+        "portion that is furthest behind its share.",
     )
     disk: DiskFace | None = Field(None, description="Disk on which the centres are; the grains' largest sections lie on it.")
     face: MeshFace | None = Field(
@@ -123,8 +166,9 @@ class Stream(_OfSpheres, Region):
         """What is inserted: the recipe, or the one portion that material and diameter are."""
         if self.recipe is not None:
             return self.recipe
-        assert self.material is not None and self.diameter is not None
-        return [Portion.model_construct(material=self.material, diameter=self.diameter, name=self.name)]
+        assert self.material is not None
+        same = ("material", "diameter", "clump", "size", "orientation", "name", "liquid_content")
+        return [Portion.model_construct(**{key: getattr(self, key) for key in same})]
 
     @property
     def by_mass(self) -> bool:
@@ -133,9 +177,9 @@ class Stream(_OfSpheres, Region):
 
     @property
     def extremes(self) -> tuple[float, float]:
-        """Smallest and largest diameter that it may bring [m]."""
-        all_extremes = [portion.sizes.extremes for portion in self.portions]
-        return min(low for low, _ in all_extremes), max(high for _, high in all_extremes)
+        """Smallest and largest diameter of the spheres that it may bring [m]; of clumps their templates know, 0 without any."""
+        all_extremes = [portion.sizes.extremes for portion in self.portions if portion.clump is None]
+        return min((low for low, _ in all_extremes), default=0.0), max((high for _, high in all_extremes), default=0.0)
 
     def later(self, time: float) -> "Stream":
         """The stream from ``time`` [s] on: it starts, ends and changes its rate earlier by this time."""
@@ -188,10 +232,12 @@ class Stream(_OfSpheres, Region):
     def _check_portions(self) -> None:
         if self.recipe is None:
             for key in ("material", "diameter"):
-                if getattr(self, key) is None:
-                    raise validation_error([((key,), None, "missing: give material and diameter, or a recipe")])
+                if getattr(self, key) is None and (key == "material" or self.clump is None):
+                    raise validation_error([((key,), None, "missing: give material and diameter or clump, or a recipe")])
             return
-        for key in ("material", "diameter"):
+        if self.liquid_content > 0.0:
+            raise validation_error([(("liquid_content",), self.liquid_content, "give it in the portions of the recipe")])
+        for key in ("material", "diameter", "clump"):
             if (given := getattr(self, key)) is not None:
                 raise validation_error([((key,), given, "cannot be given with a recipe, whose portions have their own")])
         kinds = {tuple(key for key in ("mass_share", "number_share") if getattr(p, key) is not None) for p in self.recipe}

@@ -10,7 +10,7 @@ from warpdem.scene.user_models import is_file
 
 FILE_KEYS = ("mesh", "file", "usd", "checkpoint")
 """Keys whose values are paths of files."""
-MODEL_KEYS = ("normal", "tangential", "rolling", "twisting", "model")
+MODEL_KEYS = ("normal", "tangential", "rolling", "twisting", "liquid", "model")
 """Keys whose values are models: a name, or the path of a file."""
 Rename = Callable[[Path], str]
 

@@ -17,22 +17,32 @@ from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
 from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.wall import record
-from warpdem.scene.units import DIMENSIONS
+from warpdem.scene.parse_units import DIMENSIONS
 
 REQUIRED = {
     "normal": ("coefficients", "build", "energy"),
     "tangential": ("build",),
     "rolling": ("HISTORY", "build"),
     "twisting": ("build", "energy"),
+    "liquid": ("FORMED", "BRIDGE", "rupture", "force", "energy", "build"),
     "field": ("PARAMETERS", "build"),
     "observer": ("UNIT", "PARAMETERS", "build"),
     "integrator": ("ORDER", "STAGES", "RELATIVE", "STORE", "build"),
 }
 """Roles, and what each file of a role defines."""
-LAWS = ("normal", "tangential", "rolling", "twisting")
+LAWS = ("normal", "tangential", "rolling", "twisting", "liquid")
 """Roles of the contact law."""
 CODE_PLACE = re.compile(r'Error while parsing function ".*?" at (.+?):(\d+):\n(.*?)\n;', re.DOTALL)
 """Where Warp failed to translate a function, outermost first: file, line and the code there."""
+
+
+WITH = " + "
+"""Between the parts of the name of a normal law with bridges: normal law, law of the bridges, "viscous" where they damp."""
+
+
+def parts_of(normal: str) -> list[str]:
+    """Names of the models that a normal law is made of: itself, or the normal law and the law of the bridges."""
+    return normal.split(WITH)[:2]
 
 
 def is_file(name: str) -> bool:
@@ -120,7 +130,7 @@ def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iter
     Raises:
         SceneError: a file of the user fails.
     """
-    files = [name for name in dict.fromkeys(names) if is_file(name)]
+    files = [name for name in dict.fromkeys(part for name in names for part in parts_of(name)) if is_file(name)]
     try:
         yield
     except SceneError:

@@ -105,6 +105,11 @@ class Wall(SceneModel):
         "0 and moving with it. Default: origin of the wall's servo, hinge or own rotation, else of the frame's if fixed to "
         "it, else (0, 0, 0).",
     )
+    liquid_film: Annotated[float, Quantity("m", ge=0)] = Field(
+        0.0,
+        description="Thickness of a film of liquid that the wall holds, whatever grains take of it [m], >= 0, default 0: a dry "
+        "wall; needs contact.liquid.",
+    )
     open: StrictBool = Field(
         False, description="Whether the mesh is meant to be open, with free edges; otherwise it must be closed, default false."
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from warpdem.errors import SceneError
 from warpdem.kernels import grain
-from warpdem.state import checkpoint_file, contact_history
+from warpdem.state import checkpoint_file, contact_history, liquid_account
 from warpdem.state.blocks import Rows
 from warpdem.state.same_scene import refuse_other
 from warpdem.state.view import RunView
@@ -101,6 +101,7 @@ def save(run: Run, path: str | Path) -> None:
         "next_id": view.state.next_id,
         "budget": view.totals.state() if view.totals is not None else None,
         "guards": run.guards.state(),
+        "liquid": liquid_account.saved(view),
     }
     checkpoint_file.write(Path(path), view.model.given.json, json.dumps(about), arrays)
 
@@ -158,6 +159,8 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     }
     out: dict[str, Rows | np.ndarray] = {}
     out |= {name: Rows.picked(values, rank) for name, values in state.arrays().items()}
+    if state.film is not None:
+        out["film"] = liquid_account.films(view)
     if state.clumps is not None:
         out |= state.clumps.arrays(rank)
     if view.departures is not None:
@@ -204,6 +207,7 @@ def restore(run: Run, data: dict[str, Any]) -> None:
         one.restore(data["dynamic"][one.wall.name])
     run.engine.restore(data["extreme"], data.get("wear"))
     run.left.update(data["left"])
+    liquid_account.restore(view, data)
     run.streams.restore(data["streams"])
     if view.departures is not None:
         view.departures.restore(data)

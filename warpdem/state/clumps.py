@@ -144,6 +144,17 @@ class ClumpState:
     def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         return tuple({name: getattr(self, name).numpy() for name in names} for names in (OF_CLUMPS, OF_GRAINS))  # type: ignore[return-value]
 
+    def add(self, more: "ClumpState", slots: int) -> None:
+        """Append the clumps ``more``, whose grains come after those in the first ``slots`` slots."""
+        (own, of_own), (new, of_new) = self._values(), more._values()
+        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in OF_CLUMPS}
+        of_clumps["first"] = np.concatenate([own["first"], slots + new["first"]])
+        number = np.where(of_new["of_grain"] == NONE, NONE, of_new["of_grain"] + len(self))
+        of_grains = {"of_grain": number, "arm": of_new["arm"]}
+        of_grains = {name: np.concatenate([of_own[name], values]) for name, values in of_grains.items()}
+        template, axes = np.concatenate([self.template, more.template]), np.concatenate([self.axes, more.axes])
+        self._take(of_clumps, of_grains, template, axes)
+
     def reorder(self, order: np.ndarray) -> None:
         """Follow the grains, where slot s gets what was in slot order[s]; members of a clump stay together."""
         of_clumps, of_grains = self._values()

@@ -17,6 +17,8 @@ import warp as wp
 from warpdem.core.huge_pages import in_huge_pages
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels import clump, grain
+from warpdem.kernels.contact.films import FILM_AT
+from warpdem.model.liquid import Liquid
 from warpdem.model.model import Model
 from warpdem.state.clumps import ClumpState, member_inverse
 
@@ -52,13 +54,16 @@ class State:
         ghosts: grains of other processes that stand behind the others; 0 in a run of one process.
         orientation: quaternion (w, x, y, z) from body axes to frame axes, shape (n,); None when it is not requested.
         clumps: the clumps that grains are members of; None in a run without any.
+        film: liquid of each grain in counts, shape (n, 3), columns as of ``kernels.contact.films.FILM_AT``; None without a law
+            of bridges.
+        liquid_left: what grains took along that are in no slot any more, the same columns, on the host.
         energies, momenta, wall_work: what the budgets of the plan add up per grain (``kernels.measure.budget``), shape (n,
             width each).
     """
 
     def __init__(
         self, start: InitialGrains, density: np.ndarray, spins: bool, orientation: bool, device: wp.Device,
-        sums: Mapping[str, int] = MappingProxyType({}),
+        sums: Mapping[str, int] = MappingProxyType({}), liquid: Liquid | None = None,
     ) -> None:  # fmt: skip
         self.device = device
         self.spins = spins
@@ -89,6 +94,11 @@ class State:
             self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device)
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
+        self.liquid = liquid
+        self.film: wp.array | None = None
+        if liquid is not None:
+            self.film = wp.array(liquid.films(start), dtype=wp.int64, device=device)
+        self.liquid_left = np.zeros(FILM_AT.width, dtype=np.int64)
         self.next_id = int(start.id.max(initial=-1)) + 1
         self.ghosts = 0
         self._all_here(n)
@@ -98,7 +108,7 @@ class State:
     def of(cls, model: Model, start: InitialGrains) -> "State":
         """The grains of a model at the start, moving as its integrator holds them."""
         contact, measures = model.features.contact, model.features.measures
-        out = cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums)
+        out = cls(start, model.density, contact.spins, measures.orientation, model.device, measures.sums, model.liquid)
         if measures.residence:
             out.came = np.zeros(out.slots, dtype=np.int64)
         return out
@@ -150,7 +160,8 @@ class State:
     @property
     def names(self) -> list[str]:
         """Names of the device arrays."""
-        return ["record", "inverse", "id", "material"] + ["orientation"] * (self.orientation is not None) + [*self.sums]
+        kept = [name for name in ("orientation", "film") if getattr(self, name) is not None]
+        return ["record", "inverse", "id", "material", *kept, *self.sums]
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, in memory order: in ascending order of id, as ``rank`` gives it, ``restore`` takes them back."""
@@ -159,7 +170,9 @@ class State:
 
     def add(self, start: InitialGrains, density: np.ndarray, step: int = 0) -> None:
         """Append the grains ``start`` (absolute velocities and spins), inserted at ``step``, after the others."""
-        more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums)
+        if (start.clumps is None) != (self.clumps is None):
+            raise ValueError("the grains that come must know of clumps where those there do")
+        more = State(start, density, self.spins, self.orientation is not None, self.device, self.sums, self.liquid)
         there, n = self.slots, self.slots + more.slots
         for name in self.names:
             array, new = getattr(self, name), getattr(more, name)
@@ -171,6 +184,8 @@ class State:
             both: wp.array = wp.array(ptr=room.ptr, shape=(n, *array.shape[1:]), dtype=array.dtype, device=self.device)
             both._ref = room  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
             setattr(self, name, both)
+        if self.clumps is not None and more.clumps is not None:
+            self.clumps.add(more.clumps, there)
         self.next_id = max(self.next_id, more.next_id)
         self.group = np.concatenate([self.group, more.group])
         if self.came is not None:
@@ -181,6 +196,8 @@ class State:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put the grains into ``order``: slot s gets what was in slot order[s]; none of those that have left is among them."""
+        if self.film is not None:
+            self.liquid_left = self.liquid_left + np.delete(self.film.numpy(), order, axis=0).sum(axis=0)
         index: wp.array = wp.array(order.astype(np.int32), dtype=wp.int32, device=self.device)
         for name in self.names:
             array = getattr(self, name)
@@ -214,6 +231,8 @@ class State:
         digest = hashlib.sha256(str(step_number).encode())
         digest.update(self.ids.tobytes())
         digest.update(np.ascontiguousarray(self.record.numpy()[self.rank]).tobytes())
+        if self.film is not None:
+            digest.update(np.ascontiguousarray(self.film.numpy()[self.rank]).tobytes())
         if self.clumps is not None:
             digest.update(self.clumps.bytes_in_order(self.rank))
         return digest.hexdigest()

@@ -19,6 +19,7 @@ from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.kernels import grain
 from warpdem.kernels.contact.columns import TWIST, VECTORS, Columns, own_history
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.model.past import Past
 from warpdem.scene.checks import class_problems
 from warpdem.scene.messages import line, report
@@ -30,6 +31,7 @@ from warpdem.scene.start import Start
 from warpdem.scene.wall_shapes import SHAPES
 from warpdem.state import checkpoint_file, contact_history
 from warpdem.state.clumps import from_checkpoint
+from warpdem.state.liquid_account import starting_films
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
 from warpdem.usd.motion import quaternion_of
@@ -88,7 +90,12 @@ def read(scene: Scene) -> Past:
     numbers = [k for k, s in enumerate(data["scene"].get("streams", [])) if s["until"] is None or s["until"] > _end(data)]
     inlets = {here: data["streams"][there] for here, there in enumerate(numbers)} if going else {}
     known = tuple(name for name in data["places"]["walls"] if name not in redrawn)
-    return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes))
+    film = None
+    if scene.contact.liquid != "none":
+        kept = scene.contact.liquid == data["scene"]["contact"].get("liquid")
+        at_walls = _wall_numbers(scene, data)[0][data["wall_contact_wall"]] >= 0 if "wall_contact_wall" in data else np.zeros(0)
+        film = starting_films(data, kept, kept & (at_walls > 0))
+    return Past(scene, grains, memory, known, data["next_id"], inlets, (*said, *notes), film)
 
 
 def _end(data: dict[str, Any]) -> float:
@@ -167,7 +174,8 @@ def _going_on(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> Scene:
             wall = wall.model_copy(update={"free": wall.free.from_there(data["dynamic"][wall.name])})
         walls.append(wall.model_copy(update={"motion": motion}))
     streams = ahead.streams if "streams" in start.continues else scene.streams
-    start = start.model_copy(update={"groups": data["groups"]})
+    counted = data.get("liquid") and (data["liquid"]["quantum"], data["liquid"]["quantum"] * data["liquid"]["most_from_film"])
+    start = start.model_copy(update={"groups": data["groups"], "liquid": counted})
     return scene.model_copy(update={"frame": motions, "walls": walls, "streams": streams, "start": start})
 
 
@@ -327,8 +335,11 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
     for name in springs.names:
         if held[name]:
             pairs[:, springs.of(name)] = data["pair_history"][:, springs.of(name)]
-    normal = model("normal", scene.located(now.normal))
-    own = {name: now.normal == was["normal"] and f"pair_own_{name}" in data for name in own_history(normal).names}
+    law_stays = {"normal": now.normal == was["normal"], "liquid": now.liquid == was.get("liquid", "none")}
+    own = {
+        name: law_stays["liquid" if name.startswith(COUNT) else "normal"] and f"pair_own_{name}" in data
+        for name in own_history(model("normal", scene.normal_law)).names
+    }
     own[TWIST] = now.twisting == was.get("twisting") and f"pair_own_{TWIST}" in data
     roles = ("tangential", "rolling", "twisting")
     lost = [f"contact.{role}" for role in roles if getattr(now, role) != was.get(role, "none") != "none"]
@@ -336,6 +347,8 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
         notes.append(f"start: springs of contacts begin at zero, since {' and '.join(lost)} differs from {data['path']}")
     out = {"id": data["id"], "pair": data["pair"], "pair_history": pairs}
     out |= {f"pair_own_{k}": data[f"pair_own_{k}"] if same else np.zeros(len(pairs)) for k, same in own.items()}
+    if COUNT in own:  # what had asked for liquid asks again
+        out[f"pair_own_{COUNT}"] = np.maximum(out[f"pair_own_{COUNT}"], 0.0)
     if "wall_contact_wall" not in data:
         return out, notes
     number, dropped = _wall_numbers(scene, data)
@@ -350,6 +363,8 @@ def _memory(scene: Scene, data: dict[str, Any], redrawn: set[str]) -> tuple[dict
         out[f"wall_contact_{name}"] = data[f"wall_contact_{name}"][keep] if held[name] else np.zeros((keep.sum(), 3))
     for name, same in own.items():
         out[f"wall_contact_{name}"] = data[f"wall_contact_{name}"][keep] if same else np.zeros(keep.sum())
+    if COUNT in own:
+        out[f"wall_contact_{COUNT}"] = np.maximum(out[f"wall_contact_{COUNT}"], 0.0)
     return out, notes
 
 
@@ -397,6 +412,8 @@ def take_over(past: Past, state: State, lists: "NeighborLists", streams: Streams
     state.next_id = max(state.next_id, past.next_id)
     if len(state):
         contact_history.remember(lists, past.data)
+    if state.film is not None and past.film is not None and len(state):
+        state.film.assign(past.film[np.argsort(np.argsort(state.id.numpy()))])
     if state.orientation is not None and "orientation" in past.data:
         state.orientation.assign(past.data["orientation"])
     streams.take_over(past.inlets)
