@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from warpdem import Scene, SceneError, Simulation, load_scene
+from warpdem.filling.initial_grains import load_grains
 from warpdem.scene.convert import convert
 from warpdem.scene.tables import relative_to, scene_tables
 from warpdem.scene.write_toml import toml_text
@@ -146,6 +147,26 @@ def test_a_closed_mesh_holds_those_that_touch_it_alone(tmp_path, material):
             run()
         return
     np.testing.assert_allclose(run().particles.position, [*inside, [0, 0, 0]], rtol=0, atol=1e-12)
+
+
+def test_a_filling_keeps_clear_of_what_its_material_touches_alone(tmp_path):
+    """Blue fills a box that a red filling and a sheet of the sieve fill too: as it would alone. Together 0.7 do not fit."""
+    box = {"min": [-0.02, -0.02, -0.02], "max": [0.02, 0.02, 0.02]}
+    sieve = {"name": "sieve", "material": "sieve", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+
+    def filled(pairs, *names):
+        scene = data(pairs, {}, [sieve])
+        scene["grains"] = [
+            {"material": name, "fill": {"box": box, "solid_fraction": 0.35, "diameter": 0.005, "seed": 3}} for name in names
+        ]
+        return load_grains(Scene.model_validate(scene), {})
+
+    sorts = [touch("red", "red"), touch("blue", "blue"), apart("blue", "sieve"), touch("red", "sieve")]
+    alone = filled([*sorts, touch("red", "blue")], "blue")
+    both = filled([*sorts, apart("red", "blue")], "red", "blue")
+    blue = both.type == 1
+    np.testing.assert_array_equal(both.position[blue], alone.position)
+    assert (both.position[blue, 2] < 0.0).any() and (both.position[~blue, 2] > 0.0).all()
 
 
 def test_the_wrong_side_of_a_plane_is_wrong_for_those_that_touch_it(tmp_path):

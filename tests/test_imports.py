@@ -13,7 +13,8 @@ PACKAGE = ROOT / "warpdem"
 
 LAYERS = (
     "errors", "core", "usd", "scene", "mesh", "filling", "model", "state", "engine", "measure", "output", "runs", "guards",
-    "ranks", "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "app", "runner", "__init__", "__main__",
+    "ranks", "assembly", "simulation", "drawing", "reports", "exchange", "sweep", "calibration", "app", "runner", "__init__",
+    "__main__",
 )  # fmt: skip
 """Files and folders of the package, each after all that it imports from."""
 KERNEL_IMPORTS = {

@@ -22,6 +22,20 @@ SHAPES = {
     "mesh": {"mesh": {"file": "block.stl", "scale": 0.01, "translate": [0.055, 0, 0]}},
 }
 """Each begins at x = 0.05 on the x axis; all but the first two end at 12 mm or less beside it."""
+FAR = 1000.0  # [m]: where an outlet meets no grain
+
+
+def hole(name, **keys):
+    """Outlet "hole" of a shape, and outlets of all others far away: so that all shapes have the same kernels."""
+    far = {
+        "box": {"box": {"min": [FAR, -1, -1], "max": [FAR + 1, 1, 1]}},
+        "plane": {"plane": {"point": [FAR, 0, 0], "normal": [1, 0, 0]}},
+        "disk": {"plane": {"point": [FAR, 0, 0], "normal": [1, 0, 0], "radius": 0.012}},
+        "cylinder": {"cylinder": {"point": [FAR, 0, 0], "axis": [1, 0, 0], "radius": 0.012, "length": 0.05}},
+        "sphere": {"sphere": {"centre": [FAR, 0, 0], "radius": 0.01}},
+        "mesh": {"mesh": {"file": "block.stl", "scale": 0.01, "translate": [FAR, 0, 0]}},
+    }
+    return [{"name": "hole", **SHAPES[name], **keys}, *({"name": f"far_{k}", **far[k], **keys} for k in far if k != name)]
 
 
 def scene(folder, outlets, positions=((0, 0, 0),), velocities=None, **keys):
@@ -47,8 +61,7 @@ def scene(folder, outlets, positions=((0, 0, 0),), velocities=None, **keys):
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_grain_is_removed_at_the_step_at_which_its_centre_is_inside(device, tmp_path, name):
     """Two grains side by side: 0 along the axis of the outlet, 1 beside it where it has an end."""
-    outlets = [{"name": "hole", **SHAPES[name]}]
-    sim = Simulation(scene(tmp_path, outlets, [(0, 0, 0), (0, 0.02, 0)], [[1, 0, 0], [1, 0, 0]]), device=device, threads=1)
+    sim = Simulation(scene(tmp_path, hole(name), [(0, 0, 0), (0, 0.02, 0)], [[1, 0, 0], [1, 0, 0]]), device=device, threads=1)
     sim.step(499)
     assert len(sim.state) == 2
     sim.step(2)
@@ -123,7 +136,7 @@ def test_outlets_whose_energy_is_asked_for_take_the_same_grains(tmp_path):
 @pytest.mark.parametrize("name", [name for name in SHAPES if name != "plane"])
 def test_an_outlet_of_the_laboratory_in_a_turning_frame(tmp_path, name):
     """A grain that flies straight in the laboratory leaves at the same step, whatever turns beneath it."""
-    outlets = [{"name": "hole", **SHAPES[name], "fixed_to": "laboratory"}]
+    outlets = hole(name, fixed_to="laboratory")
     turning = {"frame": {"axis": [0.2, 1, 0.5], "origin": [0.01, 0.02, 0], "rate": 40.0}}
     grains = {"positions": [(0, 0, 0), (0, 0.02, 0)], "velocities": [[1, 0, 0], [1, 0, 0]]}
     both = []

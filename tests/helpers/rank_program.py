@@ -1,7 +1,7 @@
-"""Runs the scenes of ``rank_scenes`` over several ranks: ``mpiexec -n N python rank_program.py FOLDER SIZES NAMES``.
+"""Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE ...``.
 
-For each of SIZES, N at most, so many of the processes share each scene; results go to FOLDER/NAME-SIZE. Cuts are moved at
-random at every outer list, so that many grains change hands.
+Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. Cuts are moved at random at every outer list, so
+that many grains change hands.
 """
 
 import sys
@@ -20,7 +20,7 @@ from warpdem.runner import run_scene
 
 
 def main() -> None:
-    folder, sizes, names = Path(sys.argv[1]), map(int, sys.argv[2].split(",")), sys.argv[3].split(",")
+    folder = Path(sys.argv[1])
     draw = np.random.default_rng(1)
 
     def thrown(position, weight, cuts):
@@ -28,17 +28,19 @@ def main() -> None:
         return Cuts.of(position[kept], weight[kept], cuts.parts)
 
     rank.shifted, rank.IMBALANCE, rank.WAIT = thrown, 0.0, 0
-    for size in sizes:
-        part = MPI.COMM_WORLD.Split(int(MPI.COMM_WORLD.rank >= size))
-        if MPI.COMM_WORLD.rank >= size:
+    for task in sys.argv[2].split(","):
+        name, size = task.split("-")
+        here = MPI.COMM_WORLD.rank < int(size)
+        part = MPI.COMM_WORLD.Split(int(here))
+        if not here:
             continue
         world = World(part)
         if world.rank:
-            serve(world)
+            if serve(world):
+                sys.exit(1)  # rank 0 has failed, and will not come to the next scene
             continue
         with leading(world):
-            for name in names:
-                run_scene(SCENES[name](), folder / f"{name}-{size}", quiet=True, picture=False, threads=1)
+            run_scene(SCENES[name](), folder / task, quiet=True, picture=False, threads=1 + int(size == "2"))
 
 
 if __name__ == "__main__":

@@ -28,8 +28,8 @@ def scene(name: str, **tables) -> Scene:
         "title": name, "gravity": [0, 0, -60], "materials": MATERIALS,
         "pairs": [{"materials": list(pair), **NUMBERS} for pair in (("a", "a"), ("a", "b"), ("b", "b"))],
         "contact": {"normal": "hertz", "tangential": "mindlin", "rolling": "spring"},
-        "time": {"end": 4e-3, "step": 2e-5, "max_speed": 1}, "engine": {"skin": 0.4 * RADIUS, "max_overlap": 0.3},
-        "output": {"interval": 2e-3, "history_interval": 1e-3, "formats": ["vtk"]},
+        "time": {"end": 2e-3, "step": 2e-5, "max_speed": 1}, "engine": {"skin": 0.4 * RADIUS, "max_overlap": 0.3},
+        "output": {"interval": 1e-3, "history_interval": 5e-4, "formats": ["vtk"]},
     }  # fmt: skip
     return Scene.model_validate({**given, **tables})
 
@@ -45,4 +45,45 @@ def stirred() -> Scene:
     return scene("stirred", frame=frame, walls=walls, grains=grains, measures={"energy": True, "momentum": True})
 
 
-SCENES = {"stirred": stirred}
+def sizes() -> Scene:
+    """Sizes up to 4 to 1 between periodic borders, by a scheme of four stages; the large grain spans several parts."""
+    small = lattice((7, 7, 3), 2.2e-3, (-6.6e-3, -6.6e-3, 1.1e-3), 2)
+    large = {"positions": [[0, 0, 11.5e-3]], "radius": 3.5 * RADIUS, "velocities": [[0.3, 0, -1]]}
+    border = {"min": -8e-3, "max": 8e-3, "kind": "periodic"}
+    walls = [{"name": "floor", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}]
+    return scene("sizes", walls=walls, borders={"x": border, "y": border},
+                 grains=[{"material": "a", **small}, {"material": "b", **large}],
+                 engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5, "integrator": "rk4"})  # fmt: skip
+
+
+def few() -> Scene:
+    """Fewer grains than ranks for most of the time, in mixed precision, which stick; without walls."""
+    grains = {"positions": [[-3e-3, 0, 0], [0, 1e-3, 0], [3.5e-3, 0, 0]], "radius": RADIUS,
+              "velocities": [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]}  # fmt: skip
+    return scene("few", grains=[{"material": "a", **grains}], gravity=[0, 0, 0],
+                 engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5, "precision": "mixed"})  # fmt: skip
+
+
+def poured(**tables) -> Scene:
+    """A stream above a heap, which leaves by an outlet beside it and an open border."""
+    walls = [{"name": f"p{k}", "material": "a", "plane": {"point": p, "normal": n}} for k, (p, n) in enumerate(BOX[:3:2])]
+    stream = {"material": "b", "box": {"min": [-4e-3, -4e-3, 8e-3], "max": [4e-3, 4e-3, 14e-3]}, "velocity": [0.3, 0, -1],
+              "diameter": {"uniform": ["1 mm", "1.5 mm"]}, "count_rate": 2e4, "seed": 3}  # fmt: skip
+    heap = lattice((6, 6, 2), 2.1e-3, (-5.2e-3, -5.2e-3, 1e-3), 4)
+    given = {
+        "walls": walls, "streams": [stream], "grains": [{"material": "a", **heap}], "gravity": [30, 0, -60],
+        "outlets": [{"name": "hole", "box": {"min": [6e-3, -1, -1], "max": [1, 1, 3e-3]}}],
+        "borders": {"y": {"min": -6e-3, "max": 6e-3, "kind": "open"}}, "measures": {"residence": [{"name": "all"}]},
+        "time": {"end": 4e-3, "step": 2e-5, "max_speed": 1},
+    }  # fmt: skip
+    return scene("poured", **{**given, **tables})
+
+
+def drained() -> Scene:
+    """The same with budgets, whose terms know what each grain brings and takes away, and grains that stick."""
+    measures = {"energy": True, "momentum": True, "flow": [{"name": "lid", "point": [0, 0, 6e-3], "normal": [0, 0, 1]}]}
+    sticky = [{"materials": list(pair), **NUMBERS, "surface_energy": 0.02} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
+    return poured(title="drained", measures=measures, pairs=sticky, contact={"normal": "jkr", "rolling": "constant"})
+
+
+SCENES = {one.__name__: one for one in (stirred, sizes, few, poured, drained)}

@@ -14,37 +14,54 @@ from warpdem.ranks import launcher
 from warpdem.runner import run_scene
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
-SIZES = (2, 3, 4)
+TASKS = [("stirred", 4), ("sizes", 3), ("few", 3), ("poured", 2), ("drained", 3)]
+OTHERS = [(name, size) for name in SCENES for size in (2, 3, 4) if (name, size) not in TASKS]
+FEW = {"few": 4}
+"""Least number of grains that go to another rank where there are few."""
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Results of all scenes on 1 to 4 ranks: NAME-SIZE."""
-    folder = tmp_path_factory.mktemp("ranks")
-    for name, scene in SCENES.items():
-        run_scene(scene(), folder / f"{name}-1", quiet=True, picture=False, threads=1)
-    begin, environment = launcher.command(max(SIZES))
-    command = [*begin, sys.executable, PROGRAM, folder, ",".join(map(str, SIZES)), ",".join(SCENES)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+def results(folder: Path, tasks: list[tuple[str, int]]) -> Path:
+    """Results of scenes in one process, NAME-1, and over ranks, NAME-SIZE."""
+    for name in {name for name, _ in tasks}:
+        run_scene(SCENES[name](), folder / f"{name}-1", quiet=True, picture=False, threads=1)
+    begin, environment = launcher.command(max(size for _, size in tasks))
+    command = [*begin, sys.executable, PROGRAM, folder, ",".join(f"{name}-{size}" for name, size in tasks)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", SCENES)
-def test_all_files_are_those_of_one_process(folder, name, size):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), TASKS)
+
+
+@pytest.fixture(scope="module")
+def folder_of_others(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), OTHERS)
+
+
+def compare(folder: Path, name: str, size: int) -> None:
     one, many = folder / f"{name}-1", folder / f"{name}-{size}"
     names = {p.relative_to(one) for p in one.rglob("*") if p.is_file()}
     assert names == {p.relative_to(many) for p in many.rglob("*") if p.is_file()}
-    other = [name for name in names if (one / name).read_bytes() != (many / name).read_bytes()]
-    assert [str(name) for name in other] == ["run.json"]
-    assert json.loads((one / "run.json").read_text())["state_hash"] == json.loads((many / "run.json").read_text())["state_hash"]
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", SCENES)
-def test_grains_change_hands(folder, name, size):
-    ranks = json.loads((folder / f"{name}-{size}" / "run.json").read_text())["ranks"]
+    assert {str(name) for name in names if (one / name).read_bytes() != (many / name).read_bytes()} == {"run.json"}
+    alone, shared = (json.loads((where / "run.json").read_text()) for where in (one, many))
+    for key in ("state_hash", "grains", "left", "extremes", "warnings"):
+        assert alone[key] == shared[key], key
+    ranks = shared["ranks"]
     assert len(ranks) == size
-    assert sum(rank["migrated"] for rank in ranks) > 50
+    assert sum(rank["grains"] for rank in ranks) == shared["grains"]
+    assert sum(rank["migrated"] for rank in ranks) >= FEW.get(name, 50)
     assert sum(rank["bytes"] for rank in ranks) > 0
+
+
+@pytest.mark.parametrize(("name", "size"), TASKS)
+def test_all_files_are_those_of_one_process(folder, name, size):
+    compare(folder, name, size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), OTHERS)
+def test_all_files_are_those_of_one_process_for_other_numbers_of_ranks(folder_of_others, name, size):
+    compare(folder_of_others, name, size)

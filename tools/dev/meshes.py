@@ -9,6 +9,7 @@
     screen.stl            deck of bars along x, each a closed box, millimetres
     ribs.stl              plate of ribs along y, an open sheet, in units of their distance: 8 by 4, half as high; scale it
     hopper.stl            flat-bottomed bin with a round hole over a closed chamber, millimetres; the hole at the origin
+    tube.stl              open tube of radius 1 and height 1 around the z axis, a sheet without thickness; scale it
 
 A hourglass of other dimensions: `python tools/dev/meshes.py --out my.stl --neck-radius 2 ...`.
 """
@@ -90,6 +91,18 @@ def hopper(
     radius = np.array([0.0, 0.5 * bin_radius, bin_radius, hole_radius, bin_radius, bin_radius, 0.5 * bin_radius, 0.0])
     height = np.array([-chamber_height] * 3 + [0.0] * 2 + [bin_height] * 3)
     return revolve(radius, height, segments)
+
+
+def tube(segments: int) -> np.ndarray:
+    """Triangles (t, 3, 3) of an open tube of radius 1 from z = 0 to z = 1.
+
+    Args:
+        segments: Corners of each end.
+    """
+    angle = 2.0 * math.pi * np.arange(segments + 1) / segments
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(segments + 1)])
+    circle[-1] = circle[0]  # the seam closes to the last bit
+    return strip(circle, circle + np.array([0.0, 0.0, 1.0]))
 
 
 def belt(distance: float, radius: float, width: float, segments: int) -> np.ndarray:
@@ -238,6 +251,7 @@ def main() -> None:
     make(MESHES / "hopper.stl", hopper(**HOPPER))
     make(MESHES / "belt.stl", belt(**BELT), sheet=True)
     make(MESHES / "screw.stl", screw(**SCREW), sheet=True)
+    make(MESHES / "tube.stl", tube(24), sheet=True)
     make(MESHES / "screen.stl", screen(**SCREEN))
     make(MESHES / "ribs.stl", ribs(**RIBS), sheet=True)
 

@@ -144,11 +144,14 @@ def _adhesion_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     for row in rows:
         other = f"a wall of {row['materials'][1]}" if row["wall"] else row["materials"][1]
         weight = "" if row["bond_number"] is None else f", {row['bond_number']:.3g} of its weight (granular Bond number)"
-        speed = row["sticking_speed"]
+        speed, tabor = row["sticking_speed"], row["tabor_number"]
         sticks = f"undamped impacts stick below {speed:.3g} m/s" if speed else "a touch costs nothing"
+        if speed is None:
+            sticks = f"after a load of {row['pressed_by']:.3g} N, its weight; more after more"
         yield (
             f"adhesion of {row['materials'][0]} (radius {row['radius']:.3g} m) and {other}: pull-off force "
-            f"{row['pull_off_force']:.3g} N{weight}; {sticks}; Tabor number {row['tabor_number']:.3g} (at {RANGE * 1e9:g} nm)"
+            f"{row['pull_off_force']:.3g} N{weight}; {sticks}"
+            f"{'' if tabor is None else f'; Tabor number {tabor:.3g} (at {RANGE * 1e9:g} nm)'}"
         )
     if any(row["sticking_speed"] for row in rows):
         yield (

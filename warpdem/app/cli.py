@@ -6,7 +6,7 @@ from typing import Literal
 
 from cyclopts import App, Parameter
 
-from warpdem.app import cli_results, cli_scenes, cli_sweep
+from warpdem.app import cli_calibrate, cli_results, cli_scenes, cli_sweep
 from warpdem.core.command import run_command
 
 app = App(
@@ -30,6 +30,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "run": cli_scenes.run, "check": cli_scenes.check, "convert": cli_scenes.convert, "schema": cli_scenes.schema,
     "demo": cli_scenes.demo, "render": cli_results.render, "plot": cli_results.plot, "report": cli_results.report,
     "compare": cli_results.compare, "export": cli_results.export, "grains": cli_results.grains, "sweep": cli_sweep.sweep,
+    "calibrate": cli_calibrate.calibrate,
     "completion": completion,
 }  # fmt: skip
 for name, command in COMMANDS.items():

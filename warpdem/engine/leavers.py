@@ -51,7 +51,7 @@ class Leavers:
         if not found.all & IN_OUTLET:
             return np.zeros(0, dtype=np.int64)
         removed = np.flatnonzero(found.of_grain & IN_OUTLET)
-        self._count(removed, found.of_grain[removed] >> OUTLET_NUMBER, self._clock.step_number)
+        self.count(state, removed, found.of_grain[removed] >> OUTLET_NUMBER, self._clock.step_number)
         self.before_leaving(removed)
         return removed
 
@@ -67,19 +67,29 @@ class Leavers:
         """
         for part in np.split(np.arange(len(removed)), np.flatnonzero(np.diff(step)) + 1):
             if len(part):
-                self._count(removed[part], where[part], int(step[part[0]]))
+                self.count(self._state, removed[part], where[part], int(step[part[0]]))
 
-    def _count(self, removed: np.ndarray, where: np.ndarray, step: int) -> None:
-        """Count grains that leave at one step; ``where``: number of the outlet of each."""
-        ids, mass = self._state.id.numpy()[removed], 1.0 / self._state.inverse.numpy()[removed, 0]
+    def count(self, state: State, removed: np.ndarray, where: np.ndarray, step: int) -> None:
+        """Count grains that leave at one step.
+
+        Args:
+            state: the grains, or those of other processes that leave.
+            removed: memory slots there, shape (m,).
+            where: number of the outlet of each, shape (m,).
+            step: the step.
+
+        Raises:
+            StabilityError: one is beyond a border that stops the run.
+        """
+        ids, mass = state.id.numpy()[removed], 1.0 / state.inverse.numpy()[removed, 0]
         for number in np.unique(where):
             through = np.flatnonzero(where == number)
             through = through[np.argsort(ids[through])]
             name = self._domain.names[number]
             if self._domain.stops[number]:
-                raise beyond_border(self._state, self._clock, int(removed[through[0]]), name)
-            bodies = self._state.bodies(removed[through])
+                raise beyond_border(state, self._clock, int(removed[through[0]]), name)
+            bodies = state.bodies(removed[through])
             if self.departures is not None:
-                self.departures.add(self._state, bodies, int(number), step)
+                self.departures.add(state, bodies, int(number), step)
             self.left[name][0] += len(bodies)
             self.left[name][1] += float(mass[through].sum())

@@ -88,7 +88,7 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
     """All grains of a scene, group after group in the scene's order.
 
     Grains without ids get the least numbers that no other grain has, running on from group to group. Fillings keep clear of all
-    other grains and of all walls, at their positions at time 0.
+    other grains and of all walls, at their positions at time 0, but for those that their material passes through.
 
     Args:
         scene: Validated scene.
@@ -105,18 +105,24 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
     fills = {k: group.fill for k, group in enumerate(scene.grains) if group.fill is not None}
     walls = place_walls(scene, meshes, wall_poses_at_start(scene)) if fills else []
     templates = clump_templates(scene)
-    spaces = {k: _fill_space(scene, meshes, walls, scene.grains[k], templates, f"{keys[k]}.fill") for k in fills}
+    spaces = {
+        k: _fill_space(scene, meshes, _met(scene, walls, scene.grains[k]), scene.grains[k], templates, f"{keys[k]}.fill")
+        for k in fills
+    }
     groups = {k: _given(scene, group, keys[k], templates) for k, group in enumerate(scene.grains) if k not in fills}
-    fixed = None
-    if groups:
-        fixed = np.concatenate([g.position for g in groups.values()]), np.concatenate([g.radius for g in groups.values()])
-    requests = {k: _request(scene, spaces[k], scene.grains[k], templates, f"{keys[k]}.fill") for k in fills}
-    positions, packings = pack(list(requests.values()), fixed)
-    for (k, request), position in zip(requests.items(), positions, strict=True):
-        if isinstance(position, np.ndarray):
-            groups[k] = GroupFields(position, request.radius, np.zeros_like(position), np.zeros_like(position))
-        else:
-            groups[k] = _filled_with_clumps(scene, scene.grains[k], templates, position)
+    packings: list[Packing] = []
+    for together in _groups_that_meet(scene) if fills else []:
+        given = [groups[k] for k in together if k in groups]
+        fixed = (np.concatenate([g.position for g in given]), np.concatenate([g.radius for g in given])) if given else None
+        filled = [k for k in together if k in fills]
+        requests = {k: _request(scene, spaces[k], scene.grains[k], templates, f"{keys[k]}.fill") for k in filled}
+        positions, took = pack(list(requests.values()), fixed)
+        packings += took
+        for (k, request), position in zip(requests.items(), positions, strict=True):
+            if isinstance(position, np.ndarray):
+                groups[k] = GroupFields(position, request.radius, np.zeros_like(position), np.zeros_like(position))
+            else:
+                groups[k] = _filled_with_clumps(scene, scene.grains[k], templates, position)
     for k, group in enumerate(scene.grains):
         if group.velocities_in == "laboratory":
             groups[k] = _relative_to_frame(groups[k], frame_chain(scene))
@@ -137,6 +143,29 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
         notes=(*(note for space in spaces.values() for note in space.notes), *_clump_notes(scene, templates)),
         clumps=of_groups([group.clumps for group in ordered], counts),
     )
+
+
+def _met(scene: Scene, walls: list[PlacedWall], group: Grains) -> list[PlacedWall]:
+    """The walls that a group does not pass through, and the one that it fills."""
+    names, material = list(scene.materials), {wall.name: wall.material for wall in scene.walls}
+    row = scene.apart[names.index(group.material)]
+    filled = None if group.fill is None else group.fill.wall
+    return [wall for wall in walls if wall.name == filled or not row[names.index(material[wall.name])]]
+
+
+def _groups_that_meet(scene: Scene) -> list[list[int]]:
+    """Numbers of the groups of grains, those together that touch each other, or both a third; in ascending order."""
+    names = list(scene.materials)
+    material, left = [names.index(group.material) for group in scene.grains], list(range(len(scene.grains)))
+    found: list[list[int]] = []
+    while left:
+        together = [left.pop(0)]
+        for k in together:  # grows while it is read
+            near = [other for other in left if not scene.apart[material[k], material[other]]]
+            together += near
+            left = [other for other in left if other not in near]
+        found.append(sorted(together))
+    return found
 
 
 def _fill_space(

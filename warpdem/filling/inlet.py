@@ -96,6 +96,11 @@ class Inlet:
         """Whether grains may be inserted at ``step``."""
         return step >= self.first and (step - self.first) % self.every == 0
 
+    def beside(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Middle and half sizes [m] of the box that no grain reaches into which is not beside the region at ``step``."""
+        low, high = self.place.at(step * self.dt).bounds
+        return 0.5 * (low + high), 0.5 * (high - low) + 0.5 * self.extremes[1]
+
     def insert(
         self, step: int, position: np.ndarray, radius: np.ndarray, nearest: Callable[[np.ndarray], np.ndarray]
     ) -> Insertion:
@@ -108,12 +113,10 @@ class Inlet:
             nearest: maps separations (n, 3) [m] to those of the nearest periodic images.
         """
         stream, place = self.stream, self.place.at(step * self.dt)
-        low, high = place.bounds
         due = brought_by(stream, step * self.dt)
         walls = self.walls.at(step * self.dt) if self.walls is not None else []
-        _, largest = self.extremes
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        beside = (np.abs(nearest(position - middle)) < half + 0.5 * largest + radius[:, None]).all(axis=1)
+        middle, half = self.beside(step)
+        beside = (np.abs(nearest(position - middle)) < half + radius[:, None]).all(axis=1)
         near, size = [position[beside]], [radius[beside]]
         axes = None if place.axes is None else place.axes[0]
         positions, all_drawn, portions = [], [], []

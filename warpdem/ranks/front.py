@@ -19,8 +19,8 @@ from warpdem.kernels import grain
 from warpdem.kernels.measure import window_sum
 from warpdem.model.model import Model
 from warpdem.ranks.cuts import Cuts
-from warpdem.ranks.portion import Portion
-from warpdem.ranks.rank import Rank
+from warpdem.ranks.portion import Portion, Table
+from warpdem.ranks.rank import Rank, nobody
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
 from warpdem.state.clock import Clock
@@ -93,6 +93,7 @@ class Front(RunLoop):
         with world.together():
             self._tell("model", model.given, threads.count)
             self.rank = Rank(world, model, threads)
+            self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
             world.raise_first(None)
 
     def _tell(self, name: str, *arguments: Any) -> None:
@@ -119,12 +120,14 @@ class Front(RunLoop):
             self.prepare()
             return
         clock, world = self._clock, self._world
-        before = clock.step_number
+        before, insertion = clock.step_number, self._streams.next_step()
+        hold = insertion is not None and insertion - before <= count
+        count = insertion - before if hold and insertion is not None else count
         max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
         try:
             with world.together(), self._timers.measure("steps"):
-                self._tell("advance", count, max_overlap)
-                self.rank.advance(count, max_overlap)
+                self._tell("advance", count, max_overlap, hold)
+                self.rank.advance(count, max_overlap, hold)
         except WarpdemError:
             self._show_grains()
             raise
@@ -135,6 +138,40 @@ class Front(RunLoop):
         with world.together():
             self._tell("extremes")
             self._take_extremes(self.rank.extremes())
+        if clock.step_number == insertion:
+            self.insert()
+
+    def insert(self) -> None:
+        """As ``RunLoop``."""
+        if not self._is_dealt:
+            super().insert()
+            return
+        boxes = self._streams.boxes()
+        with self._world.together():
+            self._tell("insert", boxes)
+            self.rank.insert(boxes, self._draw)
+
+    def _draw(self, others: np.ndarray) -> Table:
+        """The grains that streams bring at the present step, beside ``others``."""
+        inserted = self._streams.insert(others)
+        for slots in inserted:
+            self.after_insertion(slots)
+        slots = np.concatenate([np.zeros(0, dtype=np.int64), *inserted])
+        return {name: values[slots] for name, values in self._state.arrays().items()}
+
+    def _count_left(self, grains: Table, where: np.ndarray) -> None:
+        """Count grains that leave; ``where``: number of the outlet of each."""
+        leaving = State.of(self._model, nobody())
+        leaving.restore({**grains, "next_id": 0})
+        self._engine.leavers.count(leaving, np.arange(len(where)), where, self.rank.clock.step_number)
+
+    def _before_leaving(self, whole: Portion, ids: np.ndarray) -> None:
+        """Let the budgets count the grains ``ids`` that are about to leave."""
+        self._clock.step_number = self.rank.clock.step_number
+        self._state.restore({**whole.grains, "next_id": self._state.next_id})
+        self._engine.restore(self._engine.extreme)
+        contact_history.restore(self._engine.lists, whole.data, since=1)
+        self._engine.leavers.before_leaving(np.flatnonzero(np.isin(self._state.id.numpy(), ids)))
 
     def _take_extremes(self, found: np.ndarray) -> None:
         report = self._engine.batch.report.extreme
@@ -157,7 +194,7 @@ class Front(RunLoop):
         state, clock, world = self._state, self._clock, self._world
         view = RunView(self._model, state, clock, self._engine, None, self._engine.lists.view)
         arrays = {name: values[state.rank] for name, values in state.arrays().items()}
-        whole = Portion.of({**contact_history.read(view), **arrays}) if len(state) else Portion(arrays, {}, {})
+        whole = Portion.of({**contact_history.read(view), **arrays})
         position = whole.grains["record"][:, grain.POSITION]
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():

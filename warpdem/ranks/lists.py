@@ -26,12 +26,14 @@ class RankLists(NeighborLists):
     Attributes:
         world: the ranks.
         move_grains: called where outer lists are to be built: deals the grains out anew and builds them.
+        leave: called on all ranks where a grain of some is in an outlet: counts and removes those.
         fast_found: called on all ranks where a grain of some is fast beside a mesh, with whether one is on this rank.
     """
 
     world: World
     move_grains: Callable[[], None]
     fast_found: Callable[[bool], None]
+    leave: Callable[[], None]
 
     @property
     def max_displacement(self) -> float:
@@ -49,6 +51,8 @@ class RankLists(NeighborLists):
         if not (force_rebuild or pending):
             return
         found = self._found_on_all_ranks()
+        if found & IN_OUTLET:
+            self.leave()
         if found & FAST:
             self.fast_found(bool(self._found_here & FAST))
         if force_rebuild or pending & LEFT or found & (OUT_OF_DATE | IN_OUTLET):
@@ -99,6 +103,17 @@ class RankLists(NeighborLists):
         """As ``NeighborLists``."""
         self._last_refresh = self._last_rebuild = self.clock.step_number
         self.rebuild()
+
+    def remove(self, gone: np.ndarray) -> None:
+        """Grains in slots ``gone`` have left the domain."""
+        self._remove(gone)
+
+    def in_outlets(self) -> np.ndarray:
+        """Whether each own grain is in an outlet at present, shape (owned,)."""
+        if not (self.state.slots and self.built and self.model.features.domain.outlets):
+            return np.zeros(self.state.owned, dtype=bool)
+        inside: np.ndarray = (self.build.check(0.0).of_grain[: self.state.owned] & IN_OUTLET) > 0
+        return inside
 
     def rebuild(self) -> None:
         """Build both lists for the grains that are here now."""

@@ -85,6 +85,10 @@ class Portion:
             points = _rows(points, np.argsort(points["wall_contact_grain"], kind="stable"))
         return cls(grains, pairs, points)
 
+    def with_grains(self, new: Table) -> "Portion":
+        """The same with grains that touch nothing yet, whose ids are higher."""
+        return Portion(_joined([self.grains, {name: new[name] for name in self.grains}]), self.pairs, self.points)
+
     def keep_owned_pairs(self) -> None:
         """Keep of the contacts between grains those whose lower id is among the grains: each on one rank."""
         if self.pairs:

@@ -68,6 +68,8 @@ class Rank:
         exchange: keeps ghosts up to date.
         counts: what was done.
         notice: takes a guard's verdict, on rank 0.
+        count_left: takes the grains that leave and the number of the outlet of each, on rank 0.
+        before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
     """
 
     def __init__(self, world: World, model: Model, threads: Threads) -> None:
@@ -79,12 +81,16 @@ class Rank:
         assert isinstance(lists, RankLists) and isinstance(executor, CpuExecutor)
         self.lists = lists
         lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
+        lists.leave = self._leave
         self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
         executor.exchange = self.exchange.address
         self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
         self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
         self._guard = TravelGuard(model)
         self.notice: Callable[[Verdict], None] = lambda verdict: None
+        self.count_left: Callable[[Table, np.ndarray], None] = lambda grains, where: None
+        self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
+        self._new: Table | None = None  # inserted, and in no list yet
         self.counts, self._tried = Counts(), -WAIT
         self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
 
@@ -149,15 +155,24 @@ class Rank:
         both, place = with_ghosts(own, list(ghosts.values()))
         return order, sends, both, place, {rank: len(found["id"]) for rank, found in ghosts.items()}
 
-    def _own(self, forces: bool) -> Portion:
+    @property
+    def _before(self) -> RunView:
+        """The rank one step ago, when the last forces were evaluated."""
+        return replace(self._view, clock=Clock(self.clock.dt, self.clock.step_number - 1))
+
+    def _kept(self) -> int:
+        """Number of own grains that are there."""
+        return int(self.state.here[: self.state.owned].sum())
+
+    def _own(self, view: RunView, forces: bool = True) -> Portion:
         """The own grains with their contacts.
 
         Args:
-            forces: with the forces of the present time, which are known; else as the last force call left them.
+            view: the rank at the time of its last force call.
+            forces: with the forces.
         """
-        state, clock = self.state, self.clock
+        state = self.state
         slots = state.rank[state.rank < state.owned]
-        view = self._view if forces else replace(self._view, clock=Clock(clock.dt, clock.step_number - 1))
         contacts = {k: v for k, v in contact_history.read(view).items() if forces or not k.startswith(OF_FORCES)}
         position = np.flatnonzero(state.rank < state.owned)
         beside = {name: made(contacts[name])[position] for name in contacts.keys() & set(OF_GRAINS)}
@@ -166,9 +181,14 @@ class Rank:
 
     def _move_grains(self) -> None:
         """Deal the grains out anew, and build both lists."""
-        world, mine = self.world, self._own(forces=False)
+        world, mine = self.world, self._own(self._before, forces=False)
+        if self._new is not None:
+            mine = mine.with_grains(self._new)
+            self._new = None
         position = mine.grains["record"][:, grain.POSITION]
-        self._shift_cuts(position, self._loads())
+        loads = np.ones(len(position))
+        loads[: self._kept()] = self._loads()  # those that were inserted have the highest ids
+        self._shift_cuts(position, loads)
         owner = self._cuts.owner(position)
         moved = int((owner != world.rank).sum())
         self.counts.migrated += moved
@@ -180,7 +200,7 @@ class Rank:
         """Work of each own grain [-], in order of id, shape (n,): one for itself, and one for each contact that is listed."""
         state, lists = self.state, self.lists
         if not (state.slots and lists.built):
-            return np.ones(state.owned)
+            return np.ones(self._kept())
         slots = state.rank[state.rank < state.owned]
         listed: np.ndarray = np.diff(lists.row_start.numpy())[slots]
         return 1.0 + listed
@@ -204,8 +224,56 @@ class Rank:
 
     # -- steps ----------------------------------------------------------------------------------
 
-    def advance(self, count: int, max_overlap: float) -> int:
+    def insert(self, boxes: list[tuple[np.ndarray, np.ndarray]], draw: Callable[[np.ndarray], Table] | None = None) -> None:
+        """Insert what streams bring at the present step.
+
+        Args:
+            boxes: of ``Streams.boxes``.
+            draw: gives the new grains from center and radius of those beside the boxes, shape (m, 4), on rank 0.
+        """
+        state = self.state
+        record = state.record.numpy()[: state.owned]
+        here = state.here[: state.owned].copy()
+        if not self._model.features.measures.sums:  # else what is in an outlet leaves only when lists are looked at
+            here &= ~self.lists.in_outlets()
+        record, beside = record[here][:, : grain.RADIUS + 1], np.zeros(int(here.sum()), dtype=bool)
+        for middle, half in boxes:
+            apart = np.abs(self._model.domain.nearest(record[:, grain.POSITION] - middle))
+            beside |= (apart < half + record[:, grain.RADIUS, None]).all(axis=1)
+        found = self.world.gathered(record[beside])
+        new: Table = self.world.comm.bcast(draw(np.concatenate(found)) if draw is not None else None)
+        if len(new["id"]):
+            mine = self._cuts.owner(new["record"][:, grain.POSITION]) == self.world.rank
+            self._new = {name: values[mine] for name, values in new.items()}
+            self.clock.forces_evaluated = False
+
+    def _leave(self) -> None:
+        """Count and remove the own grains that are in an outlet."""
+        gone, where = self.lists.leaving
+        state, world = self.state, self.world
+        if self._model.features.measures.sums:
+            ids = world.gathered(state.id.numpy()[gone])
+            whole = self._whole(self._before)
+            if whole is not None:
+                self.before_leaving(whole, np.concatenate(ids))
+        found = world.gathered(({name: values[gone] for name, values in state.arrays().items()}, where))
+        error = None
+        if found:
+            table = {name: np.concatenate([one[name] for one, _ in found]) for name in found[0][0]}
+            try:
+                self.count_left(table, np.concatenate([of_each for _, of_each in found]))
+            except StabilityError as stop:
+                error = stop
+        world.raise_first(error)
+        self.lists.remove(gone)
+
+    def advance(self, count: int, max_overlap: float, hold: bool) -> int:
         """Run up to ``count`` steps; returns how many were done: fewer where an overlap exceeds ``max_overlap`` [-].
+
+        Args:
+            count: steps.
+            max_overlap: largest allowed overlap over the radius [-].
+            hold: leave the forces after the last step: grains are inserted there.
 
         Raises:
             StabilityError: the run cannot go on.
@@ -213,8 +281,9 @@ class Rank:
         self.engine.batch.control.max_overlap.fill_(max_overlap)
         first, clock = self.clock.step_number, self.clock
         while clock.step_number < first + count:
-            batch = self.world.least(min(first + count - clock.step_number, self.engine.steps_ahead))
-            if self._steps(batch) & TOO_DEEP:
+            left = first + count - clock.step_number
+            batch = self.world.least(min(left, self.engine.steps_ahead))
+            if self._steps(batch, hold=hold and batch == left) & TOO_DEEP:
                 break
         return clock.step_number - first
 
@@ -223,19 +292,19 @@ class Rank:
         if not self.clock.forces_evaluated:
             self._steps(0)
 
-    def _steps(self, count: int) -> int:
+    def _steps(self, count: int, hold: bool = False) -> int:
         """Make the lists valid and run up to ``count`` steps; returns what stopped them, by bits."""
         clock, lists = self.clock, self.lists
         if not clock.forces_evaluated:
-            lists.update()
+            lists.update(grown=self._new is not None)
         if self.state.slots:
             with self._timers.measure("steps"):
-                done, found = self.engine.advance(count, not clock.forces_evaluated)
+                done, found = self.engine.advance(count, not clock.forces_evaluated, hold)
         else:
             done, found = self._steps_without_grains(count)
         clock.step_number += done
         lists.pending |= found & (BEYOND | LEFT)
-        clock.forces_evaluated = not found
+        clock.forces_evaluated = not found and not hold
         return found
 
     def _steps_without_grains(self, count: int) -> tuple[int, int]:
@@ -270,10 +339,15 @@ class Rank:
     def gather(self) -> tuple[Portion, list[np.ndarray]] | None:
         """All grains with the forces of the present time, and the digits of wear of each rank; on rank 0."""
         self.evaluate()
-        mine = self._own(forces=True)
+        whole, wear = self._whole(self._view), self.world.gathered(self.engine.wear_digits)
+        return (whole, wear) if whole is not None else None
+
+    def _whole(self, view: RunView) -> Portion | None:
+        """All grains with the forces of the last force call, at the time of ``view``; on rank 0."""
+        mine = self._own(view)
         mine.keep_owned_pairs()
-        found = self.world.gathered((mine, self.engine.wear_digits))
-        return (Portion.joined(one for one, _ in found), [digits for _, digits in found]) if found else None
+        found = self.world.gathered(mine)
+        return Portion.joined(found) if found else None
 
     def gather_grains(self) -> Table | None:
         """All grains as they are, without contacts; on rank 0."""

@@ -28,14 +28,6 @@ def _missing(scene: Scene) -> Iterator[str]:
         yield "clumps"
     if scene.contact.liquid != "none":
         yield "liquid bridges"
-    if scene.streams:
-        yield "streams"
-    if scene.outlets:
-        yield "outlets"
-    for axis in "xyz":
-        border = getattr(scene.borders, axis, None)
-        if border is not None and border.kind != "periodic":
-            yield f"borders.{axis} of kind {border.kind}"
     for wall in scene.walls:
         if wall.dynamic is not None:
             yield f"walls that move by the load on them ({wall.name})"

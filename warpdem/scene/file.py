@@ -51,7 +51,7 @@ def load_scene(
     else:
         if at is not None:
             raise SceneError(f"{path}: at = {at:g} s: only the result stage of a run (result.usda) has frames to start from")
-        data = _read_toml(file)
+        data = read_tables(file)
     for override in overrides:
         apply_override(data, override, str(path))
     scene = scene_from_dict(data, file.parent, str(path), access, origins)
@@ -94,7 +94,12 @@ def scene_from_dict(
     return scene
 
 
-def _read_toml(file: Path) -> dict[str, Any]:
+def read_tables(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        SceneError: It cannot be read, or is no TOML.
+    """
     try:
         entry = non_file_type(file)
         if entry == "a folder":

@@ -40,11 +40,12 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     springs = springs_width(at)
     own = [name for name in at.names if name not in VECTORS]
     if not contacts.contact_count:
+        real = wp.dtype_to_numpy(features.backend.real)
         none: dict[str, Rows | np.ndarray] = {"pair": np.zeros((0, 2), dtype=np.int64)}
-        none |= {"pair_history": np.zeros((0, max(springs, 1)))}
-        none |= {f"pair_share_{side}": np.zeros((0, force_width)) for side in "ij"}
-        none |= {f"pair_own_{name}": np.zeros(0) for name in own}
-        entries = {f"pair_entry_{side}": np.zeros((0, features.measures.entry_width)) for side in "ij"}
+        none |= {"pair_history": np.zeros((0, max(springs, 1)), dtype=real)}
+        none |= {f"pair_share_{side}": np.zeros((0, force_width), dtype=real) for side in "ij"}
+        none |= {f"pair_own_{name}": np.zeros(0, dtype=real) for name in own}
+        entries = {f"pair_entry_{side}": np.zeros((0, features.measures.entry_width), dtype=real) for side in "ij"}
         return none | (entries if features.measures.energy else {})
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
     assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
@@ -154,11 +155,11 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
         _put_wall_contacts(lists, data, n)
 
 
-def restore(lists: "NeighborLists", data: dict[str, Any]) -> None:
-    """Lists for the present positions with the contact history and the forces of a checkpoint."""
+def restore(lists: "NeighborLists", data: dict[str, Any], since: int = 0) -> None:
+    """Lists for the present positions with the contact history and the forces of a checkpoint, ``since`` steps ago."""
     if len(lists.state) == 0:
         return
-    lists.force_parity = lists.clock.step_number & 1
+    lists.force_parity = (lists.clock.step_number - since) & 1
     remember(lists, data)
     lists.make()
     _put_forces(lists, data)

@@ -50,17 +50,32 @@ class Streams:
         events = [inlet.next_event(self._clock.step_number) for inlet in self.inlets]
         return min((event for event in events if event is not None), default=None)
 
-    def insert(self) -> list[np.ndarray]:
+    def boxes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Middle and half sizes [m] of the boxes beside which the streams that are due at the present step need the grains.
+
+        A grain counts if its center is nearer to the middle than half the size and its radius, along each axis.
+        """
+        step = self._clock.step_number
+        return [inlet.beside(step) for inlet in self.inlets if inlet.is_event(step)]
+
+    def insert(self, others: np.ndarray | None = None) -> list[np.ndarray]:
         """Add what the streams bring at the present step, before its forces are evaluated.
+
+        Args:
+            others: center and radius [m] of the grains that are there beside ``boxes``, shape (m, 4), where they are not in the
+                state; those that were just inserted are.
 
         Returns:
             Memory slots of the new grains, shape (k,), of each stream that brought some.
         """
-        state, step, inserted = self._state, self._clock.step_number, []
+        state, step = self._state, self._clock.step_number
+        inserted: list[np.ndarray] = []
         for inlet in self.inlets:
             if not inlet.is_event(step):
                 continue
             record = state.record.numpy()[state.here]
+            if others is not None:
+                record = np.concatenate([others, *(state.record.numpy()[slots, :4] for slots in inserted)])
             there = record[:, grain.POSITION], record[:, grain.RADIUS]
             new = inlet.insert(step, *there, self._model.domain.nearest)
             if len(new.portion):

@@ -6,7 +6,7 @@ import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -27,14 +27,17 @@ ENDING = 60.0
 """Time that interrupted rows get to write their checkpoints [s]."""
 
 Submit = Callable[[Task], "Future[int]"]
+Factory = Callable[[int, int, Path, int], AbstractContextManager[Submit]]
+"""An executor of your own: called as `executor` without the kind, it gives a context in which rows can be submitted."""
 
-
-def require(kind: str) -> None:
+def require(kind: str | Factory) -> None:
     """Refuse a kind of executor that is unknown or whose library is not installed.
 
     Raises:
         SceneError: with the package to install.
     """
+    if callable(kind):
+        return
     if kind not in KINDS:
         raise SceneError(f"--on {kind}: is unknown; allowed are {', '.join(KINDS)}")
     if kind in LIBRARIES:
@@ -46,16 +49,20 @@ def require(kind: str) -> None:
 
 
 @contextmanager
-def executor(kind: str, workers: int, threads: int, folder: Path, gpus: int) -> Iterator[Submit]:
+def executor(kind: str | Factory, workers: int, threads: int, folder: Path, gpus: int) -> Iterator[Submit]:
     """Something to submit rows to; rows that still run when the block is left by an interrupt write their checkpoints.
 
     Args:
-        kind: one of `KINDS`.
+        kind: one of `KINDS`, or an executor of your own.
         workers: rows at once; of MPI as many as processes were started, less one.
         threads: CPU threads of a row.
         folder: of the sweep, for the logs of SLURM.
         gpus: number of GPUs that local workers share, worker k the GPU k mod ``gpus``; 0 leaves the device to the task.
     """
+    if callable(kind):
+        with kind(workers, threads, folder, gpus) as submit:
+            yield submit
+        return
     if kind == "local":
         with _local(workers, gpus) as submit:
             yield submit

@@ -19,7 +19,7 @@ from warpdem.runs import read
 from warpdem.runs.run import RECORD
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
-from warpdem.sweep.executors import executor, require
+from warpdem.sweep.executors import Factory, executor, require
 from warpdem.sweep.quantities import Quantity
 from warpdem.sweep.row import FINAL, folder_of, record_of, status_of, why
 from warpdem.sweep.table import Row, overrides
@@ -94,6 +94,9 @@ class Sweep:
         return reasons
 
     def _check_quantities(self, scene: Scene) -> None:
+        needing = [quantity.text for quantity in self.quantities if quantity.needs_frame]
+        if needing and not {"vtk", "vtkhdf"} & {*scene.output.formats}:
+            raise SceneError(f'result {needing[0]!r}: the scene writes no frames; let output.formats hold "vtk" or "vtkhdf"')
         headers = [column.header for column in history_columns(scene)]
         for quantity in self.quantities if not scene.phases else ():
             quantity.check(headers)
@@ -156,7 +159,7 @@ class Sweep:
 def run_sweep(
     sweep: Sweep,
     *,
-    on: str = "local",
+    on: str | Factory = "local",
     workers: int = 1,
     threads: int = 1,
     device: str | None = None,
@@ -168,7 +171,7 @@ def run_sweep(
 
     Args:
         sweep: what to run.
-        on: "local", "mpi", "dask" or "slurm".
+        on: "local", "mpi", "dask", "slurm", or an executor of your own.
         workers: rows at once.
         threads: CPU threads of each.
         device: as ``Simulation``; "cuda" gives each local worker a GPU, one after the other.

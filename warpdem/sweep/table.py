@@ -7,6 +7,7 @@ import itertools
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,28 @@ def split_values(text: str) -> list[str]:
     return [value.strip() for value in values]
 
 
+@dataclass(frozen=True)
+class Range:
+    """Values of a key between two numbers of one unit."""
+
+    key: str
+    low: float
+    high: float
+    unit: str
+    """Unit of the numbers; empty for none."""
+    log: bool
+    """Whether equal parts of the range are equal factors."""
+
+    def number(self, share: float) -> float:
+        """The number at a share of the range, from 0 to 1."""
+        return self.low * (self.high / self.low) ** share if self.log else self.low + (self.high - self.low) * share
+
+    def value(self, share: float) -> str:
+        """The same as a value of a row, with its unit."""
+        number = f"{self.number(share):.12g}"
+        return f'"{number} {self.unit}"' if self.unit else number
+
+
 def samples(ranges: Sequence[str], count: int, seed: int) -> list[Row]:
     """Random values that fill their ranges evenly: a Latin hypercube (McKay, Beckman and Conover 1979).
 
@@ -113,33 +136,36 @@ def samples(ranges: Sequence[str], count: int, seed: int) -> list[Row]:
     """
     if not 1 <= count <= MOST_ROWS:
         raise SceneError(f"--count {count}: must be from 1 to {MOST_ROWS}")
-    parsed = {key: (low, high, unit, log) for key, low, high, unit, log in map(_range, ranges)}
+    parsed = {one.key: one for one in (parse_range(text, "--sample ") for text in ranges)}
     check_names(list(parsed), "--sample")
-    random = np.random.default_rng(seed)
-    rows: list[Row] = [{} for _ in range(count)]
-    for key, (low, high, unit, log) in parsed.items():
-        # one value in each of ``count`` equal parts of the range, in random order
-        share = (random.permutation(count) + random.random(count)) / count
-        values = low * (high / low) ** share if log else low + (high - low) * share
-        for row, value in zip(rows, values.tolist(), strict=True):
-            row[key] = f'"{value:.12g} {unit}"' if unit else f"{value:.12g}"
-    return rows
+    shares = latin_hypercube(np.random.default_rng(seed), count, len(parsed))
+    return [{one.key: one.value(share) for one, share in zip(parsed.values(), row, strict=True)} for row in shares.tolist()]
 
 
-def _range(text: str) -> tuple[str, float, float, str, bool]:
-    """Key, least and greatest value, unit, and whether the scale is logarithmic."""
+def latin_hypercube(random: np.random.Generator, count: int, dimensions: int) -> np.ndarray:
+    """Shares of ranges: one value in each of ``count`` equal parts of each, in random order, shape (count, dimensions)."""
+    columns = [(random.permutation(count) + random.random(count)) / count for _ in range(dimensions)]
+    return np.stack(columns, axis=1)
+
+
+def parse_range(text: str, source: str) -> Range:
+    """The range that ``KEY=LOW:HIGH`` or ``KEY=LOW:HIGH:log`` is; ``source`` is what messages begin with.
+
+    Raises:
+        SceneError: it is none.
+    """
     key, _, limits = text.partition("=")
     low, _, rest = limits.partition(":")
     high, _, scale = rest.partition(":")
     ends = [NUMBER.match(end) for end in (low, high)]
     if not key.strip() or scale not in ("", "log") or None in ends:
-        raise SceneError(f"--sample {text}: must be KEY=LOW:HIGH or KEY=LOW:HIGH:log, such as frame.rate='10 rpm:40 rpm'")
+        raise SceneError(f"{source}{text}: must be KEY=LOW:HIGH or KEY=LOW:HIGH:log, such as frame.rate='10 rpm:40 rpm'")
     (least, first), (most, second) = ((float(end[1]), end[2] or "") for end in ends if end is not None)
     if first and second and first != second:
-        raise SceneError(f"--sample {text}: its ends have two units, {first!r} and {second!r}; give one")
+        raise SceneError(f"{source}{text}: its ends have two units, {first!r} and {second!r}; give one")
     if not least < most or (scale and least <= 0.0):
-        raise SceneError(f"--sample {text}: the lesser number must come first{', and be above 0 for log' if scale else ''}")
-    return key.strip(), least, most, first or second, bool(scale)
+        raise SceneError(f"{source}{text}: the lesser number must come first{', and be above 0 for log' if scale else ''}")
+    return Range(key.strip(), least, most, first or second, bool(scale))
 
 
 def overrides(row: Row) -> list[str]:
