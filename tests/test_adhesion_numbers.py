@@ -3,11 +3,14 @@
 import io
 import math
 
+import numpy as np
 import pytest
 from rich.console import Console
+from warpdem.kernels.normal import luding
 from warpdem.kernels.normal.jkr import binding, root
 
 from adhesion import MASS, PULL, PULL_OFF, RADIUS, meeting
+from law_scenes import ELASTIC
 from warpdem import Scene, Simulation
 from warpdem.app import check
 from warpdem.model.adhesion import adhesions
@@ -64,6 +67,38 @@ def test_other_laws_state_what_they_do():
     del data["pairs"][0]["surface_energy"]
     hertz = Scene.model_validate({**data, "contact": {"normal": "hertz", "tangential": "none"}})
     assert adhesions(hertz, simulation().expected) == []
+
+
+def of_pair(normal: str, **keys):
+    """Adhesion of two grains and of a grain and the floor."""
+    pair = {"materials": ["g", "g"], "restitution": 1.0, **keys}
+    return numbers(normal=normal, pairs=[pair]), told(normal=normal, pairs=[pair])
+
+
+def test_sjkr_pulls_at_most_where_its_force_is_least():
+    [grains, wall], text = of_pair("sjkr", cohesion_energy_density=1e5)
+    d = np.linspace(0.0, 5e-6, 200_001)
+    stiffness = 4.0 / 3.0 * ELASTIC * math.sqrt(RADIUS)
+    least = (stiffness * d**1.5 - 1e5 * math.pi * (RADIUS**2 - (RADIUS - d) ** 2)).min()
+    assert wall.pull_off_force == pytest.approx(-least, rel=1e-9)
+    assert grains.pull_off_force == pytest.approx(1.70965808e-4, rel=5e-3)  # to d/R
+    assert (grains.sticking_speed, grains.tabor_number, grains.pressed_by) == (0.0, None, 0.0)
+    assert "1.66 of its weight (granular Bond number); a touch costs nothing" in text and "Tabor" not in text
+
+
+def test_laws_that_yield_are_asked_for_the_pull_after_the_weight():
+    keys = {"stiffness": 100, "unloading_stiffness": 500, "plasticity_depth": 0.016, "adhesion_stiffness": 100}
+    [grains, wall], text = of_pair("luding", **keys)
+    assert grains.pressed_by == wall.pressed_by == pytest.approx(WEIGHT, rel=1e-12)
+    row = {"stiffness": 100.0, "radius": 0.5 * RADIUS, "limit": 500.0, "adhesion": 100.0, "yield_depth": 2e-5}
+    assert grains.pull_off_force == pytest.approx(luding.pull_after(WEIGHT, **row), rel=1e-12)
+    assert f"{grains.bond_number:.3g} of its weight (granular Bond number); after a load of 0.000103 N, its weight" in text
+    # of an impact by pieces, exact: the least force after the largest
+    for load, least in ((4.472135955e-4, 1.38196601125e-4), (1.11803398875e-3, 5.90169943749e-4)):
+        assert luding.pull_after(load, **row) == pytest.approx(least, rel=1e-9)
+    [grains, _], _ = of_pair("edinburgh", surface_energy=0.5, pull_off_force="50 uN")
+    assert 5e-5 < grains.pull_off_force < 5e-4 and grains.tabor_number is None
+    assert of_pair("edinburgh", surface_energy=0, pull_off_force="50 uN")[0][0].pull_off_force == pytest.approx(5e-5, rel=1e-12)
 
 
 def test_check_tells_them():

@@ -95,6 +95,11 @@ WARNED = {
     "frame": ({"frame": {"axis": [0, 0, 1], "rate": 6000.0}}, ["0.06 rad per step", "at most 3.3e-06 s"]),
     "fields": ({"fields": [{"model": "drag", "parameters": {"coefficient": 1.0}}]}, ["external fields", "0.95 rad per step"]),
     "restitution": ({"pairs": pairs(0.02)}, ["pairs[0].restitution = 0.02", "0.05 or more"]),
+    "jumps": (
+        {"contact": {"normal": "dmt", "tangential": "none"}, "pairs": [{**pairs(0.5)[0], "surface_energy": 1e-3}],
+         "engine": {"integrator": "rk4"}, "time": SHORT},
+        ['engine.integrator = "rk4"', 'contact.normal = "dmt" jumps', '"exact_drift"'],
+    ),
     "sizes": (
         {"grains": [{"material": "g", "radii": [1e-3, 2e-2], "positions": [[0, 0, 2e-3], [0.05, 0, 0.03]]}]},
         ["20 times the smallest, 0.002 m wide"],

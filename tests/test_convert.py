@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from usd_stages import validation_errors
 from warpdem import Scene, SceneError, load_scene
 from warpdem.app.cli import app
+from warpdem.scene import pair_keys
 from warpdem.scene.base import FileName
 from warpdem.scene.convert import convert
 from warpdem.scene.file import scene_from_dict
@@ -53,6 +54,52 @@ def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
         assert plain(again) == plain(scene)
         assert again.notes == ()
     assert validation_errors(tmp_path / "b.usda") == []
+
+
+LIQUID = {"surface_tension": 0.0712, "contact_angle": 0.31, "viscosity": 1.1e-3, "roughness": 1.3e-6}
+LAWS = {
+    "hooke": {"stiffness": 1234.5, "tangential_stiffness_ratio": 0.3},
+    "dmt": {"surface_energy": 0.0123, "tail_length": 1.7e-8},
+    "jkr": {"surface_energy": 0.0123},
+    "jkr_fixed_load": {"surface_energy": 0.0123},
+    "sjkr": {"cohesion_energy_density": 12345.6},
+    "luding": {
+        "stiffness": 1234.5, "unloading_stiffness": 2345.6, "plasticity_depth": 0.031, "adhesion_stiffness": 56.7,
+        "tangential_stiffness_ratio": 0.3,
+    },
+    "edinburgh": {
+        "surface_energy": 0.0123, "pull_off_force": 1.1e-5, "plasticity_ratio": 0.61, "tensile_exponent": 2.5,
+        "slope_exponent": 1.5, "tangential_stiffness_ratio": 0.3,
+    },
+    "spring": {"rolling_damping": 0.21},
+    "bridge": LIQUID, "bridge_rabinovich": LIQUID,
+}  # fmt: skip
+"""A value of each key that a law of the package reads."""
+
+
+def test_a_value_of_every_key_of_every_law_is_here():
+    for key, (_, laws) in pair_keys.of_package().items():
+        for _, law in laws:
+            assert key in LAWS[law], (key, law)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_keys_of_contact_laws_come_back_equal_from_every_format(tmp_path, law):
+    [role] = {role for _, laws in pair_keys.of_package().values() for role, name in laws if name == law}
+    contact = {role: law, "twisting": "marshall"}
+    pair = {"materials": ["g", "g"], "restitution": 0.5, "friction": 0.1, **LAWS[law]}
+    scene = scene_from_dict(
+        {
+            "materials": {"g": {"density": 2500, "young_modulus": 1e7, "poisson_ratio": 0.3}}, "contact": contact,
+            "pairs": [pair], "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 0.01]]}], "time": {"end": 1.0},
+        },
+        tmp_path,
+    )  # fmt: skip
+    for again in there_and_back(scene, tmp_path):
+        given = again.pairs[0].model_dump(exclude_unset=True)
+        assert {key: given[key] for key in LAWS[law]} == LAWS[law]
+        assert plain(again) == plain(scene)
+        assert again.notes == ()
 
 
 def everything(folder: Path) -> Scene:

@@ -18,6 +18,7 @@ from warpdem.model.features import (
     FrameFeatures,
     WallFeatures,
 )
+from warpdem.scene.models import model_names
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""
@@ -27,6 +28,9 @@ MOST_REGISTERS = {"pair_forces": 128, "wall_forces": 255, "move": 96}
 """Of the main job's kernels that run at every step: 65 536 on a multiprocessor are shared by its threads."""
 MOST_LOCAL = 400
 """Local memory per thread in plans other than the main job [B]: 40 for a sine, 328 for wall contacts with energies."""
+
+QUICK_LAW = "edinburgh"
+"""The normal law that is compiled in the quick suite too: the longest one, with constants, history and losses of its own."""
 
 MAIN_JOB = Features(
     contact=ContactFeatures(
@@ -102,6 +106,22 @@ def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
         assert resources.frame <= (0 if name == "main job" else MOST_LOCAL), f"{kernel_name}: {resources}"
         if name == "main job":
             assert resources.registers <= MOST_REGISTERS.get(kernel_name, 128), f"{kernel_name}: {resources}"
+
+
+@pytest.mark.parametrize("precision", ["double", pytest.param("mixed", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=() if law == QUICK_LAW else pytest.mark.slow) for law in model_names("normal")]
+)
+def test_every_normal_law_compiles_for_cuda_with_its_losses_and_twisting(folder, law, precision):
+    plan = switched(
+        MAIN_JOB, contact={"normal": law, "twisting": "marshall", "gap": 1e-6}, walls={"meshes": 0, "planes": 1},
+        measures={"energy": True}, backend={"precision": precision},
+    )  # fmt: skip
+    built = compile_kernels(plan)
+    for kernel in (built.graph.pair_forces, built.graph.wall_forces):
+        resources = compiled(kernel, folder)
+        assert 0 < resources.registers <= MOST_REGISTERS["wall_forces"]
+        assert resources.frame <= MOST_LOCAL, f"{law}, {kernel.key}: {resources}"
 
 
 def test_kernels_of_the_start_and_of_the_numbering_compile_for_cuda(folder):

@@ -1,5 +1,6 @@
 """Clumps in USD results: instances where the run has them, their surfaces, and frames that are scenes again."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from pxr import Usd, UsdGeom
 
 import warpdem
 from warpdem.app.run import run_scene
+from warpdem.filling.initial_grains import load_grains
 from warpdem.mesh.sphere_mesh import union_mesh
 from warpdem.usd.clump_groups import clump_groups
 
@@ -16,7 +18,7 @@ SCENE = """
 gravity = [0, 0, -9.81]
 frame = { axis = [0, 1, 0], rate = "60 rpm" }
 time = { end = 0.02, step = "20 us" }
-output = { formats = ["usd"], interval = 0.01 }
+output = { formats = ["usd", "vtk"], interval = 0.01 }
 materials.a = { density = 1000, young_modulus = "5 MPa", poisson_ratio = 0.3 }
 materials.b = { density = 3000, young_modulus = "5 MPa", poisson_ratio = 0.3 }
 pairs = [
@@ -28,6 +30,8 @@ spheres = [{ centre = [0, 0, 0], radius = "2 mm" }, { centre = ["3 mm", 0, 0], r
            { centre = ["3 mm", "3 mm", 0], radius = "1 mm" }]
 [clumps.pair]
 spheres = [{ centre = [0, 0, "1 cm"], radius = "1 mm" }, { centre = [0, 0, "1.1 cm"], radius = "1 mm" }]
+[clumps.spare]
+spheres = [{ centre = [0, 0, 0], radius = 1 }, { centre = [1, 0, 0], radius = 1 }]
 [[grains]]
 name = "first"
 material = "b"
@@ -83,14 +87,51 @@ def test_a_frame_is_a_scene_again(made):
     scene = warpdem.load_scene(folder / "result.usda", overrides=["time.end=0.01"])
     assert not any("Clumps" in note for note in scene.notes)
     again = warpdem.Simulation(scene, device="cpu", threads=1).snapshot()
-    # ids are given anew
+    same(again, snapshot)
+    assert "first" in scene.groups
+
+
+def same(again, snapshot):
+    """Whether grains and clumps are the same, whose ids are given anew."""
     order, there = (np.lexsort(np.round(one.position, 6).T) for one in (again, snapshot))
     for name in ("radius", "mass", "position", "velocity", "spin", "type"):
         assert_allclose(getattr(again, name)[order], getattr(snapshot, name)[there], rtol=1e-9, atol=1e-12)
     order, there = np.argsort(again.clumps.mass), np.argsort(snapshot.clumps.mass)
     for name in ("mass", "radius", "members", "position", "velocity", "spin", "type", "orientation", "angular_momentum"):
         assert_allclose(getattr(again.clumps, name)[order], getattr(snapshot.clumps, name)[there], rtol=1e-9, atol=1e-12)
-    assert "first" in scene.groups
+
+
+def from_vtk(folder, tmp_path, **changes):
+    """The scene that starts from the last frame in VTK."""
+    data = tomllib.loads(SCENE)
+    # a frame stands in its own axes, and so does the new run: only its own motion is left
+    data["grains"] = [
+        {"material": "b", "clump": "pair", "file": "clumps_000002.vtp"},
+        {"material": "a", "file": "grains_000002.vtp"},
+        {"material": "a", "clump": "hook", "file": "clumps_000002.vtp"},
+    ]
+    data["grains"][0] |= changes
+    return warpdem.Scene.model_validate({**data, "base": folder})
+
+
+def test_a_frame_in_vtk_brings_its_clumps_and_spheres(made, tmp_path):
+    folder, snapshot = made
+    same(warpdem.Simulation(from_vtk(folder, tmp_path), device="cpu", threads=1).snapshot(), snapshot)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"file": "grains_000002.vtp"}, r"grains\[0\].file: grains_000002.vtp: has no point array orientation"),
+        ({"file": "none.vtp"}, "no such state file"),
+        ({"file": "g.csv"}, "clumps come from clumps_"),
+        ({"clump": "spare"}, "holds no clump of the type 2, which 'spare' is in the scene; it holds those of 0, 1"),
+    ],
+)
+def test_files_without_the_clumps_are_named(made, tmp_path, changes, reason):
+    with pytest.raises(warpdem.SceneError, match=reason):
+        scene = from_vtk(made[0], tmp_path, **changes)
+        load_grains(scene, {})
 
 
 def test_the_surface_of_a_union_has_no_triangle_inside():

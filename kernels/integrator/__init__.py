@@ -3,8 +3,9 @@
 A file states ``ORDER`` (smooth forces), ``STAGES`` (instants of the force calls in a step, in steps: its length is the number
 of force calls), ``RELATIVE`` (velocities and spins are held relative to the frame; else absolute), ``STORE`` (vectors kept per
 grain between the force calls of a step), ``PREDICTED = True`` where the velocity that dashpots see is v + (dt/2) a with a of
-the force call before, one step ago (``contact.normal_law`` makes up for what that lacks), and, in its docstring, which terms of
-the frame it takes over. ``build`` returns
+the force call before, one step ago (``contact.normal_law`` makes up for what that lacks), ``WEIGHS_JUMPS = False`` where the
+shares of ``contact.jumps`` are not those of its kicks, and, in its docstring, which terms of the frame it takes over. ``build``
+returns
 
     advance(stage, i, state, a, b, row, frames, at, dt, store) -> state     after the force call of ``stage``
     reading(state, a, b, row, frames, at, dt) -> (velocity, spin)           at the instant of the first force call of a step

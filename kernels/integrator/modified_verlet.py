@@ -15,6 +15,7 @@ from warpdem.kernels.step import frame_terms
 from warpdem.kernels.step.schedule import FrameRow, Row
 
 ORDER = 2
+WEIGHS_JUMPS = False
 STAGES = (0.0, 0.0)
 RELATIVE = True
 STORE = 0

@@ -8,6 +8,7 @@ import functools
 from warpdem.kernels.step import runge_kutta
 
 ORDER = 4
+WEIGHS_JUMPS = False
 STAGES = (0.0, 0.5, 0.5, 1.0)
 WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 RELATIVE = True

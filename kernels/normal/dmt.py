@@ -36,6 +36,7 @@ from warpdem.kernels.normal import hertz, jkr
 
 SUMMARY = "Hertz with a constant pull in contact, for hard small grains"
 PASSIVE = True
+JUMPS = True
 TANGENT = hertz.TANGENT
 PAIR = {
     "surface_energy": jkr.PAIR["surface_energy"],

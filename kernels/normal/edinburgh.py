@@ -13,7 +13,8 @@ r"""Edinburgh elasto-plastic adhesion (EEPA) with the exponent 3/2: contacts tha
     C     dashpot of ``hertz``, by the restitution; 1 for none
 
 In EDEM: Constant Pull-off Force f0, Surface Energy w, Contact Plasticity Ratio l, Tensile Exponent X, Tangential Stiffness
-Multiplier k_t/k_n; its Slope Exponent is 1.5 here (for 1 take ``luding``).
+Multiplier k_t/k_n, Slope Exponent 1.5: with another the moduli give no stiffness of loading, and other values are refused (for
+1 take ``luding``).
 
 A contact remembers h^(3/2), which on the branch is forgotten as far as the contact opens, so that pressing again starts from
 there, and the overlap g at which it yielded last, by which d_p, P and k_a = P/d_min^X go. f0 begins and ends at d = 0 and is
@@ -36,6 +37,7 @@ from warpdem.kernels.normal import hertz, hooke, jkr
 
 SUMMARY = "EEPA: Hertz, plastic and adhesive"
 PASSIVE = True
+JUMPS = True
 TANGENT = hertz.TANGENT
 PAIR = {
     "surface_energy": jkr.PAIR["surface_energy"],
@@ -48,6 +50,9 @@ PAIR = {
     "tensile_exponent": PairKey(
         "-", 1.5, 'Power of the adhesion branch [-], > 0: 1 to 5 in halves, default 1.5; only with normal = "edinburgh".',
         positive=True,
+    ),
+    "slope_exponent": PairKey(
+        "-", 1.5, 'Power of loading and unloading [-]: 1.5, default 1.5; only with normal = "edinburgh".', positive=True
     ),
     "tangential_stiffness_ratio": hooke.PAIR["tangential_stiffness_ratio"],
 }  # fmt: skip
@@ -64,6 +69,8 @@ at, memory = columns.scalars(COEFFICIENTS), columns.scalars(HISTORY)
 def problems(pair) -> dict[str, str]:
     """What is wrong with the coefficients of a pair, by key."""
     found = {}
+    if pair.slope_exponent != 1.5:
+        found["slope_exponent"] = 'must be 1.5, the power whose stiffness the moduli give; for 1 take contact.normal = "luding"'
     if pair.plasticity_ratio >= 1.0:
         found["plasticity_ratio"] = "must be below 1, where a contact would be rigid when it opens"
     if pair.tensile_exponent not in [1.0 + 0.5 * k for k in range(9)]:
@@ -229,6 +236,13 @@ def secant(overlap, stiffness, plastic, pull_off, patch, exponent, reach, plasti
 def slope(overlap, stiffness, plastic, pull_off, patch, exponent, reach, plastic_depth, yielded, turned):
     """(3/2) k2 sqrt(d) [N/m], that of the unloading line."""
     return TANGENT * stiffness / (1.0 - plastic) * np.maximum(overlap, 0.0) ** 0.5
+
+
+def pull_after(load, stiffness, radius, plastic, pull_off, patch, exponent, reach, plastic_depth):
+    """Largest pull P - f0 [N] of contacts that were pressed by ``load`` [N]."""
+    deep = np.maximum(load + pull_off, 0.0) / stiffness  # h^(3/2)
+    most = 0.5 * plastic * stiffness / (1.0 - plastic) * deep
+    return np.minimum(patch * (plastic_depth * deep ** (2.0 / 3.0)) ** 0.5, most) + pull_off
 
 
 def energy(overlap, stiffness, plastic, pull_off, patch, exponent, reach, plastic_depth, yielded, turned):

@@ -40,6 +40,7 @@ from warpdem.kernels.normal import hertz
 
 SUMMARY = "adhesion: contacts stick and part at the pull-off distance"
 PASSIVE = True
+JUMPS = True
 TANGENT = hertz.TANGENT
 PAIR = {
     "surface_energy": PairKey(

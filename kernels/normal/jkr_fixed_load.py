@@ -9,8 +9,8 @@ are not pulled by a fixed load: take ``jkr`` otherwise.
 from warpdem.kernels.normal import jkr
 
 SUMMARY = "jkr that ends at the largest pull, as in LAMMPS"
-PASSIVE, TANGENT, PAIR, COEFFICIENTS, HISTORY, LOSSES = (
-    jkr.PASSIVE, jkr.TANGENT, jkr.PAIR, jkr.COEFFICIENTS, jkr.HISTORY, jkr.LOSSES,
+PASSIVE, JUMPS, TANGENT, PAIR, COEFFICIENTS, HISTORY, LOSSES = (
+    jkr.PASSIVE, jkr.JUMPS, jkr.TANGENT, jkr.PAIR, jkr.COEFFICIENTS, jkr.HISTORY, jkr.LOSSES,
 )  # fmt: skip
 TEARS = (3.0 ** (4.0 / 3.0) - 4.0 * 3.0 ** (1.0 / 3.0)) / 3.0
 """D of the largest pull [-], where s^3 = 3."""

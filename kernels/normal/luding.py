@@ -159,6 +159,12 @@ def slope(overlap, stiffness, limit, adhesion, yield_depth, deepest):
     return stiffness + _hardened(np.maximum(deepest, overlap), stiffness, limit, yield_depth)[1]
 
 
+def pull_after(load, stiffness, radius, limit, adhesion, yield_depth):
+    """Largest pull k_c d_c [N] of contacts that were pressed by ``load`` [N]."""
+    yielded, harder = _hardened(load / stiffness, stiffness, limit, yield_depth)
+    return adhesion * harder * yielded / (stiffness + harder + adhesion)
+
+
 def energy(overlap, stiffness, limit, adhesion, yield_depth, deepest):
     """Work of first loading, (1/2) k1 d^2 up to d_p, then at k_p [J]: for estimates of impacts."""
     yielding, beyond = np.minimum(overlap, yield_depth), np.maximum(overlap - yield_depth, 0.0)

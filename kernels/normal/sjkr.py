@@ -93,6 +93,16 @@ def slope(overlap, stiffness, cohesion, reduced_radius, closeness):
     return TANGENT * secant(overlap, stiffness, cohesion, reduced_radius, closeness)
 
 
+def adhesion(stiffness, radius, cohesion, reduced_radius, closeness):
+    """Largest pull [N], energy that a touch costs, none [J], and no third number; at a wall, between grains larger by some d/R.
+
+    With x = sqrt(d) and 2 k_c pi = 8 ``cohesion`` the slope is zero where 2 k x^2 + (3/2) K x - 2 k R* = 0, k = k_c pi.
+    """
+    pull = 4.0 * cohesion
+    root = 4.0 * pull * radius / (1.5 * stiffness + np.sqrt((1.5 * stiffness) ** 2 + 16.0 * pull**2 * radius))
+    return pull * root**2 * (2.0 * radius - root**2) - stiffness * root**3, 0.0, None
+
+
 def energy(overlap, stiffness, cohesion, reduced_radius, closeness):
     """(2/5) K d^(5/2) less the integral of k_c A up to d, by Gauss's rule [J]; 0 beyond contact."""
     depth = np.maximum(overlap, 0.0)

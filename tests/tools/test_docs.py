@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import warpdem
-from dev import docs
+from dev import docs, scene_keys
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (".", "kernels", "scenes", "tests", "tools", "tools/dev/results", "tools/stress/results", "warpdem")
@@ -18,6 +18,13 @@ builds = pytest.mark.skipif(importlib.util.find_spec("zensical") is None, reason
 def slug(heading: str) -> str:
     """Anchor of a heading, as hosts make it."""
     return re.sub(r"[^\w\- ]", "", re.sub(r"`|\*", "", heading).strip().lower()).replace(" ", "-")
+
+
+def test_the_page_of_scenes_has_the_keys_of_the_contact_laws_as_they_are():
+    block = scene_keys.block()
+    assert "* `tail_length` (dmt): Length" in block and "(dmt, edinburgh, jkr, jkr_fixed_load, required)" in block
+    text = scene_keys.PAGE.read_text(encoding="utf-8")
+    assert scene_keys.START + block + scene_keys.END in text, "run tools/dev/scene_keys.py"
 
 
 def test_all_pages_are_looked_at():

@@ -149,6 +149,20 @@ def test_a_contact_that_hangs_at_nine_tenths_of_its_reach_holds_through_lists_re
     np.testing.assert_allclose(started.particles.velocity, whole.particles.velocity, rtol=1e-9)
 
 
+def test_a_contact_that_ends_at_the_largest_pull_goes_on_after_a_resume(tmp_path):
+    whole = Simulation(meeting(0.02, 2e-6, normal="jkr_fixed_load"), device="cpu", threads=1)
+    whole.step(1)
+    while not whole.contacts().overlap[0] < -0.3 * PULL_OFF or whole.contacts().own["depth"][0] == 0.0:
+        whole.step(1)
+    whole.save_checkpoint(tmp_path / "saved.h5")
+    resumed = Simulation.from_checkpoint(tmp_path / "saved.h5", device="cpu", threads=1)
+    for steps, held in ((1, True), (100, False)):
+        for sim in (whole, resumed):
+            sim.step(steps)
+        assert resumed.state_hash() == whole.state_hash()
+        assert (resumed.contacts().own["depth"].max(initial=0.0) > 0.0) == held
+
+
 def chain(count: int) -> Scene:
     """Grains that hang from each other, the first from a ceiling, each at the overlap that carries those below it."""
     weight = 2.0 * MASS * 9.81

@@ -231,6 +231,22 @@ def test_the_rounding_of_a_sharp_edge_does_not_make_two_contacts_of_one(tmp_path
         assert contacts.overlap[0] == pytest.approx(1e-3 * RADIUS - 0.5 * max(shift, 0) ** 2 / RADIUS, abs=1e-4 * RADIUS)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_contact_on_two_facets_of_a_smooth_valley_has_the_depth_of_the_deeper_one(tmp_path, side):
+    """A grain 2 um deep in one facet and 1 um in the other, 5 degrees from it: one contact, whichever facet comes first."""
+    tilt, length = np.radians(2.5), 4e-3
+    corners = [[[x, -length, abs(x) * np.tan(tilt)], [x, length, abs(x) * np.tan(tilt)]] for x in (-length, 0.0, length)]
+    (a, b), (c, d), (e, f) = corners
+    valley = np.array([[a, c, d], [a, d, b], [c, e, f], [c, f, d]])
+    depths = 2e-6, 1e-6
+    # both distances from the planes (side sin, 0, cos) through the edge
+    x = side * 0.5 * (depths[1] - depths[0]) / np.sin(tilt)
+    z = (RADIUS - 0.5 * sum(depths)) / np.cos(tilt)
+    contacts = simulate([write(tmp_path, valley)], [x, 0.3e-3, z]).contacts()
+    assert len(contacts.i) == 1
+    assert contacts.overlap[0] == pytest.approx(depths[0], rel=1e-6)
+
+
 def test_the_error_of_a_tessellated_cylinder_falls_with_the_square_of_its_edges(tmp_path):
     """A grain rolls down inside a tube and up the other side."""
     large = 5 * RADIUS

@@ -15,11 +15,11 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import warp as wp
 from warpdem.kernels.normal import jkr, jkr_fixed_load
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
-from adhesion import DENSITY, ENERGY, MASS, POISSON, RADIUS, REDUCED, YOUNG, constants, contacts
+from adhesion import DENSITY, ENERGY, MASS, POISSON, RADIUS, REDUCED, YOUNG
+from law_probe import Contacts
 
 START, SPEED, STEP, STEPS = 1e-5, 0.5, 4e-9, 5500
 """Overlap at the start [m], speed at which they are drawn apart [m/s], and steps [s]."""
@@ -85,14 +85,15 @@ def main() -> None:
     class Pair:
         surface_energy, restitution = ENERGY, 1.0
 
-    base, _, _, _, of_pair = jkr.coefficients(Grain, Grain, Pair)
-    stiffness, _, pull_off = constants(jkr, wp.float64, base, 0.0, of_pair, [REDUCED], MASS)[0]
     pull = 1.5 * np.pi * ENERGY * REDUCED
     for law in (jkr, jkr_fixed_load):
-        ours, depth = np.zeros(len(overlap)), pull_off
+        made = Contacts(law, jkr.coefficients(Grain, Grain, Pair), REDUCED, MASS)
+        pull_off = made.constants[-1]
+        ours, history = np.zeros(len(overlap)), np.array([[pull_off]])
         for k, d in enumerate(overlap):  # one step after the other: the contact is remembered
-            found = contacts(law, wp.float64, d, overlap[max(k - 1, 0)], depth, stiffness=stiffness, pull_off=pull_off)
-            ours[k], depth = found["force"][0] * (found["now"][0] > 0.0), found["now"][0]
+            found = made.force([d], [overlap[max(k - 1, 0)]], history=history)
+            history = found["history"]
+            ours[k] = found["force"][0] * (history[0, 0] > 0.0)
         both = (ours != 0.0) & (theirs != 0.0)
         ends = [overlap[np.flatnonzero(force)[-1]] / pull_off for force in (ours, theirs)]
         name = law.__name__.rsplit(".", 1)[1]

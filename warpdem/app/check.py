@@ -12,6 +12,7 @@ from rich.table import Table
 
 from warpdem.app import scene_warnings, summary
 from warpdem.app.clump_rows import clump_lines, clump_rows
+from warpdem.app.liquid_lines import bridge_lines
 from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, report_if_long
@@ -19,6 +20,7 @@ from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.adhesion import RANGE, adhesions
 from warpdem.model.features import LEFT_OUT
+from warpdem.model.liquid_numbers import bridges
 from warpdem.model.restitution_error import restitution_error
 from warpdem.output.formats import FORMATS
 from warpdem.scene.motion_chain import largest_rates
@@ -66,6 +68,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "restitution_error": {**asdict(error), "materials": list(error.materials)} if error is not None else None,
         "clumps": clump_rows(scene),
         "adhesion": [{**asdict(one), "materials": list(one.materials)} for one in adhesions(scene, sim.expected)],
+        "bridges": [{**asdict(one), "materials": list(one.materials)} for one in bridges(scene, sim.expected)],
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
@@ -144,11 +147,14 @@ def _adhesion_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     for row in rows:
         other = f"a wall of {row['materials'][1]}" if row["wall"] else row["materials"][1]
         weight = "" if row["bond_number"] is None else f", {row['bond_number']:.3g} of its weight (granular Bond number)"
-        speed = row["sticking_speed"]
+        speed, tabor = row["sticking_speed"], row["tabor_number"]
         sticks = f"undamped impacts stick below {speed:.3g} m/s" if speed else "a touch costs nothing"
+        if speed is None:
+            sticks = f"after a load of {row['pressed_by']:.3g} N, its weight; more after more"
         yield (
             f"adhesion of {row['materials'][0]} (radius {row['radius']:.3g} m) and {other}: pull-off force "
-            f"{row['pull_off_force']:.3g} N{weight}; {sticks}; Tabor number {row['tabor_number']:.3g} (at {RANGE * 1e9:g} nm)"
+            f"{row['pull_off_force']:.3g} N{weight}; {sticks}"
+            f"{'' if tabor is None else f'; Tabor number {tabor:.3g} (at {RANGE * 1e9:g} nm)'}"
         )
     if any(row["sticking_speed"] for row in rows):
         yield (
@@ -193,7 +199,7 @@ def print_description(data: dict[str, Any], console: Console) -> None:
         error = data["restitution_error"]
         console.print(f"error of the restitution there, {error['asked']:g} of {' and '.join(error['materials'])}: "
                       f"{error['mean']:+.2g} in the mean, {error['worst']:+.2g} at worst in a single impact")  # fmt: skip
-    for line in (*clump_lines(data["clumps"]), *_adhesion_lines(data["adhesion"])):
+    for line in (*clump_lines(data["clumps"]), *_adhesion_lines(data["adhesion"]), *bridge_lines(data["bridges"])):
         console.print(line, markup=False)
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:

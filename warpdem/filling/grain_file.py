@@ -2,14 +2,13 @@
 
 import math
 import zipfile
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
-from warpdem.core import memory, reader_process
+from warpdem.core import memory
 from warpdem.errors import SceneError
-from warpdem.filling import vtp_reader
+from warpdem.filling.vtp_file import listed, read_vtp
 from warpdem.scene.units import Quantity
 
 NPZ_KEYS = {
@@ -36,15 +35,14 @@ QUANTITIES = {
 """What the numbers of each field are."""
 CSV_BYTES_PER_BYTE = 3
 """Memory that reading takes at least per byte of a .csv file [-]."""
-VTP_TIME_LIMIT, VTP_BYTES_PER_SECOND = 60.0, 1e6
-"""Time that reading a .vtp file may take [s], with another second for each so many bytes."""
 
 
 def read_grain_file(path: Path, key: str) -> dict[str, np.ndarray | None]:
     """Fields of the grains in a state file: position, radius, velocity, spin (zero when absent), id (or None).
 
     Args:
-        path: .npz with the keys of `NPZ_KEYS`, .csv with a header of `CSV_COLUMNS`, or .vtp with `VTP_ARRAYS`.
+        path: .npz with the keys of `NPZ_KEYS`, .csv with a header of `CSV_COLUMNS`, or .vtp with `VTP_ARRAYS`; members of
+            clumps in it are left out.
         key: Scene key, for messages.
 
     Raises:
@@ -123,7 +121,7 @@ def _read_npz(path: Path, key: str) -> dict[str, np.ndarray]:
                 if present:
                     fields[field] = _array_of(archive, held[present[0]], f"{key}: {present[0]}")
                 elif field in ("position", "radius"):
-                    raise SceneError(f"{key}: has no key {' or '.join(names)}; it has {_listed(held)}")
+                    raise SceneError(f"{key}: has no key {' or '.join(names)}; it has {listed(held)}")
             return fields
     except SceneError:
         raise
@@ -180,20 +178,11 @@ def _read_csv(path: Path, key: str) -> dict[str, np.ndarray]:
 
 
 def _read_vtp(path: Path, key: str) -> dict[str, np.ndarray]:
-    size = path.stat().st_size
-    memory.require(size, key, f"a file of {size} bytes", "take fewer grains")
-    limit = VTP_TIME_LIMIT + size / VTP_BYTES_PER_SECOND
-    said, arrays = reader_process.run_reader(vtp_reader.__file__, [str(path), *VTP_ARRAYS.values(), "clump"], limit, key, "VTK")
-    if (np.asarray(arrays.get("clump", -1)) >= 0).any():
-        raise SceneError(
-            f"{key}: holds members of clumps, which a file of grains cannot bring: start from a checkpoint, with start"
-        )
+    there, arrays = read_vtp(path, [*VTP_ARRAYS.values(), "clump"], key)
     if "radius" not in arrays:
-        raise SceneError(f"{key}: has no point array radius; it has {_listed(said['there'])}")
-    return {"position": arrays["points"], **{field: arrays[name] for field, name in VTP_ARRAYS.items() if name in arrays}}
-
-
-def _listed(names: Iterable[str]) -> str:
-    """The first of some names, as they may be shown."""
-    shown = [ascii(name)[1:-1][:60] for name in names]
-    return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "") or "none"
+        raise SceneError(f"{key}: has no point array radius; it has {there}")
+    alone = np.asarray(arrays.get("clump", np.full(len(arrays["radius"]), -1))) < 0
+    if len(alone) and not alone.any():
+        raise SceneError(f"{key}: holds members of clumps alone: name the clump with clump, and take its clumps_*.vtp")
+    fields = {"position": arrays["points"], **{field: arrays[name] for field, name in VTP_ARRAYS.items() if name in arrays}}
+    return fields if alone.all() else {field: values[alone] for field, values in fields.items()}

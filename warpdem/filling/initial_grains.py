@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpdem.errors import SceneError
+from warpdem.filling.clump_file import ClumpRows, read_clump_file
 from warpdem.filling.clump_grains import InitialClumps, of_groups, placed
 from warpdem.filling.clump_template import ClumpTemplate, clump_templates
 from warpdem.filling.fill_request import HEIGHT_FRACTION, Filling, clump_filling, filling
@@ -239,9 +240,15 @@ def _clump_notes(scene: Scene, templates: dict[str, ClumpTemplate]) -> list[str]
 def _given(scene: Scene, group: Grains, key: str, templates: dict[str, ClumpTemplate]) -> GroupFields:
     """Grains of a group that has positions or a file."""
     if group.clump is not None:
+        template, number = templates[group.clump], list(templates).index(group.clump)
+        if group.file is not None:
+            rows = read_clump_file(scene.resolve(group.file), template, number, f"{key}.file")
+        else:
+            centres = np.array(group.positions, float)
+            rows = ClumpRows(centres, group.explicit_velocities, group.explicit_spins, group.orientations, group.sizes)
         clumps, members = placed(
-            templates[group.clump], list(templates).index(group.clump), scene.materials[group.material].density,
-            np.array(group.positions, float), group.explicit_velocities, group.explicit_spins, group.orientations, group.sizes,
+            template, number, scene.materials[group.material].density, rows.position, rows.velocity, rows.spin,
+            rows.orientation, rows.size,
         )  # fmt: skip
         return GroupFields(*members, clumps=clumps)
     if group.positions is not None:

@@ -164,7 +164,9 @@ class Grains(SceneModel):
         None, description="With clump: factor on the lengths of the clump [-], > 0, shape (n,), default 1."
     )
     file: FileName | None = Field(
-        None, description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill."
+        None,
+        description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill. With clump: "
+        "clumps_*.vtp of a run, of which those of the number of the clump are taken; of grains_*.vtp members are left out.",
     )
     fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
     liquid_content: LiquidContent = LIQUID_CONTENT
@@ -203,8 +205,10 @@ class Grains(SceneModel):
             stray = [key for key in ("orientations", "sizes") if getattr(self, key) is not None]
             reason = "belongs to a clump: name it with clump"
         else:
-            stray = [key for key in (*sizes, "ids", "file") if getattr(self, key) is not None]
-            reason = "cannot be given with clump: give positions or fill, and the sizes of clumps with sizes"
+            stray = [key for key in (*sizes, "ids") if getattr(self, key) is not None]
+            reason = "cannot be given with clump: give positions, file or fill, and the sizes of clumps with sizes"
+            if self.file is not None and Path(self.file).suffix.lower() != ".vtp":
+                raise validation_error([(("file",), self.file, "clumps come from clumps_*.vtp of a run")])
         if stray:
             raise validation_error([((key,), getattr(self, key), reason) for key in stray])
         self._check_fill_of_clumps()

@@ -22,6 +22,7 @@ def pair(w=0.0, f0=0.0, ratio=RATIO, exponent=1.5, restitution=1.0):
     return SimpleNamespace(
         restitution=restitution, surface_energy=w, pull_off_force=f0, plasticity_ratio=ratio, tensile_exponent=exponent,
         tangential_stiffness_ratio=0.7,
+        slope_exponent=1.5,
     )  # fmt: skip
 
 
@@ -66,6 +67,17 @@ def test_impacts_of_the_reference_give_back_what_they_should(pull, least, where,
     assert made.force([begun], TOP, history=history)["force"][0] == pytest.approx(least, rel=1e-9, abs=1e-15)
     given = work(made, TOP, history, begun) + work(made, begun, history)
     assert math.sqrt(2.0 * given / M) / SPEED == pytest.approx(e, rel=1e-9)
+
+
+@pytest.mark.parametrize("w", [energy_of(2e-4), 1e3])
+def test_the_pull_after_a_load_is_the_least_force_on_the_way_out(w):
+    made, load = contacts(w=w, f0=5e-5), 3e-4
+    deepest = ((load + 5e-5) / K1) ** (2 / 3)
+    pressed = made.force([deepest], 0.5 * deepest)
+    assert pressed["force"][0] == pytest.approx(load, rel=1e-12)
+    out = made.force(np.linspace(0.0, deepest, 40_001)[1:], deepest, history=pressed["history"])["force"]
+    own = dict(zip(edinburgh.COEFFICIENTS, made.constants[3:], strict=True))
+    assert edinburgh.pull_after(load, K1, REDUCED, **own) == pytest.approx(-out.min(), rel=1e-4)
 
 
 def test_a_constant_pull_deepens_the_impact_and_takes_what_is_missing_to_part():
@@ -188,7 +200,8 @@ def test_a_run_loses_what_its_budget_tells(w, f0, exponent):
 @pytest.mark.parametrize(
     ("given", "words"),
     [({"plasticity_ratio": 1.0}, "must be below 1"), ({"tensile_exponent": 1.7}, "must be one of 1, 1.5, 2"),
-     ({"tensile_exponent": 6}, "must be one of 1, 1.5, 2"), ({"pull_off_force": -1e-6}, ">= 0")],
+     ({"tensile_exponent": 6}, "must be one of 1, 1.5, 2"), ({"pull_off_force": -1e-6}, ">= 0"),
+     ({"slope_exponent": 1}, "must be 1.5, [^$]*luding")],
 )  # fmt: skip
 def test_what_the_law_cannot_be_is_refused_by_key(given, words):
     [key] = given
