@@ -256,7 +256,7 @@ TABLE = {
     "no mesh": ("walls.1.mesh=tob.stl", ['walls[1].mesh = "tob.stl"', "no such file", "similar files there: tub.stl"]),
     "mesh outside": ("walls.1.mesh=../tub.stl", ['walls[1].mesh = "../tub.stl"', "outside the folders", "--allow-path"]),
     "mesh from the net": ("walls.1.mesh=https://a.b/tub.stl", ["walls[1].mesh", "nothing is read over a network"]),
-    "mesh of another kind": ("walls.1.mesh=tub.step", ["walls[1].mesh", ".stl, .obj, .ply"]),
+    "mesh of another kind": ("walls.1.mesh=tub.iges", ["walls[1].mesh", ".stl, .obj, .ply"]),
     "open mesh": (
         "walls.1.mesh=open.stl",
         ["walls[1].mesh", "open.stl", "3 open edges", "; if it is open on purpose, add open = true to this wall"],
@@ -379,7 +379,7 @@ def test_the_scene_of_the_table_is_sound(folder):
 
 
 def test_all_errors_of_a_file_come_at_once(folder):
-    changes = ["materials.glass.density=0", "pairs.0.fricton=1", "time.end='1 m'", "walls.1.mesh=tub.step"]
+    changes = ["materials.glass.density=0", "pairs.0.fricton=1", "time.end='1 m'", "walls.1.mesh=tub.iges"]
     with pytest.raises(SceneError, match="4 problems"):
         load_scene(folder / "bed.toml", changes)
 
