@@ -55,6 +55,7 @@ PAIR = {
 }
 """Keys of ``[[pairs]]`` of every law of bridges."""
 KEPT = 2  # numbers of the history before those of the law of the bridge: count and late
+DIFFERENCE, LEAST = 1.0e-4, 1.0e-100  # step of the derivatives, over the overlap [-] and at least [m]
 FAR = 2.0  # rupture distances beyond which a bridge ends without a last force: one of its grains has left
 
 
@@ -98,7 +99,7 @@ def build(real, liquid: ModuleType, viscous: bool):
     Own, History = at.vector(real), scalars(history(liquid)).vector(real)
     Bridge, width = liquid.BRIDGE.vector(real), liquid.BRIDGE.width
     rupture, square = liquid.BRIDGE.rupture, liquid.BRIDGE.square
-    first, last = jumps.build(real)
+    share_of = jumps.build(real)
     of_bridge, of_numbers = liquid.build(real), series.build(real)
 
     @wp.func
@@ -132,14 +133,14 @@ def build(real, liquid: ModuleType, viscous: bool):
         holds = there if gap <= far else real(0.0)
         place = gap if holds > real(0.0) else far
         pull = of_bridge.force(place, own[0], bridge)
-        ending = last(overlap, overlap_before, -far)
+        ending = share_of(overlap, overlap_before, -far)
         ending = ending if gap < real(wp.static(FAR)) * far else real(0.0)
         late = before[1] if before[1] > real(0.0) else real(0.0)
         share = holds * (real(1.0) + late) + (there - holds) * ending
 
         touching = real(1.0) if overlap > real(0.0) else real(0.0)
         asks = touching if count == real(0.0) else real(0.0)
-        missed = first(overlap, overlap_before, real(0.0)) if overlap_before <= real(0.0) else real(-1.0)
+        missed = share_of(overlap, overlap_before, real(0.0)) if overlap_before <= real(0.0) else real(-1.0)
         unwetted = touching * (real(wp.static(PENDING)) if asks > real(0.0) else real(wp.static(DRY)))
         now = History()
         now[0] = holds * count + (real(1.0) - there) * unwetted
@@ -232,16 +233,23 @@ def joined(normal: ModuleType, liquid: ModuleType, viscous: bool) -> ModuleType:
         given, d = dry(numbers), depth(overlap)
         if hasattr(normal, "secant"):
             return normal.secant(d, stiffness, **given)
-        step = np.maximum(1.0e-4 * d, 1.0e-150)
+        step = np.maximum(DIFFERENCE * d, LEAST)
         rise = normal.energy(d + step, stiffness, **given) - normal.energy(np.maximum(d - step, 0.0), stiffness, **given)
-        return rise / (2.0 * step * np.maximum(d, 1.0e-150))
+        return rise / (2.0 * step * np.maximum(d, LEAST))
 
-    parts = {"coefficients": coefficients, "own_constants": own_constants, "energy": energy, "secant": secant}
+    def slope(overlap, stiffness, **numbers):  # of the law alone: a bridge adds none in contact, and its energy is large beside
+        given, d = dry(numbers), depth(overlap)  # what changes over a small overlap
+        if hasattr(normal, "slope"):
+            return normal.slope(d, stiffness, **given)
+        step = np.maximum(DIFFERENCE * d, LEAST)
+        around = normal.energy(d + step, stiffness, **given) + normal.energy(np.maximum(d - step, 0.0), stiffness, **given)
+        return (around - 2.0 * normal.energy(d, stiffness, **given)) / step**2
+
+    parts = {"coefficients": coefficients, "own_constants": own_constants, "energy": energy, "secant": secant, "slope": slope}
     if hasattr(normal, "stored"):
         parts["stored"] = stored
-    for name in ("slope", "contact_depth"):
-        if (of_law := getattr(normal, name, None)) is not None:
-            parts[name] = functools.partial(_of_dry, of_law, dry)
+    if (contact_depth := getattr(normal, "contact_depth", None)) is not None:
+        parts["contact_depth"] = lambda overlap, stiffness, **numbers: contact_depth(overlap, stiffness, **dry(numbers))
     if (adhesion := getattr(normal, "adhesion", None)) is not None:
         parts["adhesion"] = lambda stiffness, radius, **numbers: adhesion(stiffness, radius, **dry(numbers))
     for name in ("PASSIVE", "TANGENT", "CLAMPED", "CLOSENESS", "STIFFNESS_KEY", "stiffness", "damped_time", "gap"):
@@ -252,8 +260,3 @@ def joined(normal: ModuleType, liquid: ModuleType, viscous: bool) -> ModuleType:
     parts |= {"DRY": normal, "LIQUID": liquid, "VISCOUS": viscous, "SUMMARY": getattr(normal, "SUMMARY", "")}
     vars(out).update(parts)
     return out
-
-
-def _of_dry(of_law, dry, overlap, stiffness, **numbers):
-    """A reader of the dry law, given its own numbers alone."""
-    return of_law(overlap, stiffness, **dry(numbers))

@@ -21,6 +21,7 @@ import warp as wp
 from warpdem.kernels import KernelSet, series, tiny
 from warpdem.kernels.contact import liquid
 from warpdem.kernels.contact.columns import scalars
+from warpdem.kernels.simd.values import only_where_needed
 
 PAIR, problems = liquid.PAIR, liquid.problems
 SUMMARY = "liquid bridges, Willett's fit to Young-Laplace"
@@ -130,16 +131,24 @@ def build(real):
         work = work * touching * wp.float64(2.0) * half
         return Bridge(real(distance), real(square), real(touching), real(f2), real(f3), real(f4), real(work))
 
+    @only_where_needed
     @wp.func
-    def force(gap: real, pull: real, bridge: Bridge) -> real:
-        """Pull [N]."""
+    def over_touching(needed: real, gap: real, bridge: Bridge) -> real:
+        """Pull over that in contact [-]."""
         square = bridge[wp.static(at.square)]
         square = square if square > real(wp.static(tiny(real))) else real(1.0)  # of a contact without a bridge
         ratio = gap * gap / (real(wp.static(2.0 * np.pi)) * square)
         ratio = ratio if ratio > real(wp.static(NEAREST**2)) else real(wp.static(NEAREST**2))
         apart = real(0.5) * of.log(ratio)
         inner = of.exp((bridge[wp.static(at.f3)] + bridge[wp.static(at.f4)] * apart) * apart)
-        return bridge[wp.static(at.touching)] * of.exp(-bridge[wp.static(at.f2)] * inner)
+        return of.exp(-bridge[wp.static(at.f2)] * inner)
+
+    @wp.func
+    def force(gap: real, pull: real, bridge: Bridge) -> real:
+        """Pull [N]."""
+        opened = gap if bridge[wp.static(at.square)] > real(0.0) else real(0.0)
+        share = over_touching(opened, gap, bridge)
+        return bridge[wp.static(at.touching)] * (share if opened > real(0.0) else real(1.0))
 
     @wp.func
     def work(pull: real, bridge: Bridge) -> real:

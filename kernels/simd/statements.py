@@ -16,7 +16,7 @@ class Source(Expressions):
         adjoint = getattr(function, "adj", None)
         if not isinstance(function, wp.Function) or adjoint is None or function.native_snippet is not None:
             raise NotStraight(f"{getattr(function, 'key', function)} is no Warp function written in Python")
-        self.members, self.name = members, name
+        self.members, self.name, self.function = members, name, function
         self.file, self.first_line = adjoint.filename, adjoint.fun_lineno
         self.tree: Any = ast.parse(adjoint.source).body[0]  # what Warp itself compiles
         func = function.func
@@ -41,6 +41,10 @@ class Source(Expressions):
         if self.tree.args.vararg or self.tree.args.kwarg or self.tree.args.kwonlyargs or self.tree.args.defaults:
             self.fail(self.tree, "only plain arguments are translated")
         head = ", ".join(f"{made.text} {name}_" for made, name in zip(arguments, self.types, strict=True))
+        if getattr(self.function, "only_where_needed", False):
+            needed = arguments[0]
+            asked = f"{self.tree.args.args[0].arg}_ != {needed.text}(0)"
+            self.lines.append(f"if (!__builtin_reduce_or({asked})) return {needed.text}(0);")
         self.block(self.tree.body)
         if self.result is None:
             self.fail(self.tree.body[-1], "no return at the end")

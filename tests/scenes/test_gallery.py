@@ -281,6 +281,19 @@ def test_pile_stands_at_its_angle_of_repose():
 
 
 @pytest.mark.slow
+def test_a_wet_heap_stands_where_a_dry_one_runs_flat():
+    wet, dry = simulation("wet_heap"), simulation("wet_heap", "grains.0.liquid_content=0")
+    brought = wet.liquid().brought
+    for sim in (wet, dry):
+        sim.run(until=sim.scene.time.end)
+    assert 40.0 < cone_angle(wet) < 49.0
+    assert 10.0 < cone_angle(dry) < 15.0
+    assert np.linalg.norm(wet.particles.velocity, axis=1).max() < 5e-3
+    assert 2.4 < wet.liquid().bridge_count / len(wet.state) < 2.9
+    assert wet.liquid().brought == brought
+
+
+@pytest.mark.slow
 def test_chute_in_full():
     loss, count = loss_in_chute(simulation("turning_chute"), until=0.8)
     assert count > 20

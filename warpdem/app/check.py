@@ -12,6 +12,7 @@ from rich.table import Table
 
 from warpdem.app import scene_warnings, summary
 from warpdem.app.clump_rows import clump_lines, clump_rows
+from warpdem.app.liquid_lines import bridge_lines
 from warpdem.app.outputs import Outputs, output_schedule
 from warpdem.app.run import COMPILING, SECONDS_PER_CHUNK
 from warpdem.core.progress import duration_text, report_if_long
@@ -19,6 +20,7 @@ from warpdem.filling.stream_grains import mean_count
 from warpdem.model import needs
 from warpdem.model.adhesion import RANGE, adhesions
 from warpdem.model.features import LEFT_OUT
+from warpdem.model.liquid_numbers import bridges
 from warpdem.model.restitution_error import restitution_error
 from warpdem.output.formats import FORMATS
 from warpdem.scene.motion_chain import largest_rates
@@ -66,6 +68,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "restitution_error": {**asdict(error), "materials": list(error.materials)} if error is not None else None,
         "clumps": clump_rows(scene),
         "adhesion": [{**asdict(one), "materials": list(one.materials)} for one in adhesions(scene, sim.expected)],
+        "bridges": [{**asdict(one), "materials": list(one.materials)} for one in bridges(scene, sim.expected)],
         "steps": steps,
         "bytes_per_grain": sim.plan.bytes_per_grain,
         "memory_bytes": sim.plan.bytes_per_grain * most,
@@ -196,7 +199,7 @@ def print_description(data: dict[str, Any], console: Console) -> None:
         error = data["restitution_error"]
         console.print(f"error of the restitution there, {error['asked']:g} of {' and '.join(error['materials'])}: "
                       f"{error['mean']:+.2g} in the mean, {error['worst']:+.2g} at worst in a single impact")  # fmt: skip
-    for line in (*clump_lines(data["clumps"]), *_adhesion_lines(data["adhesion"])):
+    for line in (*clump_lines(data["clumps"]), *_adhesion_lines(data["adhesion"]), *bridge_lines(data["bridges"])):
         console.print(line, markup=False)
     console.print(f"memory about {data['memory_bytes'] / 1e6:.1f} MB ({data['bytes_per_grain']} B per grain)")
     if "estimated_seconds" in data:

@@ -66,6 +66,8 @@ def limit_rows(sim: Simulation) -> list[dict[str, Any]]:
         ("travel", "limit of travel beside meshes", found.travel, 0.5),
         ("skin", "half the skin of the lists crossed", travel, None),
     ]
+    if math.isfinite(found.thin_gap):
+        rows.append(("liquid", "dashpot of the thinnest liquid gap", found.thin_gap, 1.0))
     return [
         {
             "key": key,

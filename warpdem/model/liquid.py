@@ -50,7 +50,7 @@ def contents(scene: Scene) -> np.ndarray:
     return np.array(list(out.values()), dtype=float)
 
 
-def _most(scene: Scene, largest: float) -> float:
+def largest_share(scene: Scene, largest: float) -> float:
     """Volume that a film gives to a bridge at most [m3]; ``largest``: radius of the largest grain [m]."""
     film = float(contents(scene).max(initial=0.0)) * 4.0 / 3.0 * np.pi * largest**3
     thickness = max((wall.liquid_film for wall in scene.walls), default=0.0)
@@ -72,7 +72,7 @@ def liquid_of(scene: Scene, largest: float, real: type) -> Liquid | None:
     quantum = QUANTUM[real] * 4.0 / 3.0 * np.pi * largest**3
     if scene.start is not None and scene.start.liquid is not None:
         quantum = scene.start.liquid[0]  # whole counts stay whole
-    most = min(2.0 * np.floor(0.5 * _most(scene, largest) / quantum), 0.5 * LARGEST[real])
+    most = min(2.0 * np.floor(0.5 * largest_share(scene, largest) / quantum), 0.5 * LARGEST[real])
     return Liquid(quantum, float(most), contents(scene), np.array([wall.liquid_film for wall in scene.walls], dtype=float))
 
 
@@ -80,7 +80,7 @@ def longest_rupture(scene: Scene, largest: float) -> float:
     """Longest rupture distance of a bridge [m]; ``largest``: radius of the largest grain [m]."""
     if scene.contact.liquid == "none":
         return 0.0
-    law, volume = model("liquid", scene.located(scene.contact.liquid)), 2.0 * _most(scene, largest)
+    law, volume = model("liquid", scene.located(scene.contact.liquid)), 2.0 * largest_share(scene, largest)
     angles = [getattr(pair, "contact_angle", 0.0) for pair in scene.pairs if pair.contact]
     return max((float(law.rupture(volume, 0.5 * largest, np.cos(angle))) for angle in angles), default=0.0)
 

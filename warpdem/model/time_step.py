@@ -6,6 +6,7 @@ contact time      of an undamped impact at max_speed, from the energy of the nor
 stability limit   of a contact, and of a packing under its own weight: ``stability_limit``
 frame             0.02 / Omega_max (nested rotations: of the sum of their largest rates)
 travel            s r / max_speed beside meshes, see ``travel``
+thin liquid gap   0.3 m*/c_n of a viscous bridge at its least gap: ``liquid_numbers``
 external fields   0.1 / the largest rate at which one changes a grain's motion: sqrt(k/m), c/m, e B/m
 
 Stiffnesses are those at the largest overlap of an impact at ``max_speed``; beyond the limit of that one contact a given step is
@@ -31,6 +32,7 @@ from warpdem.model.coefficients import coefficient_columns
 from warpdem.model.contact_cases import contact_cases, impact_of, limits_at
 from warpdem.model.expected_load import fall_speed, weight_per_area
 from warpdem.model.impact import damped_time, impact, own_of, pressed
+from warpdem.model.liquid_numbers import thin_gap_limit
 from warpdem.model.travel import longest_step
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
@@ -68,6 +70,8 @@ class Limits:
     """Deepest overlap of an undamped impact at ``max_speed`` over the smaller radius [-]."""
     contact_steps: int
     """Steps in the contact time that "auto" takes at least."""
+    thin_gap: float = math.inf
+    """Longest step that leaves the dashpot of the thinnest liquid gap as it is [s]."""
 
     @property
     def candidates(self) -> dict[str, float]:
@@ -79,6 +83,7 @@ class Limits:
             f"{FRAME_ANGLE} rad of the frame": self.frame,
             f"{FIELD_ANGLE} rad of the external fields": self.field,
             "half the limit of travel beside meshes": 0.5 * self.travel,
+            "the dashpot of the thinnest liquid gap": self.thin_gap,
         }
         if self.max_speed == 0.0:  # what will move grains is not known: fields, walls that a program drives
             found[f"{UNKNOWN_SHARE:.0%} of the Rayleigh time, as no speed is known"] = UNKNOWN_SHARE * self.rayleigh
@@ -137,6 +142,7 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
         damped_contact=float(damped),
         overlap=float(overlap),
         contact_steps=CONTACT_STEPS[scene.time.accuracy],
+        thin_gap=thin_gap_limit(scene, contact_cases(scene, start)),
     )
 
 

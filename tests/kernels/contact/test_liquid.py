@@ -75,6 +75,16 @@ def test_what_a_bridge_holds_is_lost_as_it_forms():
     assert held[0] == pytest.approx(hertz.energy(2e-6, 3e5) - work - 2e-6 * PULL, rel=1e-12)
 
 
+def test_stiffness_is_that_of_the_law_alone():
+    law, _ = contacts()
+    own = {"bridge_pull": PULL, "bridge_wetting": 1.0, "bridge": 1.0, "bridge_late": 0.0, "bridge_rupture": FAR,
+           "bridge_square": SQUARE}  # fmt: skip
+    d = np.array([1e-10, 1e-6])
+    np.testing.assert_allclose(law.secant(d, 3e5, **own), 3e5 * np.sqrt(d), rtol=1e-6)
+    np.testing.assert_allclose(law.slope(d, 3e5, **own), 4.5e5 * np.sqrt(d), rtol=1e-6)
+    assert law.slope(np.array([-1e-6]), 3e5, **own)[0] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_viscous_dashpots_of_the_gap():
     eta, rough = 0.1, 1e-6
     _, made = contacts(viscous=(eta, rough))
