@@ -1,7 +1,7 @@
 """Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE ...``.
 
-Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. Cuts are moved at random at every outer list, so
-that many grains change hands.
+Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
+half, and three resume it. Cuts are moved at random at every outer list, so that many grains change hands.
 """
 
 import sys
@@ -29,18 +29,23 @@ def main() -> None:
 
     rank.shifted, rank.IMBALANCE, rank.WAIT = thrown, 0.0, 0
     for task in sys.argv[2].split(","):
-        name, size = task.split("-")
-        here = MPI.COMM_WORLD.rank < int(size)
-        part = MPI.COMM_WORLD.Split(int(here))
-        if not here:
-            continue
-        world = World(part)
-        if world.rank:
-            if serve(world):
-                sys.exit(1)  # rank 0 has failed, and will not come to the next scene
-            continue
-        with leading(world):
-            run_scene(SCENES[name](), folder / task, quiet=True, picture=False, threads=1 + int(size == "2"))
+        name, sizes = task.split("-")
+        scene, each = SCENES[name](), list(map(int, sizes.split("+")))
+        for part, size in enumerate(each):
+            here = MPI.COMM_WORLD.rank < size
+            some = MPI.COMM_WORLD.Split(int(here))
+            if not here:
+                continue
+            world = World(some)
+            if world.rank:
+                if serve(world):
+                    sys.exit(1)  # rank 0 has failed, and will not come to the next scene
+                continue
+            until = scene.time.end * (part + 1) / len(each)
+            with leading(world):
+                run_scene(
+                    scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0
+                )
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -14,6 +15,7 @@ from warpdem.measure.dimensionless import Turning
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time
 from warpdem.model.time_step import contact_time
+from warpdem.ranks.front import Front
 from warpdem.runs.history import TIME
 from warpdem.scene.servo import Servo
 from warpdem.simulation import Simulation
@@ -57,6 +59,21 @@ def rates_line(rates: dict[str, float]) -> str:
         named = ", ".join(same[:2] if others else same) + others
         lines.append(f"{named} at up to {rate:.4g} rad/s = {rate * 30.0 / math.pi:.4g} rpm")
     return f"turns: {'; '.join(lines)}"
+
+
+def ranks_text(ranks: list[dict[str, Any]]) -> str:
+    """What the ranks of a run did, from ``Front.report``: share of work, ghosts, bytes and time of the exchanges."""
+    grains, ghosts = (sum(rank[name] for rank in ranks) for name in ("grains", "ghosts"))
+    if not grains or not ranks[0]["exchanges"]:
+        return f"{len(ranks)}"
+    waiting = [rank["waiting"] / max(rank["seconds"].get("steps", 0.0), 1e-9) for rank in ranks]
+    sent = max(rank["bytes"] / rank["exchanges"] for rank in ranks)
+    most = max(rank["grains"] for rank in ranks) * len(ranks) / grains
+    return (
+        f"{len(ranks)}, the largest with {most:.2f} of the mean of grains; {ghosts / grains:.1%} ghosts; up to "
+        f"{sent / 1e3:.3g} kB sent per step; {min(waiting):.0%} to {max(waiting):.0%} of the steps' time in exchanges; "
+        f"{sum(rank['migrated'] for rank in ranks)} grains went to another rank"
+    )
 
 
 def turning_line(turning: Turning) -> str:
@@ -119,6 +136,8 @@ def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder
     table.add_row("lists", f"{sim.lists.rebuilds} builds of the outer neighbor list, {sim.lists.inner_rebuilds} of the "
                            f"inner, skin {sim.lists.skin:.3g} m")  # fmt: skip
     met = sim.extremes
+    if isinstance(sim.loop, Front):
+        table.add_row("ranks", ranks_text(sim.loop.report()))
     table.add_row("largest overlap", f"{met['pair_overlap_share']:.3%} of the radius between grains, "
                                      f"{met['wall_overlap_share']:.3%} at walls")  # fmt: skip
     table.add_row("largest approach speed", f"{met['pair_approach_speed']:.3g} m/s between grains, "

@@ -161,6 +161,7 @@ class Front(RunLoop):
 
     def _count_left(self, grains: Table, where: np.ndarray) -> None:
         """Count grains that leave; ``where``: number of the outlet of each."""
+        self._clock.step_number = self.rank.clock.step_number  # which an error names
         leaving = State.of(self._model, nobody())
         leaving.restore({**grains, "next_id": 0})
         self._engine.leavers.count(leaving, np.arange(len(where)), where, self.rank.clock.step_number)

@@ -4,10 +4,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
+from scipy.integrate import solve_ivp
 from warpdem.kernels.normal import hertz, jkr
 
 from adhesion import ENERGY, MASS, POISSON, PULL, PULL_OFF, REDUCED, YOUNG, contacts
 from law_probe import Contacts
+from law_scenes import HERTZ
 
 SOFT = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 UNIT = {"stiffness": 1.0 / math.sqrt(3.0), "pull_off": 1.0}  # F_c = d_c = 1
@@ -120,6 +122,39 @@ def test_a_contact_that_is_found_at_the_start_counts_in_full_and_loses_nothing(r
     at_rest = contacts(jkr, real, [0.0, -0.3], [0.0, -0.3], 0.0, **UNIT)
     assert all(np.isfinite(value).all() for value in at_rest.values())
     assert (at_rest["force"] == 0.0).all()
+
+
+def impact(speed, restitution=1.0, wall=False):
+    """Restitution, time of contact [s], largest overlap [m] and when [s], by the equation of motion."""
+    stiffness, pull, pull_off, mass = HERTZ, 1.5 * math.pi * ENERGY * REDUCED, PULL_OFF, MASS
+    if wall:  # R* and m* are twice those of two grains
+        stiffness, pull, pull_off, mass = stiffness * 2**0.5, 2.0 * pull, pull_off * 2 ** (1 / 3), 2.0 * mass
+    damping = -math.sqrt(5.0) * math.log(restitution) / math.hypot(math.log(restitution), math.pi) * math.sqrt(mass * stiffness)
+    unit = pull_off / speed  # of time; lengths in d_c
+
+    def rate(_, y):
+        s = float(jkr.root(y[0]))
+        dashpot = damping * (pull_off * s**4 / 3.0) ** 0.25 * y[1] * speed
+        return [y[1], -(pull * (s**6 - 6.0 * s**3) / 9.0 + dashpot) * unit / (mass * speed)]
+
+    def parts(_, y): return y[0] + 1.0  # fmt: skip
+    def turns(_, y): return y[1]  # fmt: skip
+    parts.terminal, parts.direction, turns.direction = True, -1, -1
+    out = solve_ivp(rate, (0, 1e4), [0.0, 1.0], events=[parts, turns], method="DOP853", rtol=1e-13, atol=1e-14)
+    [[_, left]], [deepest, *_] = out.y_events
+    return -left, out.t_events[0][0] * unit, deepest[0] * pull_off, out.t_events[1][0] * unit
+
+
+def test_impacts_integrated_are_those_of_the_reference():
+    for given, wanted in (
+        ((0.02,), (0.902240030518, 5.27090413841e-4, 3.68333406693e-6, 2.40293542146e-4)),
+        ((0.1,), (0.996273799167, 3.36083069259e-4, 1.12957476594e-5)),
+        ((0.1, 1.0, True), (0.995302996948, 3.87734256579e-4)),
+    ):
+        np.testing.assert_allclose(impact(*given)[: len(wanted)], wanted, rtol=1e-10)
+    speeds = [0.02, 0.05, 0.1, 0.5, 2.0]
+    wanted = [0.671223462, 0.8400285197, 0.8716659854, 0.8921415229, 0.8968231238]
+    np.testing.assert_allclose([impact(v, 0.9)[0] for v in speeds], wanted, rtol=2e-10)
 
 
 def test_dashpot_goes_by_the_effective_overlap(real):

@@ -1,0 +1,94 @@
+"""How a run over ranks ends: errors, signals and a killed rank."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mpi4py")
+
+from warpdem.ranks import launcher
+
+SCENE = """
+gravity = [9, 0, -9]
+[materials.a]
+density = 2500
+young_modulus = "5 MPa"
+poisson_ratio = 0.3
+[[pairs]]
+materials = ["a", "a"]
+restitution = 0.5
+friction = 0.3
+[[grains]]
+material = "a"
+radius = 0.001
+positions = [[0, 0, 0], [0.003, 0, 0], [0.006, 0, 0], [0.009, 0, 0]]
+[borders]
+x = { max = END, kind = "stop" }
+[time]
+end = 2
+max_speed = 1
+[output]
+interval = 2
+checkpoint_wall_time = 0.1
+"""
+
+
+def command(folder: Path, ranks: int, *options: str) -> list[str]:
+    begin = launcher.command(ranks)[0] if ranks > 1 else []
+    warpdem = [sys.executable, "-m", "warpdem", "run", str(folder / "scene.toml"), "--out", str(folder / "out")]
+    return [*begin, *warpdem, "--quiet", "--no-picture", "--threads=1", *options]
+
+
+def environment() -> dict[str, str]:
+    return launcher.command(2)[1]
+
+
+def test_an_error_is_told_once_and_ends_all(tmp_path):
+    """A grain of the last rank is beyond a border that stops the run."""
+    (tmp_path / "scene.toml").write_text(SCENE.replace("END", "0.0095"))
+    said = []
+    for ranks in (1, 2):
+        run = [*command(tmp_path, ranks), "--overwrite"]
+        done = subprocess.run(run, env=environment(), capture_output=True, text=True, timeout=200)
+        assert done.returncode == 3
+        said.append(next(line for line in done.stderr.splitlines() if line.startswith("error:")))
+        assert done.stderr.count("error:") == 1
+        assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "stopped itself"
+    assert said[0] == said[1]
+
+
+def last_rank(folder: Path, launched: int) -> int:
+    """Process of a rank that runs the scene in ``folder``, which the process ``launched`` has started."""
+    pattern = f"python.*-m warpdem run {folder}"
+    found = subprocess.run(["pgrep", "-f", pattern], capture_output=True, text=True).stdout.split()
+    return max(int(number) for number in found if int(number) != launched)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["Ctrl-C", "killed rank"])
+def test_what_ends_before_its_end_can_go_on(tmp_path, how):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("END", "100"))
+    process = subprocess.Popen(command(tmp_path, 2), env=environment(), stderr=subprocess.PIPE, text=True)
+    saved = tmp_path / "out" / "checkpoint.h5"
+    begin = time.monotonic()
+    while not saved.exists() or time.time() - saved.stat().st_mtime > 1.0:
+        assert process.poll() is None and time.monotonic() - begin < 120
+        time.sleep(0.2)
+    time.sleep(1.0)
+    if how == "Ctrl-C":
+        process.send_signal(signal.SIGINT)
+    else:
+        os.kill(last_rank(tmp_path, process.pid), signal.SIGKILL)
+    code = process.wait(30)
+    assert code == 130 if how == "Ctrl-C" else code != 0
+    went_on = subprocess.run(command(tmp_path, 1, "--resume"), env=environment(), timeout=300)
+    assert went_on.returncode == 0
+    resumed = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert subprocess.run(command(tmp_path, 1, "--overwrite"), timeout=300).returncode == 0
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["state_hash"] == resumed["state_hash"]
