@@ -25,6 +25,7 @@ from warpdem.kernels import KernelSet, grain
 
 WIDTH = {False: 2, True: 8}  # numbers of ``inverse``, by whether there are clumps
 NONE = -1  # clump of a grain of its own
+vec6 = wp.types.vector(6, wp.float64)
 Reading = wp.types.vector(9, wp.float64)  # velocity [m/s], spin [rad/s], angular momentum [N m s]
 
 
@@ -48,6 +49,8 @@ def build(clumps: bool):
         rate: wp.array(dtype=wp.vec4d)  # (c,) 1/m [1/kg], 1/I_1, 1/I_2, 1/I_3 [1/(kg m2)]
         first: wp.array(dtype=wp.int32)  # (c,) slot of the first member
         count: wp.array(dtype=wp.int32)  # (c,) members
+        drive: wp.array(dtype=vec6)  # (c,) acceleration of the centre [m/s2] and torque [N m] of the step
+        rotation: wp.array(dtype=wp.vec4d)  # (c,) over the step, unit quaternion less 1, of ``step.free_rotation``
         reading: wp.array(dtype=Reading)  # (c,) motion at the time of the last reading
         of_grain: wp.array(dtype=wp.int32)  # (n,) clump that a grain belongs to, or NONE
         arm: wp.array(dtype=wp.vec3d)  # (n,) place of a member in the principal axes [m]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 import warpdem
 from warpdem.filling.initial_grains import load_grains
@@ -44,6 +45,17 @@ def test_a_box_is_filled_to_the_fraction_that_is_asked_for(spheres, fraction):
     assert (grains.position - grains.radius[:, None]).min() > -1e-9
     assert (grains.position + grains.radius[:, None]).max() < 1.5e-2 + 1e-9
     assert not grains.velocity.any()
+
+
+@pytest.mark.slow
+def test_dumbbells_pack_denser_than_spheres():
+    """In the middle of a filling, which knows no friction: 0.714 of dumbbells 1.4 long; fillings of spheres reach 0.61."""
+    dumbbell = [{"centre": [0, 0, z], "radius": 5e-4} for z in (0.0, 4e-4)]
+    grains = load_grains(scene({"solid_fraction": 0.68, "seed": 1}, dumbbell), {})
+    check_whole(grains)
+    points = np.random.default_rng(0).uniform(2.5e-3, 1.25e-2, (40_000, 3))
+    distance, _ = cKDTree(grains.position).query(points)
+    assert (distance < 5e-4).mean() > 0.70, "spheres reach 0.61"
 
 
 def test_directions_are_random_and_the_same_again():

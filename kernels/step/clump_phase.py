@@ -113,36 +113,51 @@ def build(
             )
 
     @wp.func
-    def move(
-        c: int, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
-        max_displacement: wp.float64,
-    ) -> int:  # fmt: skip
-        """As ``move_phase``, of clump ``c`` and all its members: where its centre is decides on borders and outlets."""
+    def drive(
+        c: int, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control
+    ):  # fmt: skip
+        """What acts on clump ``c`` over the step in row ``s``, and the budgets."""
         row = control.row[s]
         dt = model.dt
         all = grains.clumps
         total = clumps.total_load(c, all, grains.row_start, grains.row, wall_contacts)
         a, torque = clumps.accelerations(c, total, all, row, control.frame, s, dt, control.field)
-        first = all.first[c]
         if wp.static(budget is not None):
             motion = clumps.motion_now(c, a, torque, all, row, control.frame, s, dt)
             add_to_budget(c, motion, s, model, grains, wall_contacts, control)
+        all.drive[c] = vec6(a[0], a[1], a[2], torque[0], torque[1], torque[2])
+
+    @wp.func
+    def advance(c: int, s: int, model: Model, grains: Grains, control: Control):
+        """Move clump ``c`` over the step, by what ``drive`` found."""
+        row = control.row[s]
+        all = grains.clumps
         before = g.position(all.record[c])
-        reached = clumps.advance(c, a, torque, grains, row, control.frame, s, dt)
+        reached = clumps.advance(c, grains, row, control.frame, s, model.dt)
         if wp.static(flow is not None):
             flow(
-                first, before, reached, wp.float64(1.0) / all.rate[c][0], control.plane, control.frame, s, s + 1, grains.flow
-            )
+                all.first[c], before, reached, wp.float64(1.0) / all.rate[c][0], control.plane, control.frame, s, s + 1,
+                grains.flow,
+            )  # fmt: skip
         if wp.static(border.images > 1):
             if wp.static(budget is not None):
                 add_image_shift(c, g.position(all.record[c]) - reached, row, grains)
+
+    @wp.func
+    def follow(
+        c: int, s: int, model: Model, grains: Grains, control: Control, max_displacement: wp.float64
+    ) -> int:  # fmt: skip
+        """Take the members of clump ``c`` along; returns as ``move_phase``: where its centre is decides on outlets."""
+        all = grains.clumps
+        clumps.write_members(c, grains, model.dt)
+        first = all.first[c]
         moved = int(0)
         for i in range(first, first + all.count[c]):
             state = grains.record[i]
             if wp.static(orientation is not None):
-                grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
+                grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), control.row[s], model.dt)
             moved = moved | travel.displaced(
-                i, state, grains.reference, grains.flight, control.placement, control.origin, s + 2, dt, max_displacement
+                i, state, grains.reference, grains.flight, control.placement, control.origin, s + 2, model.dt, max_displacement
             )
         return moved | travel.left(g.position(all.record[c]), control.outlet, control.placement, s + 2)
 
@@ -180,4 +195,4 @@ def build(
         if wp.static(budget.momentum):
             momenta_out[i] = grains.momenta[i] + momenta(c, i, half, s, model, grains, wall_contacts, control)
 
-    return KernelSet(move=move, read=read, read_budget=read_budget)
+    return KernelSet(drive=drive, advance=advance, follow=follow, read=read, read_budget=read_budget)

@@ -44,17 +44,35 @@ def spin_of(axes: wp.mat33d, momentum: wp.vec3d, rate: wp.vec4d) -> wp.vec3d:
 
 @wp.func
 def inverse_inertia(axes: wp.mat33d, rate: wp.vec4d) -> wp.mat33d:
-    """J = I^-1 in frame axes [1/(kg m2)]."""
-    return axes * wp.diag(principal_rates(rate)) * wp.transpose(axes)
+    """J = I^-1 in frame axes [1/(kg m2)], which is symmetric."""
+    x = wp.cw_mul(axes[0], principal_rates(rate))
+    y = wp.cw_mul(axes[1], principal_rates(rate))
+    xx = wp.dot(x, axes[0])
+    xy = wp.dot(x, axes[1])
+    xz = wp.dot(x, axes[2])
+    yy = wp.dot(y, axes[1])
+    yz = wp.dot(y, axes[2])
+    zz = wp.dot(wp.cw_mul(axes[2], principal_rates(rate)), axes[2])
+    return wp.mat33d(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
 @wp.func
 def member_inverse(inv: vec8, j: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8:
-    """``inverse`` of a member at ``r`` [m] from the centre, with B of these axes; ``j``: J."""
-    x = wp.cross(j * wp.vec3d(wp.float64(0.0), r[2], -r[1]), r)  # J (r x e) x r = [r]^T J [r] e
-    y = wp.cross(j * wp.vec3d(-r[2], wp.float64(0.0), r[0]), r)
-    z = wp.cross(j * wp.vec3d(r[1], -r[0], wp.float64(0.0)), r)
-    return vec8(inv[0], inv[1], rate[0] + x[0], x[1], x[2], rate[0] + y[1], y[2], rate[0] + z[2])
+    """``inverse`` of a member at ``r`` [m] from the centre, with B of these axes, [r]^T J [r] written out; ``j``: J."""
+    x = r[0]
+    y = r[1]
+    z = r[2]
+    a = j[0, 1] * z - j[0, 2] * y  # J (r x e) by columns: of e_x the y and z of J, and so on
+    b = j[1, 1] * z - j[1, 2] * y
+    c = j[1, 2] * z - j[2, 2] * y
+    d = j[0, 2] * x - j[0, 0] * z
+    f = j[2, 2] * x - j[0, 2] * z
+    h = j[0, 0] * y - j[0, 1] * x
+    k = j[0, 1] * y - j[1, 1] * x
+    return vec8(
+        inv[0], inv[1], rate[0] + (b * z - c * y), c * x - a * z, a * y - b * x, rate[0] + (f * x - d * z),
+        d * y - (j[1, 2] * x - j[0, 1] * z) * x, rate[0] + (h * y - k * x),
+    )  # fmt: skip
 
 
 @functools.cache
@@ -120,52 +138,60 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes, bord
 
     @wp.func
     def advance(
-        c: int, a: wp.vec3d, torque: wp.vec3d, grains: Grains, row: Row, frames: wp.array(dtype=FrameRow), at: int,
-        dt: wp.float64,
+        c: int, grains: Grains, row: Row, frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64
     ) -> wp.vec3d:  # fmt: skip
-        """Kick, drift and rotate a clump, and write its members; returns its centre before it comes round a border [m]."""
+        """Kick, drift and rotate a clump by its ``drive``; returns its centre before it comes round a border [m]."""
         clumps = grains.clumps
+        drive = clumps.drive[c]
+        a = wp.vec3d(drive[0], drive[1], drive[2])
+        torque = wp.vec3d(drive[3], drive[4], drive[5])
         state = clumps.record[c]
-        rate = clumps.rate[c]
         turn = clumps.turn[c]
         momentum = g.spin(state) + torque * kick_time(row)
-        p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(rate), dt)
+        p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(clumps.rate[c]), dt)
         state = advance_record(0, c, state, a, torque, row, frames, at, dt, grains.store)
-        turn = with_axes(product(turn, p), row)
         reached = g.position(state)
         if wp.static(border.images > 1):
             state = g.placed(state, border.wrapped(reached))
         clumps.record[c] = state
-        clumps.turn[c] = turn
-        axes = rotation_matrix(turn)
+        clumps.turn[c] = with_axes(product(turn, p), row)
+        clumps.rotation[c] = p
+        return reached
+
+    @wp.func
+    def write_members(c: int, grains: Grains, dt: wp.float64):
+        """Write the members of a clump after ``advance``."""
+        clumps = grains.clumps
+        state = clumps.record[c]
+        rate = clumps.rate[c]
+        p = clumps.rotation[c]
+        axes = rotation_matrix(clumps.turn[c])
         q = g.position(state)
         v = g.velocity(state)
         half = wp.float64(0.5) * dt
-        back = wp.float64(1.0) / half
-        spin = axes * rotation_vector(p) / dt
+        per_step = wp.float64(1.0) / dt
+        back = wp.float64(2.0) * per_step
+        spin = axes * (rotation_vector(p) * per_step)
+        u = axes * wp.vec3d(p[1], p[2], p[3])
         predicted_velocity = v + g.acceleration(state) * half
         j = inverse_inertia(axes, rate)
         predicted_spin = j * (g.spin(state) + g.angular_acceleration(state) * half)
         angular = (predicted_spin - spin) * back
         scalar = wp.float64(2.0) * (wp.float64(1.0) + p[0])
-        u = wp.vec3d(p[1], p[2], p[3])
         first = clumps.first[c]
-        per_step = wp.float64(1.0) / dt
         for m in range(first, first + clumps.count[c]):
-            arm = clumps.arm[m]
-            r = axes * arm
-            across = wp.cross(u, arm)
-            way = across * scalar - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r, in the body's axes
-            velocity = v + axes * way * per_step
+            r = axes * clumps.arm[m]
+            across = wp.cross(u, r)
+            way = across * scalar - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r
+            velocity = v + way * per_step
             there = predicted_velocity + wp.cross(predicted_spin, r)
             place = q + r
             if wp.static(border.images > 1):
                 place = border.wrapped(place)
             grains.record[m] = g.record(place, grains.record[m][3], velocity, (there - velocity) * back, spin, angular)
             grains.inverse[m] = member_inverse(grains.inverse[m], j, r, rate)
-        return reached
 
     return KernelSet(
         total_load=total_load, accelerations=accelerations, motion_now=motion_now, member_motion=member_motion,
-        advance=advance, Clumps=Clumps,
+        advance=advance, write_members=write_members, Clumps=Clumps,
     )  # fmt: skip

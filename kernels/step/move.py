@@ -110,6 +110,17 @@ def build(
         return True
 
     @wp.func
+    def leads_clump(i: int, grains: Grains) -> bool:
+        """Whether grain ``i`` is the first member of a clump that is there."""
+        c = grains.clumps.of_grain[i]
+        leads = bool(False)
+        if c != wp.static(clump.NONE):
+            leads = grains.clumps.first[c] == i
+            if wp.static(leave):
+                leads = leads and not g.is_removed(grains.record[i])
+        return leads
+
+    @wp.func
     def move_phase(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
         report: Report, max_displacement: wp.float64,
@@ -134,16 +145,7 @@ def build(
                 c = grains.clumps.of_grain[i]
                 if c != wp.static(clump.NONE):
                     if grains.clumps.first[c] == i:
-                        strayed = clumps.move(c, s, model, grains, wall_contacts, control, max_displacement)
-                        if wp.static(leave):
-                            if (strayed & wp.static(LEFT)) > 0:
-                                centre = g.position(grains.clumps.record[c])
-                                if leave_domain(
-                                    i, grains.clumps.count[c], centre, s, grains, wall_contacts, control, report
-                                ):  # fmt: skip
-                                    grains.clumps.record[c] = g.removed(grains.clumps.record[c], i)
-                                    strayed = 0
-                        moved = moved | strayed
+                        clumps.drive(c, s, model, grains, wall_contacts, control)
                     continue
             total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
@@ -186,6 +188,21 @@ def build(
                         if leave_domain(i, 1, g.position(state), s, grains, wall_contacts, control, report):
                             far = 0
                 moved = moved | far
+        if wp.static(clumps is not None):  # one loop after another: the long sums of several clumps overlap
+            for i in range(part.first, part.last, part.stride):
+                if leads_clump(i, grains):
+                    clumps.advance(grains.clumps.of_grain[i], s, model, grains, control)
+            for i in range(part.first, part.last, part.stride):
+                if leads_clump(i, grains):
+                    c = grains.clumps.of_grain[i]
+                    strayed = clumps.follow(c, s, model, grains, control, max_displacement)
+                    if wp.static(leave):
+                        if (strayed & wp.static(LEFT)) > 0:
+                            centre = g.position(grains.clumps.record[c])
+                            if leave_domain(i, grains.clumps.count[c], centre, s, grains, wall_contacts, control, report):
+                                grains.clumps.record[c] = g.removed(grains.clumps.record[c], i)
+                                strayed = 0
+                    moved = moved | strayed
         return moved
 
     return KernelSet(move_phase=move_phase)

@@ -38,7 +38,7 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
             points.append(wall.shape.nearest(start.position)[0])
     cloud = np.concatenate(points)
     frame = frame_chain(scene)
-    motions = [wall.motion for wall in scene.walls]
+    motions = [[motion.model_dump_json() for motion in wall.motion or ()] for wall in scene.walls]  # they keep arrays
     walls = [wall_chain(scene, k) for k, motion in enumerate(motions) if motion not in motions[:k]]
     g = float(np.linalg.norm(scene.gravity))
     lifted = frame.moves or any(chain.moves for chain in walls) or any(

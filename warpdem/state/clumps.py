@@ -20,6 +20,8 @@ OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int
 """Arrays with a row per clump, with their types."""
 OF_GRAINS = {"of_grain": wp.int32, "arm": wp.vec3d}
 """Arrays with a row per grain."""
+OF_STEP = {"drive": clump.vec6, "rotation": wp.vec4d, "reading": Reading}
+"""Arrays with a row per clump that a step or a reading writes before anything reads them."""
 
 
 def member_inverse(inverse: np.ndarray, clumps: InitialClumps, radius: np.ndarray) -> np.ndarray:
@@ -71,6 +73,7 @@ class ClumpState:
     Attributes:
         record, turn, rate, first, count: of each clump.
         of_grain, arm: of each grain.
+        drive, rotation: what acts on each clump in a step, and how it turns in it.
         reading: motion of each clump at the time of the last reading.
         template: number of each clump in the order of ``Scene.clumps``, on the host.
         axes: quaternion of each from the principal axes to those of the clump in the scene, on the host.
@@ -83,6 +86,8 @@ class ClumpState:
     count: wp.array
     of_grain: wp.array
     arm: wp.array
+    drive: wp.array
+    rotation: wp.array
     reading: wp.array
 
     def __init__(self, start: InitialClumps, device: wp.Device) -> None:
@@ -108,14 +113,15 @@ class ClumpState:
             value = value.astype(np.int32 if kind is wp.int32 else np.float64)
             setattr(self, name, wp.array(value, dtype=kind, device=self.device))
         self.template, self.axes = np.asarray(template, dtype=np.int32), np.asarray(axes, dtype=np.float64)
-        self.reading = wp.zeros(len(template), dtype=Reading, device=self.device)
+        for name, dtype in OF_STEP.items():
+            setattr(self, name, wp.zeros(len(template), dtype=dtype, device=self.device))
         self._struct: Any = None
 
     def struct(self, kind: type) -> Any:
         """The struct ``kind`` of ``kernels.clump`` over the present arrays, made once for them."""
         if self._struct is None:
             self._struct = kind()
-            for name in (*OF_CLUMPS, *OF_GRAINS, "reading"):
+            for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
         return self._struct
 
@@ -205,6 +211,6 @@ class ClumpState:
         """As ``State.copied``."""
         out = copy.copy(self)
         out._struct = None
-        for name in (*OF_CLUMPS, *OF_GRAINS, "reading"):
+        for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
             setattr(out, name, take(f"clumps {name}", getattr(self, name)))
         return out
