@@ -1,5 +1,6 @@
 """The pages for people who begin: their scenes are read, their programs run, the keys, models and commands they name exist."""
 
+import dataclasses
 import inspect
 import re
 from pathlib import Path
@@ -8,6 +9,9 @@ import pytest
 
 from warpdem import Scene, Simulation, load_scene
 from warpdem.app import cli
+from warpdem.app.cli_options import AccuracyOptions
+from warpdem.calibration.experiments import Experiments, How
+from warpdem.calibration.file import load_calibration
 from warpdem.scene.models import model_names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,8 +31,10 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_tutorial_can_be_run(folder):
-    [text] = blocks(TUTORIAL, "toml")
+    text, wanted = blocks(TUTORIAL, "toml")
     (folder / "drum.toml").write_text(text)
+    (folder / "glass.toml").write_text(wanted)
+    Experiments(load_calibration(folder / "glass.toml"), folder / "glass.toml", folder / "out", How()).check()
     sim = Simulation(load_scene("drum.toml"), device="cpu", threads=1)
     assert len(sim.state) == 600
     sim.step(3)
@@ -63,6 +69,8 @@ def test_commands_and_options_that_a_page_names_exist(page):
     assert len(named) > 3
     for command, rest in named:
         there = {name.strip("_").replace("_", "-") for name in inspect.signature(commands[command]).parameters}
+        if command in ("run", "check"):
+            there |= {field.name for field in dataclasses.fields(AccuracyOptions)}
         assert {option for option in re.findall(r"--([a-z][a-z-]*)", rest)} <= there, (command, rest)
 
 

@@ -1,5 +1,6 @@
 """Options that several commands take."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -21,3 +22,19 @@ Picture = Annotated[
 At = Annotated[
     float | None, Parameter("--at", help="With the result stage of a run: start from its frame at this time [s].")
 ]
+
+
+@dataclass(frozen=True)
+class AccuracyOptions:
+    """What ``--accuracy`` of run and check takes."""
+
+    accuracy: str | None = None
+    """Accuracy that a measure shall have, such as 1%: step and precision are chosen by runs with three steps and by twins."""
+    measure: str | None = None
+    """The measure, as --results of a sweep: "drum torque y:mean@1:"."""
+    short: float | None = None
+    """End the runs that choose at this time [s] instead of the scene's."""
+    twins: Annotated[int, Parameter("--accuracy-twins")] = 3
+    """Perturbed twins of the first of these runs, which tell chance from error; 0 for none."""
+    trials: Path | None = None
+    """Folder of these runs; out/NAME-accuracy in the present folder if not given; what is done there is not run again."""

@@ -4,16 +4,17 @@ import json
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
 
-from warpdem.app.cli_options import AllowPaths, At, Picture, Plugins, Settings
+from warpdem.app.cli_options import AccuracyOptions, AllowPaths, At, Picture, Plugins, Settings
 from warpdem.app.cli_results import write_report
 from warpdem.errors import SceneError
 
 if TYPE_CHECKING:
+    from warpdem.app.accuracy import Trial
     from warpdem.ranks.world import World
 
 
@@ -35,6 +36,7 @@ def run(
     overwrite: bool = False,
     quiet: bool = False,
     ranks: int | None = None,
+    held: Annotated[AccuracyOptions, Parameter(name="*")] = AccuracyOptions(),  # noqa: B008
 ) -> None:
     """Run a scene and write its results.
 
@@ -51,6 +53,7 @@ def run(
         overwrite: Allow a folder that holds results.
         quiet: Print errors only.
         ranks: Share the grains among so many MPI processes; mpirun -n N warpdem run does the same.
+        held: Choose step and precision by runs for a measure, and hold the run to its accuracy with another one.
     """
     from warpdem.app.phases import run as run_all
     from warpdem.app.run_folder import default_folder, named_folder
@@ -63,6 +66,11 @@ def run(
     world = _ranks(ranks)
     with leading(world):
         require_usable("--out", out)
+        console = Console(highlight=False, quiet=quiet)
+        trial = _held(held, scene, [*([f"engine.precision={precision}"] if precision else []), *set_], at, console,
+                      device=device, threads=threads, plugins=plugin, allow_paths=allow_path)  # fmt: skip
+        if trial is not None:
+            set_ = [*set_, *trial.choice.settings]
         loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                             allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
         if world is not None:
@@ -73,6 +81,8 @@ def run(
                 try:
                     run_all(loaded, folder, device=device, threads=threads, until=until, resume=resume, overwrite=overwrite,
                             quiet=quiet, picture=picture)  # fmt: skip
+                    if trial is not None:
+                        trial.verify(folder, until, console)
                     if report:
                         write_report(folder, None, picture is not False, quiet)
                     break
@@ -91,6 +101,23 @@ def run(
             options += ["--set", *set_] if set_ else []
             command = shlex.join(["warpdem", "run", str(scene), "--out", str(folder), "--resume", *options])
             raise KeyboardInterrupt(*stop.args, f"go on with: {command}") from None
+
+
+def _held(
+    held: AccuracyOptions, scene: Path, changes: list[str], at: float | None, console: Console, **how: Any
+) -> "Trial | None":
+    """Step and precision for the accuracy asked; None where none is asked."""
+    if held.accuracy is None:
+        if held.measure is not None:
+            raise SceneError("--measure: belongs to --accuracy")
+        return None
+    from warpdem.app.accuracy import Source, Trial, Wish
+
+    wish = Wish.of(held.accuracy, held.measure)
+    if at is not None:
+        raise SceneError("--accuracy: not with --at: a scene that starts from a frame of results has no scene file to repeat")
+    source = Source(scene, changes, until=held.short, **how)
+    return Trial.of(source, wish, held.trials or Path("out") / f"{scene.stem}-accuracy", console, held.twins)
 
 
 def _ranks(asked: int | None) -> "World | None":
@@ -125,6 +152,7 @@ def check(
     set_: Settings = [],  # noqa: B006
     plugin: Plugins = [],  # noqa: B006
     allow_path: AllowPaths = [],  # noqa: B006
+    held: Annotated[AccuracyOptions, Parameter(name="*")] = AccuracyOptions(),  # noqa: B008
 ) -> None:
     """Validate a scene; print the plan, the time step and its limits, memory and an estimate of the run time.
 
@@ -134,6 +162,7 @@ def check(
         device: As in run.
         threads: As in run.
         probe: Measure a few steps for the estimate.
+        held: Choose step and precision by runs, and say how accurate a measure then is.
     """
     from warpdem.app.check import describe, print_description
     from warpdem.app.run import SETTING_UP
@@ -142,12 +171,18 @@ def check(
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
+    console = Console(highlight=False)
+    trial = _held(held, scene, set_, at, Console(highlight=False, quiet=json_), device=device, threads=threads, plugins=plugin,
+                  allow_paths=allow_path)  # fmt: skip
+    if trial is not None:
+        if json_:
+            sys.stdout.write(json.dumps(trial.choice.as_data(), indent=2) + "\n")
+        return
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
     for k in range(len(loaded.phases)):
         needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
-    console = Console(highlight=False)
     with report_if_long(SETTING_UP, console, quiet=json_):
         sim = Simulation(first, device=device, threads=threads)
     data = describe(sim, probe, later, None if json_ else console)

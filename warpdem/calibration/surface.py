@@ -18,6 +18,8 @@ import numpy as np
 
 SPARE = 3
 """Runs beyond the number of coefficients that a fit needs at least."""
+WANTED = 2
+"""Runs over coefficients in the narrowest box, where there are so many: with fewer, few degrees of freedom tell the scatter."""
 ROOM = 1.25
 """Factor by which a box grows."""
 AGREE = 1.5
@@ -127,7 +129,8 @@ def fit(x: np.ndarray, y: np.ndarray, box: Box) -> Surface | None:
         least = terms(p, quadratic) + SPARE
         if len(y) < least:
             continue
-        while box.weights(x).sum() < least:
+        wanted = max(least, min(WANTED * terms(p, quadratic), len(y) - 1e-9))
+        while box.weights(x).sum() < wanted:
             box = Box(box.centre, box.half * ROOM)
         marks = box.centre + np.concatenate([np.zeros((1, p)), np.diag(box.half), -np.diag(box.half)])
         low, high, chosen = np.full(len(marks), -np.inf), np.full(len(marks), np.inf), None

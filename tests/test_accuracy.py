@@ -1,0 +1,91 @@
+"""The option --accuracy: the step it chooses where the error is known, a chaotic measure, and how a run is verified."""
+
+import io
+import json
+
+import pytest
+from rich.console import Console
+
+from scene_text import GLASS
+from stub_executor import StubExecutor
+from warpdem import SceneError
+from warpdem.app import accuracy
+from warpdem.app.accuracy import Source, Trial, Wish
+from warpdem.sweep import sweep as sweeps
+
+SCENE = GLASS + """
+friction = 0.3
+[[grains]]
+material = "glass"
+radius = 1e-3
+positions = [[0, 0, 1.5e-3], [0.5e-3, 0, 4e-3]]
+[time]
+end = 0.02
+step = 8e-6
+"""
+
+
+@pytest.fixture
+def source(tmp_path, monkeypatch):
+    (tmp_path / "s.toml").write_text(SCENE)
+    monkeypatch.chdir(tmp_path)
+    stub = StubExecutor(lambda values: {"kinetic [J]": 1.0 + 2e9 * float(values["time.step"]) ** 2})
+    run_sweep = sweeps.run_sweep
+    monkeypatch.setattr(accuracy, "run_sweep", lambda sweep, **how: run_sweep(sweep, on=stub))
+    return Source(tmp_path / "s.toml", threads=1, device="cpu")
+
+
+def chosen(source, share, monkeypatch, scatter):
+    monkeypatch.setattr(accuracy, "_scatter", lambda *given: (scatter, []))
+    screen = io.StringIO()
+    trial = Trial.of(source, Wish.of(share, "kinetic:last"), source.scene.parent / "trials", Console(file=screen, width=200))
+    return trial, screen.getvalue()
+
+
+def test_it_chooses_the_step_of_a_known_error_and_verifies_the_run(source, monkeypatch):
+    """Error 2e9 h^2: 12.8 % with the scene's step of 8 us, 1 % with 2.2 us."""
+    trial, said = chosen(source, "1%", monkeypatch, 1e-6)
+    assert trial.choice.found.order == pytest.approx(2.0) and trial.choice.found.limit == pytest.approx(1.0)
+    assert trial.choice.step == pytest.approx(2.2e-6) and trial.choice.reached
+    assert "order of the error 2;" in said and "for 1 %: --set time.step=2.2e-06 engine.precision=double" in said
+    folder = source.scene.parent / "run"
+    source.run([source.row(*trial.choice.settings)], folder.parent / "made", "kinetic:last", 1)
+    (folder.parent / "made" / "0001").rename(folder)
+    screen = io.StringIO()
+    trial.verify(folder, None, Console(file=screen, width=200))
+    data = json.loads((folder / "accuracy.json").read_text())
+    assert data["holds"] and data["measured_error"] == pytest.approx(2e9 * 2.2e-6**2, rel=0.01)
+    assert "off by up to 0.97 % by the step: as accurate as asked (1 %)" in screen.getvalue()
+
+
+def test_a_step_that_is_fine_stays(source, monkeypatch):
+    trial, _ = chosen(source, "20%", monkeypatch, 1e-6)
+    assert trial.choice.step == 8e-6
+
+
+def test_a_chaotic_measure_is_told(source, monkeypatch):
+    trial, said = chosen(source, "1%", monkeypatch, 0.1)
+    assert trial.choice.chaotic and not trial.choice.reached
+    assert "no step makes a single run as accurate as 1 %: the measure is chaotic; the mean of 345 runs" in said
+
+
+@pytest.mark.parametrize(
+    ("share", "measure", "said"),
+    [("1", "kinetic:last", "above 0 and below 1"), ("x%", "kinetic:last", "such as 1% or 0.01"), ("0", None, "above 0"),
+     ("1%", None, "--measure"), ("1%", "kinetic", "must be COLUMN:HOW"), ("1%", "kinetik:last", "did you mean")],
+)  # fmt: skip
+def test_what_is_wrong_is_told(source, monkeypatch, share, measure, said):
+    monkeypatch.setattr(accuracy, "_scatter", lambda *given: (None, []))
+    with pytest.raises(SceneError, match=said):
+        Trial.of(source, Wish.of(share, measure), source.scene.parent / "trials", Console(file=io.StringIO()))
+
+
+def test_scatter_comes_from_twins(tmp_path):
+    """Two grains that fall on a floor are not chaotic: a nudge of 1e-9 of a radius leaves 1e-9 of their energy."""
+    floor = '[[walls]]\nname = "floor"\nmaterial = "glass"\nplane = { point = [0, 0, 0], normal = [0, 0, 1] }\n'
+    text = SCENE.replace("[time]", floor + "[time]") + "max_speed = 0.5\n[output]\nformats = []\npicture = false\n"
+    (tmp_path / "s.toml").write_text(text)
+    source = Source(tmp_path / "s.toml", threads=1, device="cpu")
+    source.run([source.row("time.step=8e-6")], tmp_path / "t", "kinetic:last", 1)
+    scatter, notes = accuracy._scatter(source, Wish(0.01, "kinetic:last"), tmp_path / "t", 2, Console(file=io.StringIO()))
+    assert not notes and 0.0 < scatter < 1e-10
