@@ -91,6 +91,26 @@ def test_threads_a_resume_and_another_frame_change_nothing(hit, tmp_path):
         np.testing.assert_allclose(motion(turned, name), motion(hit, name), rtol=0, atol=1e-8 * size)
 
 
+def test_given_axes_turn_the_moments_and_a_body_flies_as_its_twin():
+    """A body whose moments are about turned axes moves as one about x, y and z that is turned as a whole.
+
+    No torque: |L| stays to round-off, the energy within 1e-12.
+    """
+    turn = matrix_of(np.array([1.0, 2.0, -1.0, 0.5]) / 2.5)
+    spin = np.array([3.0, 20.0, 2.0])
+    soft = {"g": {"density": 2500, "young_modulus": "100 Pa", "poisson_ratio": 0.3}}
+    keys = {"positions": [[5, 5, 5]], "materials": soft, "time": {"end": 20, "step": 1e-4}}
+    given = body(inertia=(1e-3, 2e-3, 2.7e-3), axes=[1.0, 2.0, -1.0, 0.5])
+    turned, twin = run(scene(given | {"spin": turn @ spin}, BALL, **keys)), run(
+        scene(body(inertia=(1e-3, 2e-3, 2.7e-3)) | {"spin": spin}, BALL, **keys)
+    )
+    start = 0.5 * np.array([1e-3, 2e-3, 2.7e-3]) @ spin**2
+    for sim in (turned, twin):
+        sim.step(3000)
+        assert columns(sim)["kinetic"] == pytest.approx(start, rel=1e-12)
+    np.testing.assert_allclose(motion(turned, "seen_spin"), turn @ motion(twin, "seen_spin"), rtol=0, atol=1e-8 * 20)
+
+
 def mounted(**keys):
     """A plate of 0.1 kg on four mounts of 500 N/m, 20 mm from its center."""
     corners = [[x, y, 0] for x in (-0.02, 0.02) for y in (-0.02, 0.02)]

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from warpdem.kernels.step.dynamic_walls import STATE
+from warpdem.kernels.step.free_bodies import MOTION
 
 from free_scenes import MASS, PLATE, G, R, body_of, columns, run, scene
 from warpdem import SceneError, Simulation
@@ -325,10 +326,56 @@ def test_a_hinge_and_a_free_body_are_measured_by_hand():
         view, now = sim.view, Totals(sim.view)
         contacts, one = read_contacts(view), body_of(sim)
         found = stability.springs(view, contacts)
-        coupling = free_walls.coupling(one, now.bodies[one.number], contacts, found, np.array([MASS]))
+        grains = np.array([MASS]), np.array([0.4 * MASS * R**2])
+        coupling = free_walls.coupling(one, now.bodies[one.number], contacts, found, *grains)
         k = 2 * 5e7 / (2 * 0.91) * math.sqrt(R * overlap)
         assert found.stiffness[0] == pytest.approx(k, rel=1e-7)
         assert free_walls.stable_step(coupling, 4e-5) == pytest.approx(2 / math.sqrt(k / MASS * (1 + 1 / ratio)), rel=1e-6)
+
+
+def light_ball(step):
+    """A free ball of two grains that 3 N press on six of them, which stand in a ring on a floor; with friction."""
+    angle, radius = np.arange(6) * math.pi / 3, 6 * R
+    positions = np.stack([2.02 * R * np.cos(angle), 2.02 * R * np.sin(angle), np.full(6, R)], axis=1)
+    height = R + math.sqrt((7 * R) ** 2 - (2.02 * R) ** 2)
+    centre = [0, 0, height]
+    free = {"joint": "none", "mass": 2 * MASS, "centre": centre, "inertia": [0.8 * MASS * radius**2] * 3, "force": [0, 0, -3.0]}
+    walls = [{"name": "floor", "material": "g", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+             {"name": "ring", "material": "g", "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 3.02 * R,
+                                                            "inside": True}}]  # fmt: skip
+    engine = {"guards": "record", "max_overlap": 0.9}
+    ball = {"sphere": {"centre": centre, "radius": radius, "inside": False}}
+    return scene(free, ball, positions, e=0.3, friction=0.5, walls=walls, time={"end": 1, "step": step}, engine=engine)
+
+
+def test_a_light_ball_that_rocks_by_its_friction_is_told_and_only_then():
+    """Its springs across, at 6 radii from its centre, are stiffer than those that hold it up: the limit is 3.43 us, not 9.9."""
+    for step, quiet in ((3.3e-6, True), (4.3e-6, False)):
+        sim = run(light_ball(step))
+        sim.step(2000)
+        sim.guards.look()
+        assert sim.guards.stability.seen.share == pytest.approx(step / 3.43e-6, rel=0.03)
+        spin = np.linalg.norm(body_of(sim).motion[MOTION.of("seen_spin")])
+        assert (spin < 1e-6) == quiet
+        assert ("stability" not in sim.noticed) == quiet
+
+
+def test_a_sphere_on_a_grain_is_measured_by_hand():
+    """Across, both turn: w^2 = k_t (1/m + r^2/(2/5 m R^2) + 1/M + r^2/I). Elastic: dt = 2/w."""
+    overlap, inertia = 0.01 * R, 0.5 * MASS * R**2
+    ball = {"joint": "none", "mass": 2 * MASS, "inertia": [inertia] * 3, "centre": [0, 0, 0]}
+    sphere = {"sphere": {"centre": [0, 0, 0], "radius": R, "inside": False}}
+    sim = run(scene(ball, sphere, [[0, 0, 2 * R - overlap]], e=1.0, friction=0.5, time={"end": 1, "step": 8e-6}))
+    sim.prepare()
+    contacts, now = read_contacts(sim.view), Totals(sim.view)
+    found = stability.springs(sim.view, contacts)
+    grains = np.array([MASS]), np.array([0.4 * MASS * R**2])
+    coupling = free_walls.coupling(body_of(sim), now.bodies[0], contacts, found, *grains)
+    own, point = R - overlap, contacts.point[0, 2]
+    square = found.stiffness[1] * (1 / MASS + own**2 / (0.4 * MASS * R**2) + 0.5 / MASS + point**2 / inertia)
+    assert point == pytest.approx(R, rel=1e-9)
+    assert square > 1.2 * found.stiffness[0] * 1.5 / MASS
+    assert free_walls.stable_step(coupling, 4e-5) == pytest.approx(2 / math.sqrt(square[0]), rel=1e-6)
 
 
 def test_check_warns_of_a_wall_lighter_than_the_grains_on_it():
