@@ -103,7 +103,8 @@ class Pairs(ListedGrains):
         flight = wp.zeros(0, dtype=Flight, device=g.device)
         grains = lists.ListedGrains()
         grains.record, grains.inverse, grains.material, grains.id = g.record, g.inverse, g.material, g.id
-        self.launch(lists.select_contacts, n, [0, grains, rows, EVERYWHERE, flight, listed, counts])
+        none = wp.zeros((0, 1, 1), dtype=lists.real, device=g.device)  # laws with bridges ask there what a contact holds
+        self.launch(lists.select_contacts, n, [0, grains, rows, none, EVERYWHERE, flight, listed, counts])
         first = starts(counts.touching.numpy() + counts.near.numpy())
         row_start = starts(counts.slots.numpy())
         contacts, second = int(first[-1]), first[:-1] + counts.touching.numpy()

@@ -138,7 +138,9 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         now = (schedule_row + 1) * wp.static(stages)
         for b in range(first_block, last_block):
             for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), n)):
-                lists.select_row(i, grains, rows, inner_skin, references.flight, scratch.listed, counts)
+                lists.select_row(
+                    i, grains, rows, work.old_history, inner_skin, references.flight, scratch.listed, counts
+                )
                 if wp.static(walls is not None):
                     walls.select_features(
                         i, grains.record[i], wp.float64(0.5) * inner_skin, model.surface, control.placement[now],

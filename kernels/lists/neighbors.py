@@ -34,11 +34,13 @@ class NeighborRows:
 def build(
     real, law, border, lanes: int, *, spins: bool, stored: Columns, history: int, table: bool, inertia_factor: float,
     gap: float, keep_constants: bool, clumps: bool = False, apart: bool = False, ranks: bool = False,
+    force_gap: float | None = None,
 ):  # fmt: skip
     """Return the list kernels; arguments as in ``pairs.build`` and ``wall.contact.build``.
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
     them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
+    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given.
     ``ranks``: the grains from ``owned`` on belong to other processes, and pairs of two of them are not listed.
     """
     g = grain.build(spins)
@@ -68,6 +70,7 @@ def build(
         slot_j: wp.array2d(dtype=wp.int32)  # (batches, lanes) force slot of the partner
         history: wp.array3d(dtype=real)  # (batches, numbers, lanes) contact history
 
+    acts_within, bridge_at = gap if force_gap is None else force_gap, law.bridge_at
     law_constants_width, rolling = law.Constants._length_, "inertia" in stored
     radius_at, inertia_at = (stored.radius, stored.inertia) if rolling else (0, 0)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -211,8 +214,8 @@ def build(
 
     @wp.func
     def select_row(
-        i: int, grains: ListedGrains, rows: NeighborRows, inner_skin: wp.float64, flight: wp.array(dtype=Flight),
-        listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
+        i: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_skin: wp.float64,
+        flight: wp.array(dtype=Flight), listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
     ):  # fmt: skip
         """As ``select_contacts``, of grain ``i``."""
         me = grains.record[i]
@@ -227,11 +230,18 @@ def build(
             square = wp.dot(separation, separation)
             cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
             far = cutoff + inner_skin
+            acting = me[3] + other[3] + wp.float64(wp.static(acts_within))
             entry = int(-1)
             if square < far * far or flying or in_flight(flight, j):
                 entry = 2 * listed
                 listed += 1
-                if square < cutoff * cutoff:
+                acts = square < acting * acting
+                if wp.static(bridge_at is not None):  # batches of contacts without a force are passed over
+                    old = rows.contact[e]
+                    if old >= 0:
+                        held = old_history[old // wp.static(lanes), wp.static(bridge_at), old % wp.static(lanes)]
+                        acts = acts or held > real(0.0)
+                if acts:
                     entry += 1
                 if grains.id[j] > grains.id[i]:
                     if entry & 1:
@@ -245,15 +255,15 @@ def build(
 
     @kernel
     def select_contacts(
-        first: int, grains: ListedGrains, rows: NeighborRows, inner_skin: wp.float64, flight: wp.array(dtype=Flight),
-        listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
+        first: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_skin: wp.float64,
+        flight: wp.array(dtype=Flight), listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
     ):  # fmt: skip
         """Which pairs are closer than the inner skin [m], or in flight; both grains decide alike, bit for bit.
 
         ``listed_out`` (entries,) holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if
         they touch; ``counts_out`` how many there are of each kind. ``flight``: (n,), or of size 0.
         """
-        select_row(first + wp.tid(), grains, rows, inner_skin, flight, listed_out, counts_out)
+        select_row(first + wp.tid(), grains, rows, old_history, inner_skin, flight, listed_out, counts_out)
 
     @wp.func
     def put_constants(

@@ -2,12 +2,13 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from warpdem.errors import SceneError
-from warpdem.ranks import halo, launcher
+from warpdem.ranks import estimate, halo, launcher
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, with_ghosts
 
@@ -109,6 +110,22 @@ def test_the_launcher_is_known_by_its_variables(monkeypatch):
     assert launcher.launched({"SLURM_NTASKS": "8"}) == 1  # of a batch job, not of srun within it
     assert launcher.without_launcher({"PMI_SIZE": "4", "HOME": "/"}) == {"HOME": "/"}
     assert launcher.join() is None
+
+
+def test_the_estimate_counts_what_brute_force_does(rng):
+    position, radius, skin = rng.uniform(size=(500, 3)) * [4, 1, 1], np.full(500, 0.03), 0.02
+    contact, domain = SimpleNamespace(gap=0.0, spins=True), SimpleNamespace(period=(0.0, 0.0, 0.0))
+    model = SimpleNamespace(features=SimpleNamespace(contact=contact), domain=domain)
+    ranks = estimate.estimate(model, position, radius, skin, 2)
+    cut = np.sort(position[:, 0])[250]
+    low, high = (position[side] for side in (position[:, 0] < cut, position[:, 0] >= cut))
+    reach = 0.03 + 0.03 + skin
+    ghosts = [int((high[:, 0] < low[:, 0].max() + reach).sum()), int((low[:, 0] > high[:, 0].min() - reach).sum())]
+    assert [rank["grains"] for rank in ranks] == [250, 250]
+    for rank, flat in zip(ranks, ghosts, strict=True):  # the box has edges: those off them are a few less
+        assert 0.8 * flat <= rank["ghosts"] <= flat
+    assert [rank["bytes"] for rank in ranks] == [rank["ghosts"] * 128 for rank in reversed(ranks)]
+    assert "2 ranks" in estimate.text(ranks)
 
 
 def test_one_process_loads_no_mpi():

@@ -148,6 +148,7 @@ def check(
     device: str | None = None,
     threads: int | None = None,
     probe: bool = True,
+    ranks: int | None = None,
     at: At = None,
     set_: Settings = [],  # noqa: B006
     plugin: Plugins = [],  # noqa: B006
@@ -162,15 +163,20 @@ def check(
         device: As in run.
         threads: As in run.
         probe: Measure a few steps for the estimate.
+        ranks: Also tell what a run over so many ranks exchanges, and refuse what ranks cannot do.
         held: Choose step and precision by runs, and say how accurate a measure then is.
     """
     from warpdem.app.check import describe, print_description
     from warpdem.app.run import SETTING_UP
     from warpdem.core.progress import report_if_long
     from warpdem.model import needs
+    from warpdem.ranks import estimate
+    from warpdem.ranks.support import refuse
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
+    if ranks is not None and ranks < 1:
+        raise SceneError(f"--ranks {ranks}: must be 1 or more")
     console = Console(highlight=False)
     trial = _held(held, scene, set_, at, Console(highlight=False, quiet=json_), device=device, threads=threads, plugins=plugin,
                   allow_paths=allow_path)  # fmt: skip
@@ -179,17 +185,24 @@ def check(
             sys.stdout.write(json.dumps(trial.choice.as_data(), indent=2) + "\n")
         return
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
+    if ranks is not None and ranks > 1:
+        refuse(loaded, device)
     for k in range(len(loaded.phases)):
         needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves
     later = [phase.name for phase in loaded.phases[1:]]
     with report_if_long(SETTING_UP, console, quiet=json_):
         sim = Simulation(first, device=device, threads=threads)
+    there = sim.particles.position, sim.particles.radius, sim.lists.skin  # before the probe moves the grains
     data = describe(sim, probe, later, None if json_ else console)
+    if ranks is not None:
+        data["ranks"] = estimate.estimate(sim.model, *there, ranks)
     if json_:
         sys.stdout.write(json.dumps(data, indent=2) + "\n")
     else:
         print_description(data, console)
+        if ranks is not None:
+            console.print(estimate.text(data["ranks"]), markup=False)
 
 
 def convert(

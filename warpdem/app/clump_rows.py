@@ -14,8 +14,11 @@ def clump_rows(scene: Scene) -> list[dict[str, Any]]:
     """Numbers of each clump at size 1, once for each material that it is of: JSON can hold them, all in SI."""
     rows = []
     for number, (name, template) in enumerate(clump_templates(scene).items()):
-        sources = [group for group in scene.grains if group.clump == name]
-        for material in dict.fromkeys(group.material for group in sources):
+        portions: list[Any] = list(scene.grains)
+        for stream in scene.streams:
+            portions += stream.recipe or [stream]
+        materials = [portion.material for portion in portions if portion.clump == name]
+        for material in dict.fromkeys(str(one) for one in materials):
             rows.append(_row(template, number, material, scene.materials[material].density))
     return rows
 

@@ -191,7 +191,7 @@ class ListBuild:
         """Pairs and wall features closer than the inner skin, where the arrays hold them."""
         a, k, b, structs = self.lists, self.kernels.lists, self.batch, self.structs
         counts = structs.counts()
-        selected = structs.grains(), structs.outer(), a.inner_skin, a.flight, a.listed, counts
+        selected = structs.grains(), structs.outer(), a.history, a.inner_skin, a.flight, a.listed, counts
         self.launch(k.select_contacts, self.n, *selected)
         if self.model.walls is not None:
             near = a.near_feature, a.flight, a.wall_contacts

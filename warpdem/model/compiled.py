@@ -218,6 +218,7 @@ def _built(features: Features) -> KernelSet:
         backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
         inertia_factor=laws.inertia_factor,
         keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
+        force_gap=laws.force_gap,
     )  # fmt: skip
     wall_lists = None
     if walls.present:
