@@ -10,6 +10,7 @@ import pytest
 
 from warpdem import Scene, SceneError
 from warpdem.app import cli
+from warpdem.app.cli_options import AccuracyOptions
 from warpdem.drawing.style import PictureStyle
 from warpdem.scene import models
 from warpdem.scene.messages import _all_keys, rounded_down, rounded_up
@@ -71,7 +72,8 @@ def test_keys_that_messages_name_exist():
 def test_options_that_messages_name_exist():
     parameters = [name for command in cli.COMMANDS.values() for name in inspect.signature(command).parameters]
     there = {name.strip("_").replace("_", "-") for name in parameters}
-    there |= {field.name.replace("_", "-") for field in fields(PictureStyle)}
+    there |= {field.name.replace("_", "-") for options in (PictureStyle, AccuracyOptions) for field in fields(options)}
+    there.add("accuracy-twins")
     there |= {f"no-{name}" for name in ("picture", "probe")}
     named = {(place, option) for place, text in texts().items() for option in OPTION.findall(text)}
     assert len(named) > 10

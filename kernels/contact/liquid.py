@@ -50,7 +50,9 @@ PAIR = {
     ),
     "viscosity": PairKey("Pa s", 0.0, "Viscosity of the liquid [Pa s], >= 0, default 0: bridges do not damp."),
     "roughness": PairKey(
-        "m", 0.0, "With viscosity: gap below which the viscous force of a bridge grows no more, the roughness [m], > 0."
+        "m",
+        0.0,
+        "Gap below which the viscous force of a bridge grows no more, the roughness [m], >= 0, default 0; > 0 with viscosity.",
     ),
 }
 """Keys of ``[[pairs]]`` of every law of bridges."""

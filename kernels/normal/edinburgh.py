@@ -52,7 +52,7 @@ PAIR = {
         positive=True,
     ),
     "slope_exponent": PairKey(
-        "-", 1.5, 'Power of loading and unloading [-]: 1.5, default 1.5; only with normal = "edinburgh".', positive=True
+        "-", 1.5, 'Power of loading and unloading [-], > 0: 1.5, default 1.5; only with normal = "edinburgh".', positive=True
     ),
     "tangential_stiffness_ratio": hooke.PAIR["tangential_stiffness_ratio"],
 }  # fmt: skip

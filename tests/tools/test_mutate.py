@@ -10,7 +10,7 @@ from dev import mutate
 ROOT = Path(__file__).resolve().parents[2]
 MUTANTS, CATCH_ALL = mutate.read_table()
 WITHOUT = set(
-    "__init__ barrier columns grain packing size_grids explicit_euler record surface lane_types".split()
+    "__init__ barrier exchange columns grain packing size_grids explicit_euler record surface lane_types".split()
 )
 """Files without a formula of their own (none of ``api`` has one), and ``packing``: it makes a start whose overlaps are checked
 wherever it is used."""

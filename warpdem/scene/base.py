@@ -72,7 +72,7 @@ Whole = Annotated[int, Field(strict=True, ge=0)]
 LiquidContent = Annotated[float, Quantity("-", ge=0, le=1)]
 LIQUID_CONTENT = Field(
     0.0,
-    description="Liquid on each grain: its volume over that of the grain [-], from 0 to 1, default 0; needs contact.liquid. "
+    description="Liquid on each grain: its volume over that of the grain [-], >= 0 and <= 1, default 0; needs contact.liquid. "
     "Its mass is left out.",
 )
 GROUP_NAME = Field(

@@ -55,8 +55,8 @@ class Wall(SceneModel):
     )
     tolerance: Annotated[float, Quantity("m", gt=0)] | None = Field(
         None,
-        description="With a STEP file: largest distance between the triangles that it is divided into and its surfaces [m], in "
-        "its own size before scale; default 0.1 mm.",
+        description="With a STEP file: largest distance between the triangles that it is divided into and its surfaces [m], "
+        "> 0, in its own size before scale; default 0.1 mm.",
     )
     plane: Plane | None = Field(None, description="Infinite plane; this, mesh or another shape.")
     cylinder: Cylinder | None = Field(None, description="Cylinder; this, mesh or another shape.")
