@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
@@ -69,6 +70,7 @@ def executor(kind: str | Factory, workers: int, threads: int, folder: Path, gpus
         return
     pool: Any
     if kind == "mpi":
+        _require_launcher()
         with import_module("mpi4py.futures").MPIPoolExecutor() as pool:
             yield lambda task: pool.submit(run_row, task)
     elif kind == "dask":
@@ -136,3 +138,15 @@ def _of_job(job: Any) -> Future[int]:
 
     threading.Thread(target=wait, daemon=True).start()
     return future
+
+
+def _require_launcher() -> None:
+    """Raise where the MPI library would wait for ever for workers: MPICH starts none for a program that it has not started.
+
+    Raises:
+        SceneError: with the command that does.
+    """
+    library = import_module("mpi4py.MPI").Get_library_version()
+    if "MPICH" in library and "PMI_RANK" not in os.environ:
+        words = "MPICH starts workers only for a program that mpiexec has started"
+        raise SceneError(f"--on mpi: {words}: mpiexec -n 1 warpdem sweep ..., or take --on local")
