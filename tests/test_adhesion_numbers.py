@@ -30,7 +30,7 @@ def numbers(**changes):
     return adhesions(sim.scene, sim.expected)
 
 
-def told(**changes) -> str:
+def printed(**changes) -> str:
     out = io.StringIO()
     check.print_description(check.describe(simulation(**changes), probe=False), Console(file=out, width=400))
     return out.getvalue()
@@ -72,7 +72,7 @@ def test_other_laws_state_what_they_do():
 def of_pair(normal: str, **keys):
     """Adhesion of two grains and of a grain and the floor."""
     pair = {"materials": ["g", "g"], "restitution": 1.0, **keys}
-    return numbers(normal=normal, pairs=[pair]), told(normal=normal, pairs=[pair])
+    return numbers(normal=normal, pairs=[pair]), printed(normal=normal, pairs=[pair])
 
 
 def test_sjkr_pulls_at_most_where_its_force_is_least():
@@ -102,12 +102,12 @@ def test_laws_that_yield_are_asked_for_the_pull_after_the_weight():
 
 
 def test_check_tells_them():
-    text = told()
+    text = printed()
     assert "adhesion of g (radius 0.001 m) and g: pull-off force 0.000236 N, 2.29 of its weight (granular Bond number)" in text
     assert "and a wall of g: pull-off force 0.000471 N, 4.59 of its weight" in text
     assert "undamped impacts stick below 0.00862 m/s; Tabor number 1.83e+03 (at 0.3 nm)" in text
     assert "at a tenth of it 2.15 times; surface_energy x 0.398" in text
-    without = told(normal="dmt", gravity=[0, 0, 0])
+    without = printed(normal="dmt", gravity=[0, 0, 0])
     assert "a touch costs nothing" in without and "Bond" not in without and "softer" not in without
     [row, _] = check.describe(simulation(), probe=False)["adhesion"]
     assert row["materials"] == ["g", "g"] and row["bond_number"] == pytest.approx(PULL / WEIGHT)

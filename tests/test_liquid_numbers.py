@@ -74,6 +74,6 @@ def test_the_step_knows_the_dashpot_of_the_thinnest_gap():
     assert not np.isfinite(of()[1].limits.thin_gap)
     out = io.StringIO()
     check.print_description(check.describe(sim, probe=False), Console(file=out, width=400))
-    told = "liquid between g (radius 0.001 m) and g: the first bridge holds 1.12e-11 m3, pulls with 0.000452 N"
-    assert told in out.getvalue()
+    line = "liquid between g (radius 0.001 m) and g: the first bridge holds 1.12e-11 m3, pulls with 0.000452 N"
+    assert line in out.getvalue()
     assert "dashpot of the thinnest liquid gap" in out.getvalue()

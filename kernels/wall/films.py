@@ -3,7 +3,7 @@
 A dry wall gives nothing, and gets nothing back: its bridges are of the grain's liquid alone. A wall with a film gives as much
 as lies under the grain, h pi R^2, and gets back half of each bridge; what it has given in all, less what it got, is kept per
 grain (``contact.films.FILM_AT``). A bridge belongs to one contact point: if that passes its history on to several, the others
-begin anew.
+begin without one.
 """
 
 import functools

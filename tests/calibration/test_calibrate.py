@@ -1,4 +1,4 @@
-"""Calibrations from file to page, with an executor that runs nothing: tables, errors, going on, what is told."""
+"""Calibrations from file to page, with an executor that runs nothing: tables, errors, resuming, what the targets determine."""
 
 import csv
 import io
@@ -127,7 +127,7 @@ def test_parameters_that_targets_do_not_tell_apart_are_named(file):
     file.write_text(FILE.format(height=0.5, kinetic=0.25))
     done, said = run(file, StubExecutor(product))
     assert [one.known for one in done.verdict.parameters] == [False, False]
-    assert "the targets do not tell " in said and " apart: " in said and "not told by the targets" in said
+    assert "the targets do not tell " in said and " apart: " in said and "not determined by the targets" in said
 
 
 def test_targets_that_no_values_meet_are_told(file):

@@ -26,7 +26,8 @@ def test_its_error_is_that_of_many_fits():
     random = np.random.default_rng(1)
     made = [fit(x, x[:, 0] + 0.1 * random.standard_normal(20), WHOLE) for _ in range(400)]
     spread = np.std([one.value(at) for one in made])
-    assert spread == pytest.approx(np.sqrt(np.mean([one.variance(at) for one in made])), rel=0.12)
+    expected = np.sqrt(np.mean([one.variance(at) for one in made]))
+    assert spread == pytest.approx(expected, rel=0.12)  # a deviation of 400 is known within 4 %: three of them
     assert np.sqrt(np.mean([one.scatter**2 for one in made])) == pytest.approx(0.1, rel=0.05)
 
 

@@ -23,11 +23,11 @@ def main() -> None:
     folder = Path(sys.argv[1])
     draw = np.random.default_rng(1)
 
-    def thrown(position, weight, cuts):
+    def jittered(position, weight, cuts):
         kept = draw.random(len(position)) < np.where(position[:, 0] > np.median(position[:, 0]), draw.random(), 1.0)
         return Cuts.of(position[kept], weight[kept], cuts.parts)
 
-    rank.shifted, rank.IMBALANCE, rank.WAIT = thrown, 0.0, 0
+    rank.shifted, rank.IMBALANCE, rank.WAIT = jittered, 0.0, 0
     for task in sys.argv[2].split(","):
         name, sizes = task.split("-")
         scene, each = SCENES[name](), list(map(int, sizes.split("+")))

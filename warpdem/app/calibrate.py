@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -82,9 +82,9 @@ def calibrate(
     return done
 
 
-def _show(bar: object, name: str, outcomes: Sequence[Outcome]) -> None:
+def _show(bar: Callable[[int, str], None], name: str, outcomes: Sequence[Outcome]) -> None:
     ended = sum(one.status not in OPEN for one in outcomes)
-    bar(1000 * ended // max(1, len(outcomes)), f"{name}: {ended} of {len(outcomes)} runs")  # type: ignore[operator]
+    bar(1000 * ended // max(1, len(outcomes)), f"{name}: {ended} of {len(outcomes)} runs")
 
 
 def write_page(folder: Path, made: Calibration, done: Calibrated) -> Path:
@@ -104,7 +104,7 @@ def print_verdict(done: Calibrated, console: Console) -> None:
         table.add_column(head, no_wrap=True)
     for one in said.parameters:
         unit = f" {one.unit}" if one.unit else ""
-        words = "" if one.known else "not told by the targets"
+        words = "" if one.known else "not determined by the targets"
         table.add_row(Text(one.name), f"{one.value:.4g}{unit}", f"{one.low:.4g} to {one.high:.4g}", f"{one.error:.2g}",
                       Text(words, style="yellow"))  # fmt: skip
     console.print(table)

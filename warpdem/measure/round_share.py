@@ -40,7 +40,7 @@ class RoundShare:
         for image in self._images:
             place, size = centre + image, radius[:, None]
             near = ((place + size >= low) & (place - size <= high)).all(axis=1)
-            total += float(inside(self._shape, place[near], radius[near]).sum())  # type: ignore[arg-type]
+            total += float(inside(self._shape, place[near], radius[near]).sum())  # type: ignore[arg-type]  # each function takes its own shape
         return total
 
     def of_lines(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ def serve(world: World) -> int:
     rank: Rank | None = None
     try:
         while True:
-            name, arguments = world.told()
+            name, arguments = world.from_first()
             if name == END:
                 world.close()
                 return int(arguments[0])

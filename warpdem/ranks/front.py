@@ -63,7 +63,7 @@ def leading(world: World | None) -> Iterator[None]:
             sys.stderr.write(f"error: rank 0: {sys.exception()!r}\n")
             sys.stderr.flush()
             world.abort(code)
-        world.told((END, (code,)))
+        world.from_first((END, (code,)))
         world.close()
 
 
@@ -97,7 +97,7 @@ class Front(RunLoop):
             world.raise_first(None)
 
     def _tell(self, name: str, *arguments: Any) -> None:
-        self._world.told((name, arguments))
+        self._world.from_first((name, arguments))
 
     def prepare(self) -> None:
         """As ``RunLoop``: gather the whole of the present time, if it is not here."""

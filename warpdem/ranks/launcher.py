@@ -19,7 +19,7 @@ SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 OF_A_LAUNCHER = ("PMI_", "PMIX_", "OMPI_", "PRTE_", "MPI_LOCAL", "HYDI_", "SLURM_STEP_")
 """How the names of a launcher's variables begin."""
 LIBRARY = "MPI4PY_LIBMPI"
-"""Variable by which mpi4py is told which MPI library to load."""
+"""Variable that says which MPI library mpi4py loads."""
 INSTALL = 'pip install "warpdem[mpich]", or "warpdem[mpi]" where the machine has an MPI of its own'
 
 

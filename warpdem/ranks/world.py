@@ -99,8 +99,8 @@ class World:
         found: list[Any] = self.comm.alltoall(parts)
         return found
 
-    def told(self, what: Any = None) -> Any:
-        """What rank 0 says; the others sleep until it does."""
+    def from_first(self, what: Any = None) -> Any:
+        """What rank 0 broadcasts; the others sleep until it does."""
         ready, nap = self.comm.Ibarrier(), 0.0
         while not ready.Test():
             time.sleep(nap)

@@ -36,7 +36,7 @@ def write_calibration_page(
         [one["name"], one["value"], one["low"], one["high"], one["error"], one["unit"],
          "yes" if one["known"] else "no", f"{100.0 * one['simulated']:.0f} %"] for one in parameters
     ]  # fmt: skip
-    head = ["parameter", "value", f"from ({percent})", "to", "standard error", "unit", "told", "by chance in runs"]
+    head = ["parameter", "value", f"from ({percent})", "to", "standard error", "unit", "determined", "by chance in runs"]
     found = [table("Parameters", head, rows)]
     if result["notes"]:
         found.append(el("ul", *(el("li", note) for note in result["notes"]), class_="warnings"))

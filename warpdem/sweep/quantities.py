@@ -63,7 +63,8 @@ class Quantity:
         if call := CALL.match(text):
             self._make(call[1], _arguments(call[2]))
         elif NUMBER.match(text):
-            self._of = lambda run, number=float(text): number  # type: ignore[misc]
+            number = float(text)
+            self._of = lambda run: number
         elif text.startswith(RUN):
             self._of = lambda run: _entry(run, text.removeprefix(RUN).split("."))
         elif text.startswith(FRAME):

@@ -160,7 +160,7 @@ def _drive(prim: "Usd.Prim", instance: str) -> dict[str, float] | None:
 
 def _number(attribute: "Usd.Attribute") -> float:
     value = json_value(attribute)
-    return float(value)  # type: ignore[arg-type]  # of a number
+    return float(value)  # type: ignore[arg-type]  # the attribute is a number by its schema
 
 
 def _quaternion(value: Any) -> list[float]:
