@@ -188,6 +188,6 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
                     history[p, wp.static(at_bridge) + f, k] = real(0.0)
 
     return KernelSet(
-        exchange=exchange, asks=asks, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed, width=width,
-        tension=tension, wetting=wetting,
+        exchange=exchange, asks=asks, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed,
+        width=width, tension=tension, wetting=wetting,
     )  # fmt: skip

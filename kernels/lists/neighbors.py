@@ -40,8 +40,8 @@ def build(
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
     them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
-    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given: the inner list
-    holds the pairs that are as near and a skin more, and those with a bridge.
+    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given: the inner
+    list holds the pairs that are as near and a skin more, and those with a bridge.
     ``ranks``: the grains from ``owned`` on belong to other processes, and pairs of two of them are not listed.
     """
     g = grain.build(spins)

@@ -95,7 +95,7 @@ def build_load(real, *, spins: bool, walls: bool, wet: bool = False):
 
 @functools.cache
 def build_wet_load(real, *, spins: bool):
-    """Return ``load``: as of ``build_load`` without walls, and the sum of all wishes and gifts (``contact.films``) beside it."""
+    """Return ``load``: as of ``build_load`` without walls, beside it the sum of wishes and gifts (``contact.films``)."""
     width = force_width(spins)
     PairForce = wp.types.vector(pair_force_width(spins, True), real)
 

@@ -24,7 +24,10 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None, force_gap=0.0):
+def build(
+    structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None,
+    force_gap: float = 0.0,
+):  # fmt: skip
     """Return the struct of wall contacts, and the functions of a grain's.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a normal law, or liquid bridges beside Hertz, cost over Hertz: `python tools/bench/laws.py --help`; how to read it: README.md.
+"""What a normal law, or liquid beside Hertz, costs over Hertz: `python tools/bench/laws.py --help`; how to read it: README.md.
 
 All laws start from one settled bed, each as strong as the weight of a grain, so that they have the same contacts. Their windows
 take turns, processor time counts (of all threads), and the least of each: on a busy machine too the ratio says something. The
@@ -95,7 +95,8 @@ def bench(
     per_step = 1e9 / grains / settings.steps
     rows = [
         {
-            "law": law, "contacts_per_grain": contacts[law][0], "acting_per_grain": contacts[law][1], "lanes": sim.plan.backend.lanes,
+            "law": law, "contacts_per_grain": contacts[law][0], "acting_per_grain": contacts[law][1],
+            "lanes": sim.plan.backend.lanes,
             "over_hertz": min(seconds[law]) / min(seconds["hertz"]),
             "ns_per_grain_step": {"min": per_step * min(seconds[law]), "all": [per_step * s for s in seconds[law]]},
             "pairs_ns": 1e3 * pairs[law] / grains, "pairs_over_hertz": pairs[law] / pairs["hertz"],
@@ -116,8 +117,8 @@ def print_report(report: dict, console: Console) -> None:
         table.add_column(column, justify="left" if column == "law" else "right")
     for row in report["laws"]:
         table.add_row(
-            row["law"], f"{row['contacts_per_grain']:.3f}", f"{row['acting_per_grain']:.3f}", f"{row['ns_per_grain_step']['min']:.1f}",
-            f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}", f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
+            row["law"], f"{row['contacts_per_grain']:.3f}", f"{row['acting_per_grain']:.3f}",
+            f"{row['ns_per_grain_step']['min']:.1f}", f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}", f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
         )  # fmt: skip
     console.print(table)
 
