@@ -118,7 +118,8 @@ def print_report(report: dict, console: Console) -> None:
     for row in report["laws"]:
         table.add_row(
             row["law"], f"{row['contacts_per_grain']:.3f}", f"{row['acting_per_grain']:.3f}",
-            f"{row['ns_per_grain_step']['min']:.1f}", f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}", f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
+            f"{row['ns_per_grain_step']['min']:.1f}", f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}",
+            f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
         )  # fmt: skip
     console.print(table)
 
