@@ -142,7 +142,8 @@ def test_lid_that_folds_back_onto_itself_is_noted():
     low, high = (np.stack([np.broadcast_to([0, 0, z], (6, 3)), lid, np.roll(lid, -1, axis=0)], axis=1)
                  for z, lid in zip((0.0, 1.0), lids, strict=True))  # fmt: skip
     below, above = (np.stack([lid, np.roll(lid, -1, axis=0)], axis=1) for lid in lids)
-    sides = [np.stack([below[:, 0], below[:, 1], above[:, 1]], axis=1), np.stack([below[:, 0], above[:, 1], above[:, 0]], axis=1)]
+    corners = (below[:, 0], below[:, 1], above[:, 1]), (below[:, 0], above[:, 1], above[:, 0])
+    sides = [np.stack(three, axis=1) for three in corners]
     mesh = build_mesh(np.concatenate([low[:, ::-1], high, *sides]))
     assert mesh.is_closed and mesh.folded_edges == 8
     assert any(note.startswith("8 edges at which the surface folds back onto itself") for note in mesh.notes)

@@ -81,7 +81,7 @@ def find_pieces(shape: Shape, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
 
 
 def folded(shape: Shape, edges: Edges) -> np.ndarray:
-    """Whether the two triangles of an edge lie on each other, their normals opposite within the rounding of corners, shape (e,).
+    """Whether the two triangles of an edge lie on each other, normals opposite within the rounding of corners, shape (e,).
 
     Such a fold has no thickness, and which side of it is inside is not defined. Slivers, whose normals are noise, are no folds.
     """
