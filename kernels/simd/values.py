@@ -16,6 +16,16 @@ def only_where_needed(function: Any) -> Any:
     return function
 
 
+def in_lanes(real: Any, text: str) -> Any:
+    """Mark a native Warp function of numbers ``real`` to a number: the C++ of its body in lanes, arguments named ``name_``."""
+
+    def marked(function: Any) -> Any:
+        function.in_lanes = real, text
+        return function
+
+    return marked
+
+
 class NotStraight(ValueError):
     """A function is not straight-line; the message says where."""
 
