@@ -16,14 +16,9 @@ def only_where_needed(function: Any) -> Any:
     return function
 
 
-def in_lanes(real: Any, text: str) -> Any:
-    """Mark a native Warp function of numbers ``real`` to a number: the C++ of its body in lanes, arguments named ``name_``."""
-
-    def marked(function: Any) -> Any:
-        function.in_lanes = real, text
-        return function
-
-    return marked
+def in_lanes(function: Any, real: Any, text: str) -> None:
+    """Give a native Warp function of numbers ``real`` to a number its C++ in lanes, where arguments are ``name_``."""
+    function.in_lanes = real, text
 
 
 class NotStraight(ValueError):
