@@ -28,7 +28,7 @@ WITH = " + "
 """Between a normal law and a law of liquid bridges."""
 STEPS = 500
 CLOSES = {"hertz + bridge": 1e-3}
-"""Integration error over what is lost [-] by law, at this step, of some 16 per contact; 2e-3 where nothing is said."""
+"""Integration error over what is lost [-] by law, at this step, some 30 per contact; 2e-3 where nothing is said."""
 
 
 def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **changes) -> Scene:
