@@ -90,7 +90,7 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
 
 
 def turning(features: Features) -> bool:
-    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    """Whether contacts see the axes rotate: a scheme with frame-relative velocities sees them as if the frame were at rest."""
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
