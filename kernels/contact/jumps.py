@@ -11,8 +11,8 @@ and the error is of order 3/2. Both are F (1/2 + (d - a)/|d - d'|). F is the for
 began is given in full (weighed too, it adds F' (d - d')^2/12 to the energy of each touch, in the mean over tau). The last force
 is given after its end: a law must reach further than a.
 
-The fractions are those of one kick per step. ``rk4`` and ``modified_verlet`` call forces several times at positions where another
-fraction would be due, and keep errors of first order in single impacts: they say ``WEIGHS_JUMPS = False``, and ``check`` warns.
+The fractions are those of one kick per step. ``rk4`` and ``modified_verlet`` call forces several times, at positions where
+another would be due, and keep errors of first order in single impacts: they say ``WEIGHS_JUMPS = False``, and ``check`` warns.
 Restitution of a ``jkr`` impact of 0.9963, worst of 16 phases of its beginning, at 50 and at 400 steps per contact: 1.4e-3 and
 1.7e-4 with ``rk4``, 1.5e-3 and 1.5e-4 with ``modified_verlet``; 6.8e-4 and 2.1e-5 with ``rk2``; 4.9e-4 and 2.1e-5 with
 ``exact_drift``, ``velocity_verlet``, ``scovel`` and ``lobatto``. The mean is right to 2e-4 in all.
