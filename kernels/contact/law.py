@@ -81,7 +81,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     ):
         """Force on i [N], rolling torque on i [N m] and the contact history after this step."""
         speed = wp.dot(velocity, n)
-        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own, c_t = of_normal.force(
+        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own, _squeezed, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         total = n * f_n
