@@ -12,7 +12,7 @@ from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
-from warpdem.mesh.solid import shape_of
+from warpdem.mesh.solid import MeshSolid, shape_of
 from warpdem.model import domain, needs, time_step
 from warpdem.model.choose_features import WARP_LANES, choose_features
 from warpdem.model.coefficients import coefficient_table
@@ -105,7 +105,12 @@ def prepare(
     domain.check(scene, start, schedule.frame, features.contact.gap, exits)
     for number, region in enumerate(scene.measures.regions):
         if region.shape_key:  # a mesh that cannot be read is refused before the run
-            shape_of(scene, region.shape, f"measures.regions[{number}].{region.shape_key}")
+            shape = shape_of(scene, region.shape, key := f"measures.regions[{number}].{region.shape_key}")
+            if isinstance(shape, MeshSolid) and shape.mesh.bodies is not None and shape.mesh.bodies.intersect:
+                raise SceneError(
+                    f"{scene.source}: {key}.file: {shape.mesh.name}: {shape.mesh.bodies.note.partition(':')[0]}: how much of a "
+                    "grain is in it is not measured; make a boolean union in the program that made it, or several regions"
+                )
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)
