@@ -99,13 +99,13 @@ class DynamicWall:
         out, given = np.zeros(MOBILITY.width), self.given
         if isinstance(given, Servo):
             return out
-        axis = np.array(given.axis)
-        along = np.outer(axis, axis) / self.inertia if self.inertia else np.zeros((3, 3))
-        push, turn, center = (np.zeros((3, 3)), along, given.origin) if given.turns else (along, np.zeros((3, 3)), given.origin)
+        none, center = np.zeros((3, 3)), np.array(given.origin)
         if isinstance(given, FreeBody):
-            axes = free_bodies.matrix_of(self.body[BODY.of("turn")])
+            axes, center = free_bodies.matrix_of(self.body[BODY.of("turn")]), self.center
             push, turn = np.eye(3) / self.mass, axes @ np.diag(self.body[BODY.of("rates")]) @ axes.T
-            center = self.center
+        else:
+            along = np.outer(given.axis, given.axis) / self.inertia
+            push, turn = (none, along) if given.turns else (along, none)
         pairs = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
         values = {"yields": 1.0 - self.value("held"), "center": center, "push": push[pairs], "turn": turn[pairs]}
         for name, value in values.items():
