@@ -127,6 +127,7 @@ class Inlet:
                 break
             body, drawn = self.bodies[portion], self.waiting
             there, sizes = np.concatenate(near), np.concatenate(size)
+            met = walls if self.walls is None else self.walls.met(walls, portion)
             for _ in range(TRIES):
                 candidate = place.random_point(self.generator, body.reach(drawn))
                 if candidate is None:
@@ -134,7 +135,7 @@ class Inlet:
                 centers, radii = body.grains(drawn, candidate, axes)
                 if not all(_is_clear(center, r, there, sizes, nearest) for center, r in zip(centers, radii, strict=True)):
                     continue
-                if all((wall.gap(centers, radii) >= 0.0).all() for wall in walls):
+                if all((wall.gap(centers, radii) >= 0.0).all() for wall in met):
                     break
             else:
                 self.blocked = True
