@@ -90,7 +90,7 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
 
 
 def turning(features: Features) -> bool:
-    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    """Whether contacts see the axes rotate: a scheme with frame-relative velocities sees them as if the frame were at rest."""
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
@@ -164,7 +164,7 @@ def _built(features: Features) -> KernelSet:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
