@@ -41,7 +41,7 @@ def evaluated(page: Path, script: str, libraries: tuple[str, ...] = (), size: tu
     profile = page.with_name("browser-profile")
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}", "--no-first-run",
                f"--window-size={size[0]},{size[1]}", "--virtual-time-budget=20000", "--dump-dom"]  # fmt: skip
-    done = subprocess.run([browser, *options, copy.resolve().as_uri()], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([browser, *options, copy.resolve().as_uri()], capture_output=True, text=True, timeout=600)
     found = re.search(r'<pre id="result-of-the-test">(.*?)</pre>', done.stdout, re.DOTALL)
     assert found, f"the page's script did not end: {done.stderr[-2000:]}"
     result = json.loads(unescape(found[1]))
