@@ -77,8 +77,8 @@ def described(file: Path) -> Demo:
             raise SceneError(f'{file}: its first comment has no part "{part}: ..."')
         found[part] = match[1]
     words = {key: " ".join(value.split()) for key, value in found.items()}
-    takes = words["Takes"].rstrip(".")
-    return Demo(file.stem, file, words["about"], *(words[part] for part in PARTS[:-1]), takes)
+    shown, outcome, seen, measure, takes = (words[part] for part in PARTS)
+    return Demo(file.stem, file, words["about"], shown, outcome, seen, measure, takes.rstrip("."))
 
 
 def scene_named(name: str) -> Demo:
