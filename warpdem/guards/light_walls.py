@@ -48,7 +48,7 @@ def light_walls(
         if isinstance(one.given, Servo) or not len(start.id):
             continue
         count, point, normal = _touched(one, meshes.get(one.wall.name), start)
-        arm = largest_arm(one.given, point) if one.given.turns == 1 else 1.0
+        arm = 1.0 if isinstance(one.given, FreeBody) or not one.given.turns else largest_arm(one.given, point)
         for case in contact_cases(scene, start):
             if not (case.wall and case.materials[1] == one.wall.material and arm > 0.0):
                 continue
