@@ -95,7 +95,10 @@ def test_damping_forces_take_what_the_energy_budget_counts_as_damping():
     of_pair = dict(zip(zip(*ids, strict=True), kept, strict=True))  # with those that are near only
     pairs = network.j >= 0
     found = np.array([of_pair[key] for key in zip(network.i[pairs], network.j[pairs], strict=True)])
-    wanted = network.normal[pairs] * found[:, at.damping, None] + found[:, at.of("tangential")]
+    place, of = sim.particles.position, sim.particles.id
+    normal = np.subtract(*(place[np.searchsorted(of, side[pairs])] for side in (network.i, network.j)))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    wanted = normal * found[:, at.damping, None] + found[:, at.of("tangential")]
     size = np.abs(network.force).max()
     assert np.abs(wanted).max() > 0.01 * size
     assert_allclose(network.damping_force[pairs], wanted, rtol=0, atol=1e-8 * size)
