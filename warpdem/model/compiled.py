@@ -71,7 +71,8 @@ def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
         kernels: of ``compile_kernels``.
     """
     lists, walls = kernels.lists, kernels.walls
-    step = kernels.loop.run, kernels.inner.build_inner, kernels.read.read, kernels.read.read_budget
+    readers = kernels.read.read, kernels.read.read_budget, kernels.read.read_losses
+    step = kernels.loop.run, kernels.inner.build_inner, *readers
     outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]

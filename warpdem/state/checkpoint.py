@@ -184,6 +184,11 @@ def _check(view: RunView, data: dict[str, Any]) -> None:
     """Refuse what another scene was run to, or at another time step."""
     given, dt = view.model.given, view.clock.dt
     refuse_other(data, given.scene, given.files, given.hash)
+    if missing := sorted(view.reader.digits.keys() - data.keys()):
+        raise SceneError(
+            f"{data['path']}: a checkpoint of another version: it holds no {', '.join(missing)}; go on with the version that "
+            "saved it, or start anew"
+        )
     if data["dt"] != dt:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {dt!r} s; nothing was changed"
