@@ -5,6 +5,7 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
     losses               what the normal law itself loses, by its LOSSES: adhesion, plasticity, liquid
+    drag                 the force of a viscous bridge, along the normal and across: its power is lost to liquid
     rolling              M - M_spring, and the angle that the rolling spring is cut by; with a twisting law also its torque
                          without its spring's, and the twist that is cut
     rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
@@ -38,15 +39,17 @@ PARTS_AT = Columns(
         ("springs_now", 1),  # and now, before the slip of the step [J]
     )
 )
-"""What is not elastic in a contact; the LOSSES of its normal law follow [J]."""
+"""What is not elastic in a contact; the LOSSES of its normal law follow [J] (``with_losses``)."""
 LOSSES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
 """What contacts lose under any law [J]; the LOSSES of the normal law are lost too."""
+WORK_AT = scalars(("normal_damping", "sticking", "sliding", "rolling", "drag"))
+"""What the ``impulses`` of a contact take from its grains [J]."""
 UNLIMITED = 1.0e30  # [N m]: a Coulomb limit that no rolling spring reaches, and no overflow in single precision
 
 
 def with_losses(at: Columns, losses: tuple[str, ...]) -> Columns:
-    """The columns ``at``, followed by one for each of the LOSSES of a normal law."""
-    return at.and_(scalars(f"lost_{name}" for name in losses))
+    """The columns ``at``, followed by one for each of the LOSSES of a normal law [J]; where liquid is one, by its drag [N]."""
+    return at.and_(scalars(f"lost_{name}" for name in losses)).and_(Columns((("drag", 3),) if "liquid" in losses else ()))
 
 
 def impulses(normal, tangential, rolling, twisting=None) -> Columns:
@@ -58,9 +61,9 @@ def impulses(normal, tangential, rolling, twisting=None) -> Columns:
     at = Columns((("damping", 1),))
     if tangential is not None:
         at = at.and_(Columns((("tangential", 3), ("sliding", 1))))
-    elif getattr(normal, "VISCOUS", False):
-        at = at.and_(Columns((("tangential", 3),)))
-    return at.and_(Columns((("rolling", 3),))) if rolling is not None or twisting is not None else at
+    if rolling is not None or twisting is not None:
+        at = at.and_(Columns((("rolling", 3),)))
+    return at.and_(Columns((("drag", 3),))) if "liquid" in columns.losses(normal) else at
 
 
 @functools.cache
@@ -72,7 +75,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
     losses = len(of_normal.losses)
-    Common, Parts = PARTS_AT.vector(real), with_losses(PARTS_AT, of_normal.losses).vector(real)
+    at_parts = with_losses(PARTS_AT, of_normal.losses)
+    Common, Parts = PARTS_AT.vector(real), at_parts.vector(real)
+    at_drag = at_parts.drag if "drag" in at_parts else 0
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
@@ -133,7 +138,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
-        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, _c_t = of_normal.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, squeezed, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
@@ -154,9 +159,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             limit = c[wp.static(at.friction)] * load
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
             rest = force - n * f_n + limited_spring * k_t
+            if wp.static(viscous):
+                rest = rest + (velocity - n * speed) * c_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
-        if wp.static(tangential is None and viscous):
-            rest = force - n * f_n
         if wp.static(rolling is not None):
             nonelastic = moment
             if wp.static(rolls_with_history):
@@ -194,6 +199,10 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             lost = of_normal.lost(overlap, overlap_before, k, past.own(before), past.own(now))
             for f in range(wp.static(losses)):
                 out[wp.static(PARTS_AT.width) + f] = lost[f]
+        if wp.static(viscous):
+            drag = n * squeezed - (velocity - n * speed) * c_t
+            for f in range(3):
+                out[wp.static(at_drag) + f] = drag[f]
         return out
 
     return parts, stored
@@ -209,11 +218,10 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
         losses: LOSSES of the normal law.
     """
     vec3 = wp.types.vector(3, real)
-    Impulses = at.vector(real)
-    Rotation = wp.types.matrix((3, 3), real)
-    Parts = with_losses(PARTS_AT, losses).vector(real)
-    Work = wp.types.vector(4, wp.float64)
-    has_tangential, slides, has_rolling = "tangential" in at, "sliding" in at, "rolling" in at
+    Impulses, at_parts = at.vector(real), with_losses(PARTS_AT, losses)
+    Rotation, Parts, Work = wp.types.matrix((3, 3), real), at_parts.vector(real), WORK_AT.vector(wp.float64)
+    has_tangential, slides, has_rolling, drags = "tangential" in at, "sliding" in at, "rolling" in at, "drag" in at
+    drag_at, drag_of = (at.drag, at_parts.drag) if drags else (0, 0)
     tangential_at, sliding_at = at.tangential if has_tangential else 0, at.sliding if slides else 0
     rolling_at = at.rolling if has_rolling else 0
 
@@ -230,6 +238,9 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
         if wp.static(has_rolling):
             for f in range(3):
                 out[wp.static(rolling_at) + f] = p[wp.static(PARTS_AT.rolling) + f] * kick
+        if wp.static(drags):
+            for f in range(3):
+                out[wp.static(drag_at) + f] = p[wp.static(drag_of) + f] * kick
         return out
 
     @wp.func
@@ -247,6 +258,13 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
         return out
 
     @wp.func
+    def drag(x: Impulses) -> vec3:
+        out = vec3()
+        if wp.static(drags):
+            out = vec3(x[wp.static(drag_at)], x[wp.static(drag_at + 1)], x[wp.static(drag_at + 2)])
+        return out
+
+    @wp.func
     def rotated(x: Impulses, rate: Rotation) -> Impulses:
         """The same in axes that turned by I + ``rate``."""
         out = x
@@ -260,6 +278,11 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
             m = m + rate * m
             for f in range(3):
                 out[wp.static(rolling_at) + f] = m[f]
+        if wp.static(drags):
+            d = drag(x)
+            d = d + rate * d
+            for f in range(3):
+                out[wp.static(drag_at) + f] = d[f]
         return out
 
     @wp.func
@@ -274,17 +297,20 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
         swept: wp.vec3d,  # W_i arm_i + W_j arm_j: spins times torque arms [m/s]
         spin: wp.vec3d,  # W_i - W_j [rad/s]
     ) -> Work:
-        """Energy that the impulses take from the two grains [J]: damping, sticking, sliding, rolling."""
+        """Energy that the impulses take from the two grains [J], the numbers of WORK_AT."""
         along = wp.float64(x[wp.static(at.damping)]) * wp.dot(n, velocity)
         across = wp.float64(0.0)
         share = wp.float64(0.0)
         turned = wp.float64(0.0)
+        dragged = wp.float64(0.0)
         if wp.static(has_tangential):
             across = wp.dot(as_double(tangential(x)), velocity - wp.cross(swept, n))
         if wp.static(slides):
             share = wp.float64(x[wp.static(sliding_at)])
         if wp.static(has_rolling):
             turned = wp.dot(as_double(rolling(x)), spin)
-        return Work(-along, -((wp.float64(1.0) - share) * across), -(share * across), -turned)
+        if wp.static(drags):
+            dragged = wp.dot(as_double(drag(x)), velocity - wp.cross(swept, n))
+        return Work(-along, -((wp.float64(1.0) - share) * across), -(share * across), -turned, -dragged)
 
     return KernelSet(Impulses=Impulses, Work=Work, at=at, kept=kept, rotated=rotated, work=work)

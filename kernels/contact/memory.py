@@ -9,7 +9,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns, scalars
-from warpdem.kernels.contact.dissipation import LOSSES, PARTS_AT, build_impulses, with_losses
+from warpdem.kernels.contact.dissipation import LOSSES, PARTS_AT, WORK_AT, build_impulses, with_losses
 
 
 @functools.cache
@@ -94,22 +94,34 @@ def build(real, law, border, impulses: Columns, *, spins: bool, energy: bool):
             spin = wi - wj
         return of_impulses.work(kept, n, velocity, swept, spin)
 
+    at_liquid = len(LOSSES) + law.losses.index("liquid") if "liquid" in law.losses else 0
+
+    @wp.func
+    def of_impulses_only(spent: of_impulses.Work) -> Losses:
+        """What is lost by impulses [J]."""
+        out = Losses()
+        for f in range(4):
+            out[f] = spent[f]
+        if wp.static(at_liquid > 0):
+            out[wp.static(at_liquid)] = spent[wp.static(WORK_AT.drag)]
+        return out
+
     @wp.func
     def losses_of(spent: of_impulses.Work, p: Parts) -> Losses:
         """What the contact loses [J]: ``spent`` by the impulses of the call before, and what this call says."""
-        common = Common(
-            spent[0], spent[1], spent[2] + wp.float64(p[wp.static(PARTS_AT.cut_spring)]),
-            spent[3] + wp.float64(p[wp.static(PARTS_AT.cut_angle)]),
+        out = of_impulses_only(spent)
+        at_once = Common(
+            wp.float64(0.0), wp.float64(0.0), wp.float64(p[wp.static(PARTS_AT.cut_spring)]),
+            wp.float64(p[wp.static(PARTS_AT.cut_angle)]),
             wp.float64(p[wp.static(PARTS_AT.springs_before)] - p[wp.static(PARTS_AT.springs_now)]),
         )  # fmt: skip
-        out = Losses()
         for f in range(wp.static(len(LOSSES))):
-            out[f] = common[f]
+            out[f] = out[f] + at_once[f]
         for f in range(wp.static(losses)):
-            out[wp.static(len(LOSSES)) + f] = wp.float64(p[wp.static(PARTS_AT.width) + f])
+            out[wp.static(len(LOSSES)) + f] = out[wp.static(len(LOSSES)) + f] + wp.float64(p[wp.static(PARTS_AT.width) + f])
         return out
 
     return KernelSet(
-        **shared, rotated=rotated, past_work=past_work, losses_of=losses_of, impulses_after=of_impulses.kept,
-        work=of_impulses.work,
+        **shared, rotated=rotated, past_work=past_work, losses_of=losses_of, of_impulses_only=of_impulses_only,
+        impulses_after=of_impulses.kept, work=of_impulses.work,
     )

@@ -147,9 +147,11 @@ def build(
             if there:
                 gi = grains.record[i]
                 gj = grains.record[contacts.partner[p, k]]
-                work = pairs.memory.past_work(gi, gj, pairs.memory.impulses_of(memory), slip_time(row), model.dt)
-                for f in range(4):
-                    add_rounded(work[f], t % losses_out.shape[0], f, losses_out)
+                lost = pairs.memory.of_impulses_only(
+                    pairs.memory.past_work(gi, gj, pairs.memory.impulses_of(memory), slip_time(row), model.dt)
+                )
+                for f in range(wp.static(pairs.memory.Losses._length_)):
+                    add_rounded(lost[f], t % losses_out.shape[0], f, losses_out)
 
         @kernel
         def read_losses(
@@ -182,10 +184,12 @@ def build(
             swept = wp.vec3d()
             if wp.static(pairs.spins):
                 swept = spin[i] * (gi[3] - depth) + spin[j] * (gj[3] - depth)
-            work = pairs.memory.work(
-                kept, across * (wp.float64(1.0) / distance), velocity[i] - velocity[j], swept, spin[i] - spin[j]
+            lost = pairs.memory.of_impulses_only(
+                pairs.memory.work(
+                    kept, across * (wp.float64(1.0) / distance), velocity[i] - velocity[j], swept, spin[i] - spin[j]
+                )
             )
-            for f in range(4):
-                add_rounded(work[f] * (done / kick), t % sums_out.shape[0], f, sums_out)
+            for f in range(wp.static(pairs.memory.Losses._length_)):
+                add_rounded(lost[f] * (done / kick), t % sums_out.shape[0], f, sums_out)
 
     return KernelSet(read=read, read_budget=read_budget, settle_losses=settle_losses, read_losses=read_losses)

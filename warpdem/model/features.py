@@ -10,7 +10,7 @@ from warpdem.kernels import grain
 from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import LOSSES, impulses
-from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, wall_entry
 from warpdem.kernels.wall import record
 from warpdem.scene.models import model
 from warpdem.scene.user_models import parts_of
@@ -126,6 +126,8 @@ class WallFeatures:
     """Walls that move by the load on them."""
     bodies: int = 0
     """Those of them with six degrees of freedom."""
+    free: int = 0
+    """Those of them that have a mass: no servos."""
 
     @property
     def present(self) -> bool:
@@ -264,8 +266,8 @@ class Features:
         contact = number * (2 * law.pair_force_width + memories * self.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         fixed += 24 * law.wet  # films
-        wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
-        fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
+        at_walls = wall_entry(measures.losses).width + measures.scene_walls
+        fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
         result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
         beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
