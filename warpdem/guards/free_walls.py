@@ -99,16 +99,16 @@ def coupling(
     rows[grains] = np.arange(len(grains))
     near = np.flatnonzero((rows[s.i] < len(grains)) | (rows[s.j] < len(grains)))
     found = s.subset(near)
-    levers, wall = _levers(one, body, contacts.point[near])
+    lever, wall = levers(one, body, contacts.point[near])
     largest = one.mass if isinstance(one.given, FreeBody) else one.inertia
     return Coupling(
-        found.between(rows[found.i], rows[found.j]), levers * held[near, None, None], np.append(mass[grains], largest),
+        found.between(rows[found.i], rows[found.j]), lever * held[near, None, None], np.append(mass[grains], largest),
         inertia[grains], wall,
     )  # fmt: skip
 
 
-def _levers(one: DynamicWall, body: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``levers`` at points [m], shape (c, 3), and ``wall`` of a coupling."""
+def levers(one: DynamicWall, body: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``levers`` at points [m], shape (c, 3), and ``wall`` of a coupling, of a wall at the placement ``body``, shape (24,)."""
     turn, shift = body[:9].reshape(3, 3), body[9:12]
     if isinstance(one.given, FreeBody):
         axes = turn @ matrix_of(one.body[BODY.of("turn")])
