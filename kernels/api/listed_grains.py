@@ -14,6 +14,7 @@ class ListedGrains:
         self.grains, self.law, self.skin, self.rebuilds = grains, law, skin, 0
         self.kernels = build_kernels(*law.models, law.torsion, law.gap)
         self._table = law.coefficients(grains.device)
+        self._allowance = wp.full(len(grains), 0.5 * skin, dtype=wp.float64, device=grains.device)
         self._flag = wp.zeros(1, dtype=wp.int32, device=grains.device)
         self._reference: wp.array | None = None
 

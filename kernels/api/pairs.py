@@ -13,7 +13,7 @@ from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import Counts, Starts, starts
 from warpdem.kernels.lists.path import Flight
 
-EVERYWHERE = 1.0e30  # inner skin within which all partners of the neighbor list are evaluated [m]
+EVERYWHERE = 1.0e30  # share of the allowances within which all partners of the neighbor list are evaluated [-]
 CAPACITY = 16  # partners per grain that the neighbor list can hold to begin with
 
 
@@ -71,7 +71,7 @@ class Pairs(ListedGrains):
         width = 2.0 * largest + self.law.gap + self.skin
         cells = np.minimum(np.ptp(position, axis=0) / width + 1.0, 256.0).astype(np.int32)
         grid = SizeGrids()
-        grid.largest = wp.array([largest], dtype=wp.float64, device=g.device)
+        grid.largest = wp.array([largest + 0.5 * self.skin], dtype=wp.float64, device=g.device)
         grid.per_length = wp.array([1.0 / width], dtype=wp.float64, device=g.device)
         grid.cells = wp.array(cells[None], dtype=wp.vec3i, device=g.device)
         grid.first = self.ints(1)
@@ -82,13 +82,13 @@ class Pairs(ListedGrains):
     def _make(self) -> None:
         g, lists, n = self.grains, self.kernels.lists, len(self.grains)
         grid = self._grid()
-        self.launch(lists.insert_grains, n, [0, grid, g.record])
+        self.launch(lists.insert_grains, n, [0, grid, g.record, self._allowance])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
             slot = self.ints(n * self._capacity)
             self.launch(lists.find_neighbors, n, [
-                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), n, self.skin, start, count, slot
+                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), n, self._allowance, start, count, slot
             ])
             longest = int(count.numpy().max())
             if longest <= self._capacity:
@@ -96,6 +96,7 @@ class Pairs(ListedGrains):
             self._capacity = longest + longest // 4
         rows = NeighborRows()
         rows.start, rows.count, rows.slot, rows.contact = start, count, slot, self.ints(slot.shape, -1)
+        rows.allowance = self._allowance
         if self._old is not None:
             self.launch(lists.carry_contacts, n, [0, g.id, self.ints(0), g.id, self._old, rows])
         listed, counts = self.ints(slot.shape), Counts()

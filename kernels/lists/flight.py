@@ -8,7 +8,7 @@ place where it was when the path was laid,
 
 and the path was laid so that up to there its grain can touch no other outside of its row in the outer list:
 
-    |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
+    |P(t) - reference of j| >= R_i + R_j + gap + allowance + allowance of j in the lists      j any other grain
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
     distance of P(t) to a wall >= R_i + gap + allowance
 
@@ -89,7 +89,6 @@ def build(
         low: wp.array(dtype=wp.vec3d)  # (blocks,) of ``enclose``
         high: wp.array(dtype=wp.vec3d)
         rows: NeighborRows  # the outer list
-        skin: wp.float64  # of it [m]
 
     @wp.struct
     class WallsAhead:
@@ -111,6 +110,7 @@ def build(
         grains: wp.array(dtype=g.Record),
         reference: wp.array2d(dtype=wp.vec3d),
         flight: wp.array(dtype=Flight),
+        allowance: wp.array(dtype=wp.float64),
         low_out: wp.array(dtype=wp.vec3d),
         high_out: wp.array(dtype=wp.vec3d),
     ):
@@ -122,7 +122,7 @@ def build(
         for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
             if not in_flight(flight, j) and not g.is_removed(grains[j]):
                 there = reference[j, 0]
-                r = grains[j][3]
+                r = grains[j][3] + allowance[j]
                 room = wp.vec3d(r, r, r)
                 low = wp.min(low, there - room)
                 high = wp.max(high, there + room)
@@ -192,7 +192,7 @@ def build(
                 if gap_to_box(x, first, last) - need < largest_distance(time, speed, acceleration):
                     for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), others.record.shape[0])):
                         if j != f and not in_flight(others.flight, j) and not g.is_removed(others.record[j]):
-                            free = wp.length(border.nearest(x - others.reference[j, 0])) - need - others.record[j][3]
+                            free = wp.length(border.nearest(x - others.reference[j, 0])) - need - others.record[j][3] - others.rows.allowance[j]
                             until = least_time(free, speed, acceleration)
                             if until < time:
                                 if not is_listed(j, start, count, others.rows.slot):
@@ -303,8 +303,7 @@ def build(
                 time = wp.min(time, least_time(wp.float64(wp.static(0.2 * shortest)), speed, bent))
             if wp.static(meshes or shapes):
                 time = until_wall(f, k, x, v, radius, bent, base, time, dt, walls)
-            half = wp.float64(0.5) * others.skin
-            time = until_grain(f, x, speed, bent, base + half, time, others)
+            time = until_grain(f, x, speed, bent, base, time, others)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)

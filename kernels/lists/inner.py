@@ -67,7 +67,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
 
         mode: wp.int32
         schedule_row: wp.int32  # of the present step
-        inner_skin: wp.float64  # [m]
+        inner_share: wp.float64  # of the allowances [-]
         unused_slot: wp.int32  # force slot that belongs to no grain, behind all others
         near_feature: wp.array(dtype=wp.int32)  # (wall slots,) features closer than the skin
         old_history: wp.array3d(dtype=lists.real)  # (batches, numbers, lanes) of the list before
@@ -110,7 +110,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         found = int(0)
         mode = work.mode
         schedule_row = work.schedule_row
-        inner_skin = work.inner_skin
+        inner_share = work.inner_share
         if mode & wp.static(CHECK):
             for i in range(first, last):
                 one = displacement.check_grain(
@@ -139,11 +139,11 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         for b in range(first_block, last_block):
             for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), n)):
                 lists.select_row(
-                    i, grains, rows, work.old_history, inner_skin, references.flight, scratch.listed, counts
+                    i, grains, rows, work.old_history, inner_share, references.flight, scratch.listed, counts
                 )
                 if wp.static(walls is not None):
                     walls.select_features(
-                        i, grains.record[i], wp.float64(0.5) * inner_skin, model.surface, control.placement[now],
+                        i, grains.record[i], inner_share * rows.allowance[i], model.surface, control.placement[now],
                         work.near_feature, references.flight, wall_contacts,
                     )  # fmt: skip
             scratch.sums[b] = block_sums(b, wp.static(lanes), counts)

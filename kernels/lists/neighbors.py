@@ -28,6 +28,7 @@ class NeighborRows:
     count: wp.array(dtype=wp.int32)  # (n,) partners of each grain
     slot: wp.array(dtype=wp.int32)  # (entries,) memory slot of the partner
     contact: wp.array(dtype=wp.int32)  # (entries,) number of the pair in the inner list or -1, in the row of the lower id
+    allowance: wp.array(dtype=wp.float64)  # (n,) how far each grain may move while the list holds [m]
 
 
 @functools.cache
@@ -117,10 +118,12 @@ def build(
         return n
 
     @kernel
-    def insert_grains(first: int, grids: SizeGrids, grains: wp.array(dtype=g.Record)):
+    def insert_grains(
+        first: int, grids: SizeGrids, grains: wp.array(dtype=g.Record), allowance: wp.array(dtype=wp.float64)
+    ):  # fmt: skip
         """Put the grains on the grids; on a CPU one thread does it."""
         i = first + wp.tid()
-        insert(grids, i, g.position(grains[i]), grains[i][3])
+        insert(grids, i, g.position(grains[i]), grains[i][3] + allowance[i])
 
     @kernel
     def find_neighbors(
@@ -132,7 +135,7 @@ def build(
         material: wp.array(dtype=wp.int32),
         through: wp.array2d(dtype=wp.int32),  # 1 of two materials that pass through each other; of size 0 without any
         owned: int,  # grains of this process, which stand first
-        skin: wp.float64,
+        allowance: wp.array(dtype=wp.float64),
         start: wp.array(dtype=wp.int32),  # of the room for each row; of size 0: they are only counted
         count_out: wp.array(dtype=wp.int32),
         slot_out: wp.array(dtype=wp.int32),
@@ -140,6 +143,7 @@ def build(
         """Partners of each grain; a count above its room says that the row did not fit."""
         i = first + wp.tid()
         me = grains[i]
+        mine = allowance[i]
         at = int(0)
         room = int(0)
         if start.shape[0] > 0:
@@ -149,7 +153,7 @@ def build(
         for image in range(wp.static(border.images)):
             place = border.image(g.position(me), image)
             for size in range(grids.largest.shape[0]):
-                cutoff = me[3] + grids.largest[size] + wp.float64(wp.static(gap)) + skin
+                cutoff = me[3] + mine + grids.largest[size] + wp.float64(wp.static(gap))
                 if border.within(place, cutoff):
                     low, box = box_around(grids, size, place, cutoff)
                     for z in range(box[2]):
@@ -161,7 +165,7 @@ def build(
                                     other = grains[j]
                                     there = g.position(other)
                                     separation = border.nearest(g.position(me) - there)
-                                    far = me[3] + other[3] + wp.float64(wp.static(gap)) + skin  # so it is the same seen from j
+                                    far = me[3] + other[3] + wp.float64(wp.static(gap)) + (mine + allowance[j])  # the same seen from j
                                     near = wp.dot(separation, separation) < far * far and j != i
                                     if wp.static(clumps):
                                         near = near and not of_clumps.same_clump(clump, i, j)
@@ -214,11 +218,12 @@ def build(
 
     @wp.func
     def select_row(
-        i: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_skin: wp.float64,
+        i: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_share: wp.float64,
         flight: wp.array(dtype=Flight), listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
     ):  # fmt: skip
         """As ``select_contacts``, of grain ``i``."""
         me = grains.record[i]
+        mine = rows.allowance[i]
         touching = int(0)
         near = int(0)
         listed = int(0)
@@ -229,7 +234,7 @@ def build(
             separation = border.nearest(g.position(me) - g.position(other))
             square = wp.dot(separation, separation)
             cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
-            far = cutoff + inner_skin
+            far = cutoff + inner_share * (mine + rows.allowance[j])
             acting = me[3] + other[3] + wp.float64(wp.static(acts_within))
             entry = int(-1)
             if square < far * far or flying or in_flight(flight, j):
@@ -255,15 +260,15 @@ def build(
 
     @kernel
     def select_contacts(
-        first: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_skin: wp.float64,
+        first: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_share: wp.float64,
         flight: wp.array(dtype=Flight), listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
     ):  # fmt: skip
-        """Which pairs are closer than the inner skin [m], or in flight; both grains decide alike, bit for bit.
+        """Which pairs meet within ``inner_share`` of their allowances, or fly; both grains decide alike, bit for bit.
 
         ``listed_out`` (entries,) holds -1 for the others, else twice the number of listed ones before it in the row, plus 1 if
         they touch; ``counts_out`` how many there are of each kind. ``flight``: (n,), or of size 0.
         """
-        select_row(first + wp.tid(), grains, rows, old_history, inner_skin, flight, listed_out, counts_out)
+        select_row(first + wp.tid(), grains, rows, old_history, inner_share, flight, listed_out, counts_out)
 
     @wp.func
     def put_constants(

@@ -104,7 +104,7 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                     for stage in range(wp.static(stages)):
                         moved = move_phase(
                             range_of(thread, wp.static(GRAINS), control), s, stage, model, grains, wall_contacts, control,
-                            report, steps.max_displacement,
+                            report, steps.inner_share,
                         )  # fmt: skip
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
@@ -160,11 +160,11 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
     @kernel
     def move(
         stride: int, last: int, s: int, stage: int, model: Model, control: Control, grains: Grains,
-        wall_contacts: WallContacts, report: Report, max_displacement: wp.float64,
+        wall_contacts: WallContacts, report: Report, inner_share: wp.float64,
     ):  # fmt: skip
         part = every(stride, last, wp.tid())
         report.moved[part.slot] = move_phase(
-            part, s, stage, model, grains, wall_contacts, control, report, max_displacement
+            part, s, stage, model, grains, wall_contacts, control, report, inner_share
         )
 
     return KernelSet(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)

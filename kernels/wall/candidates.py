@@ -44,7 +44,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
         grains: wp.array(dtype=g.Record),
         material: wp.array(dtype=wp.int32),
         through: wp.array2d(dtype=wp.int32),  # as of ``neighbors.find_neighbors``
-        travel: wp.float64,
+        allowance: wp.array(dtype=wp.float64),  # (n,) how far each grain may go [m]
         surface: Surface,
         mesh: wp.array(dtype=wp.uint64),
         mesh_wall: wp.array(dtype=wp.int32),
@@ -62,6 +62,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                 return
         q = g.position(state)
         radius = state[3]
+        travel = allowance[i]
         reach = radius + wp.float64(wp.static(gap)) + travel
         n = int(0)
         at = int(0)
@@ -142,19 +143,20 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
     def close_features(
         first: int,
         grains: wp.array(dtype=g.Record),
-        travel: wp.float64,
+        share: wp.float64,
+        allowance: wp.array(dtype=wp.float64),
         surface: Surface,
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
         flight: wp.array(dtype=Flight),
         wall_contacts: WallContacts,
     ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
+        """Candidates that a grain can reach within ``share`` of its allowance, at the start of its slots; with none, no contact points.
 
         All that are near one in flight.
         """
         i = first + wp.tid()
-        select_features(i, grains[i], travel, surface, placements, near_feature, flight, wall_contacts)
+        select_features(i, grains[i], share * allowance[i], surface, placements, near_feature, flight, wall_contacts)
 
     @kernel
     def carry_wall_contacts(

@@ -28,6 +28,8 @@ class OuterList(NamedTuple):
     """(entries,) memory slot of the neighbor."""
     contact: wp.array
     """(entries,) number of the pair in the inner list, -1 where it is in none; kept in the row of the lower id."""
+    allowance: wp.array
+    """(n,) how far each grain may move while the list holds [m]."""
 
 
 @dataclass
@@ -38,6 +40,7 @@ class NewOuterList:
     count: wp.array
     slot: wp.array
     contact: wp.array
+    allowance: wp.array
     capacity_start: wp.array
     """(n + 1,) of the rows that a first search writes; of size 0: it only counts."""
     old_slot: wp.array
@@ -52,7 +55,7 @@ class NewOuterList:
     @property
     def rows(self) -> OuterList:
         """The list alone."""
-        return OuterList(self.start, self.count, self.slot, self.contact)
+        return OuterList(self.start, self.count, self.slot, self.contact, self.allowance)
 
 
 class ContactLists:
@@ -62,7 +65,9 @@ class ContactLists:
         outer: the outer list; empty before the first.
         known: grains that the lists were built for, in the first memory slots.
         skin: gap below which a pair is in the outer list [m].
-        inner_skin: gap below which it is in the inner list [m].
+        inner_share: share of the allowances within which it is in the inner list [-].
+        horizon: steps that an outer list shall hold: those that go further than half the skin in so many are allowed to [-].
+        most_allowance: of a grain [m].
         rebuilds, inner_rebuilds: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
@@ -113,7 +118,7 @@ class ContactLists:
         self.model, self.state, self.clock, self.pool = model, state, clock, pool
         self.real = model.features.backend.real
         n, axes = len(state), 1 + model.features.walls.moving
-        self.skin, self.inner_skin = skin, 0.2 * skin
+        self.skin, self.inner_share, self.horizon, self.most_allowance = skin, 0.2, 0.0, 0.5 * skin
         self.rebuilds = self.inner_rebuilds = self.version = 0
         self.known = n
         self.force_parity = 1
@@ -133,7 +138,7 @@ class ContactLists:
 
     def forget_outer(self) -> None:
         """No outer list, and nothing to be carried over to the next."""
-        self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)))
+        self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)), self.pool.zeros(0, wp.float64))
 
     @property
     def row_vectors(self) -> wp.array:
@@ -146,10 +151,10 @@ class ContactLists:
         return out
 
     @property
-    def max_displacement(self) -> float:
-        """Displacement of a grain up to which the inner list holds [m]."""
+    def share_that_holds(self) -> float:
+        """Share of its allowance that a grain may move while the inner list holds [-]."""
         alone = len(self.state) < 2 and not self.model.features.walls.present
-        return 1.0e300 if alone else 0.5 * self.inner_skin
+        return 1.0e300 if alone else self.inner_share
 
     def set_totals(self, totals: list[int]) -> None:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
@@ -162,7 +167,8 @@ class ContactLists:
 
     def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:
         """Take over an outer list, for the next build to carry its contacts over; arguments as ``OuterList``."""
-        self.outer = OuterList(*(self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)))
+        arrays = (self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact))
+        self.outer = OuterList(*arrays, self.pool.zeros(len(count), wp.float64))
         self.known = len(count)
 
     def new_wall_contacts(self, grains: int, slots: int) -> Any:
