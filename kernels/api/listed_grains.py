@@ -26,6 +26,13 @@ class ListedGrains:
         """Array of int32 of one value on the device of the grains."""
         return wp.full(shape, fill, dtype=wp.int32, device=self.grains.device)
 
+    def listed(self):
+        """What the list kernels read of the grains; every material touches."""
+        g, out = self.grains, self.kernels.neighbors.ListedGrains()
+        out.record, out.inverse, out.material, out.id = g.record, g.inverse, g.material, g.id
+        out.through, out.owned = self.ints((0, 0)), len(g)
+        return out
+
     def outdated(self) -> bool:
         """Whether a grain has moved by more than half the skin since the list was made; waits for the device.
 

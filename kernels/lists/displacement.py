@@ -200,5 +200,6 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
         put_reference(i, g.position(grains[i]), placements, flight, reference_out)
 
     return KernelSet(
-        check_lists=check_lists, set_allowances=set_allowances, save_reference=save_reference, check_grain=check_grain, put_reference=put_reference
-    )
+        check_lists=check_lists, set_allowances=set_allowances, save_reference=save_reference, check_grain=check_grain,
+        put_reference=put_reference,
+    )  # fmt: skip

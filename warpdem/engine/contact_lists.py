@@ -18,7 +18,7 @@ from warpdem.state.particles import State
 
 
 class OuterList(NamedTuple):
-    """Pairs closer than the skin: of each grain a row of neighbors in ascending order of id."""
+    """Pairs closer than their allowances: of each grain a row of neighbors in ascending order of id."""
 
     start: wp.array
     """(n + 1,) first entry of each row, and the end of the last; rows may be longer than what they hold."""
@@ -64,10 +64,10 @@ class ContactLists:
     Attributes:
         outer: the outer list; empty before the first.
         known: grains that the lists were built for, in the first memory slots.
-        skin: gap below which a pair is in the outer list [m].
-        inner_share: share of the allowances within which it is in the inner list [-].
-        horizon: steps that an outer list shall hold: those that go further than half the skin in so many are allowed to [-].
-        most_allowance: of a grain [m].
+        skin: gap below which a pair of slow grains is in the outer list [m].
+        inner_share: share of the allowances within which a pair is in the inner list [-].
+        horizon: steps that an outer list shall hold, for which fast grains are allowed to move further [-].
+        most_allowance: of a grain, at most [m]; half the skin is the least.
         rebuilds, inner_rebuilds: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
@@ -83,7 +83,7 @@ class ContactLists:
         listed: of each entry of the outer list: -1, or its number in the row and whether it touches (``select_contacts``).
         touching, near, width: (n,) contacts of either class that a grain owns, and its force slots.
         touching_start, near_start: (n,) where those contacts begin.
-        near_feature: wall features closer than the skin, in the wall slots of their grain.
+        near_feature: wall features within the allowance, in the wall slots of their grain.
         grids: cell grids of the grains.
         given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
         row: pair force on one grain in each force slot; the last belongs to no grain.
@@ -236,11 +236,11 @@ class ContactLists:
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
-        lists, state, features = self.model.kernels.lists, self.state, self.model.features
+        batches, state, features = self.model.kernels.batches, self.state, self.model.features
         if self.constants.size:
             return self._used(self.constants)
         owner, partner, kind = (self._used(array) for array in (self.owner, self.partner, self.kind))
-        out = self.pool.zeros((owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
+        out = self.pool.zeros((owner.shape[0], batches.constants_width, features.backend.lanes), self.real)
         inputs = [state.record, state.inverse, self.model.coefficients, owner, partner, kind, out]
-        wp.launch(lists.contact_constants, owner.size, inputs, device=self.model.device)
+        wp.launch(batches.contact_constants, owner.size, inputs, device=self.model.device)
         return out

@@ -179,8 +179,7 @@ class Flights:
             kernels.WallsAhead(), placements=self.batch.control.placement, row=row, fastest=fastest, watched=self.batch.watched
         )
         if model.walls is not None:
-            mesh, mesh_wall = model.walls.mesh_arrays[:2]
-            put(walls, surface=model.walls.surface, mesh=mesh, mesh_wall=mesh_wall)
+            put(walls, surface=model.walls.surface, trees=model.walls.trees)
             put(walls, wall_contacts=lists.wall_contacts, near_feature=lists.near_feature)
 
         def steps_of(some: np.ndarray, flying: np.ndarray) -> np.ndarray:

@@ -207,7 +207,8 @@ class Captured:
         nothing = self.scratch.nothing
         lists.new = NewOuterList(
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
-            allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.near, first=lists.row_start,
+            allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id,
+            feature_count=lists.near, first=lists.row_start,
         )  # fmt: skip
 
     # -- the loop -------------------------------------------------------------------------------
@@ -307,7 +308,7 @@ class Captured:
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         k = self.model.kernels
-        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, k.films, numbering):
+        for group in (k.graph, k.rebuild, k.neighbors, k.batches, k.displacement, k.walls, k.films, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=self.model.device)

@@ -129,6 +129,7 @@ class HostBuild:
         self._classes = np.zeros(0, dtype=np.int64)
         self._nothing = storage.pool.zeros(0, wp.int32)
         self._builds_in_order, self._side, self._entries = 0, 0, 0
+        self._grids_for = 0.0, 0.0  # skin and largest allowance
         self._capacity_start: wp.array | None = None
         self._old_wall_contacts: Any = None
 
@@ -160,7 +161,7 @@ class HostBuild:
         self._side = 1 - self._side
         a.rows_are_counted = self.storage.rows_are_counted
         same = state.slots == len(state) == known == len(self._classes)  # none has come or gone since they were sorted
-        stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER and self._sorted_for == (a.skin, a.most_allowance)
+        stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER and self._grids_for == (a.skin, a.most_allowance)
         if sort or not stays or a.rows_are_counted:
             old_id = wp.clone(state.id)
             order = self._sort()
@@ -175,7 +176,8 @@ class HostBuild:
         nothing, counts = self._nothing, [self._array(name, n) for name in ("neighbors", "near features")]
         a.new = NewOuterList(
             start=self._array("rows", n + 1), count=counts[0], slot=nothing, contact=nothing,
-            allowance=self._array("allowances", n, wp.float64), capacity_start=nothing, old_slot=old_slot, old_id=old_id, feature_count=counts[1], first=self._array("wall slots", n + 1),
+            allowance=self._array("allowances", n, wp.float64), capacity_start=nothing, old_slot=old_slot, old_id=old_id,
+            feature_count=counts[1], first=self._array("wall slots", n + 1),
         )  # fmt: skip
         if not a.rows_are_counted:
             self._give_rows_capacity()
@@ -223,7 +225,7 @@ class HostBuild:
         a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         widest = float(radius.max()) + a.most_allowance
         a.grids = grids_for(position, radius + 0.5 * a.skin, self._classes, gap, self.model.device, widest)
-        self._sorted_for = a.skin, a.most_allowance
+        self._grids_for = a.skin, a.most_allowance
         return order
 
     def _give_rows_capacity(self) -> None:
@@ -326,7 +328,7 @@ class HostBuild:
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
         a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)
         a.trial = pool.buffer("trial", history if self.batch.stages > 1 else (0, 1, width), a.real)
-        kernels = self.model.kernels.lists
+        kernels = self.model.kernels.batches
         a.constants = pool.buffer(
             "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )

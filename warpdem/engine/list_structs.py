@@ -35,15 +35,16 @@ class ListStructs:
 
     def __init__(self, model: Model, state: State, lists: ContactLists) -> None:
         self._state, self._lists = state, lists
-        kernels, self._Clumps = model.kernels.lists, model.kernels.pairs.clumps.Clumps
-        self._grains, self._contacts = kernels.ListedGrains(), kernels.ListedContacts()
+        kernels, self._Clumps = model.kernels, model.kernels.pairs.clumps.Clumps
+        self._grains, self._contacts = kernels.neighbors.ListedGrains(), kernels.batches.ListedContacts()
+        self._grains.through = model.apart
         self._outer, self._new, self._references = NeighborRows(), NeighborRows(), References()
         self._counts, self._starts = Counts(), Starts()
 
     def grains(self) -> Any:
         """``ListedGrains``."""
         s = self._state
-        put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id)
+        put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id, owned=s.owned)
         return put(self._grains, clumps=s.clumps.struct(self._Clumps)) if s.clumps is not None else self._grains
 
     def outer(self) -> Any:

@@ -1,7 +1,7 @@
 """When lists are built: a neighbor list is valid until a grain has moved too far, was inserted, or has left.
 
-Two lists: the outer one holds pairs closer than the skin, the inner one, which the forces go through, those of them that are
-closer than the inner skin. The launches of a build are in ``program``.
+Two lists: the outer one holds pairs closer than the allowances of both grains, the inner one, which the forces go through,
+those of them that are closer than a share of that. The launches of a build are in ``program``.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State, changed
 
-INNER_STEPS = (30, 100)  # steps between two inner lists that the inner skin is steered to
+INNER_STEPS = (30, 100)  # steps between two inner lists that their share is steered to
 OUTER_STEPS = 120  # steps between two outer lists below which the skin grows (if it may)
 REACH = 1.0  # allowance of a grain beyond half the skin, at most, over the mean radius [-]
 INNER_SHARES = (0.02, 0.5)  # bounds of the share of the allowances that an inner list is built for

@@ -11,6 +11,7 @@ import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists, OuterList
+from warpdem.engine.list_structs import ListStructs
 from warpdem.kernels import grain
 from warpdem.kernels.clump import NONE
 from warpdem.kernels.lists.numbering import starts
@@ -105,11 +106,11 @@ class Newcomers:
     def _neighbours(self, record: np.ndarray, allowance: np.ndarray, known: int) -> np.ndarray:
         """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named in both orders."""
         model, here, beyond = self.model, self.state.here, self.model.features.contact.gap
-        widest = allowance[known:].max() + allowance.max()
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
         low, high = position[new].min(axis=0), position[new].max(axis=0)
-        middle, half = 0.5 * (low + high), 0.5 * (high - low) + (radius[new].max() + model.expected.radius.max() + beyond + widest)
+        most = radius[new].max() + model.expected.radius.max() + beyond + allowance[known:].max() + allowance.max()
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) + most
         close = np.flatnonzero(here)
         for k in (2, 0, 1):
             separation = position[close, k] - middle[k]
@@ -157,8 +158,8 @@ class Newcomers:
         assert walls is not None
         contacts, n, used = lists.wall_contacts, int(new[-1]) + 1, int(lists.wall_contacts.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
-        grains = self.state.record, self.state.material, self.model.apart
-        shared = *grains, lists.outer.allowance, walls.surface, *walls.mesh_arrays, self.batch.placements
+        grains = ListStructs(self.model, self.state, lists).grains()
+        shared = grains, lists.outer.allowance, walls.surface, walls.trees, self.batch.placements
         count = self.pool.zeros(n, wp.int32)
         self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])

@@ -141,8 +141,8 @@ class ListBuild:
     # -- outer list -----------------------------------------------------------------------------
 
     def build_outer(self) -> None:
-        """Pairs and wall features closer than the skin, where the arrays hold them."""
-        a, k, scratch = self.lists, self.kernels.lists, self.batch.scratch(self.n)
+        """Pairs and wall features within the allowances, where the arrays hold them."""
+        a, k, scratch = self.lists, self.kernels.neighbors, self.batch.scratch(self.n)
         self.set_allowances(a.horizon, 0.5 * a.skin, a.most_allowance)
         a.grids.head.zero_()
         self.launch(k.insert_grains, self.n, a.grids, self.state.record, a.new.allowance, split=False)
@@ -155,7 +155,7 @@ class ListBuild:
         self.decide.outer_fits(self._write_outer)
 
     def _write_outer(self) -> None:
-        a, k = self.lists, self.kernels.lists
+        a, k = self.lists, self.kernels.neighbors
         if a.rows_are_counted:
             self.find_neighbors(a.new.start)
         if a.built:
@@ -175,11 +175,9 @@ class ListBuild:
 
     def find_neighbors(self, start: wp.array) -> None:
         """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
-        a = self.lists
-        clump = self.state.clumps.of_grain if self.state.clumps is not None else self.batch.scratch(self.n).nothing
-        grains = self.state.record, self.state.id, clump, self.state.material
-        limits = self.model.apart, self.state.owned, a.new.allowance
-        self.launch(self.kernels.lists.find_neighbors, self.n, a.grids, *grains, *limits, start, a.new.count, a.new.slot)
+        a, grains = self.lists, self.structs.grains()
+        written = a.new.count, a.new.slot
+        self.launch(self.kernels.neighbors.find_neighbors, self.n, a.grids, grains, a.new.allowance, start, *written)
 
     def _near_features(self, write: int) -> None:
         """Count the wall features near each grain, or write their numbers."""
@@ -188,15 +186,14 @@ class ListBuild:
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
         if self.state.ghosts:  # which are beside no wall here
             a.new.feature_count[self.state.owned :].zero_()
-        grains = self.state.record, self.state.material, self.model.apart
-        shared = *grains, a.new.allowance, walls.surface, *walls.mesh_arrays, self.batch.placements
+        shared = self.structs.grains(), a.new.allowance, walls.surface, walls.trees, self.batch.placements
         self.launch(self.kernels.walls.near_features, self.state.owned, write, *shared, first, a.new.feature_count, feature)
 
     # -- inner list -----------------------------------------------------------------------------
 
     def build_inner(self) -> None:
-        """Pairs and wall features closer than the inner skin, where the arrays hold them."""
-        a, k, b, structs = self.lists, self.kernels.lists, self.batch, self.structs
+        """Pairs and wall features within a share of the allowances, where the arrays hold them."""
+        a, k, b, structs = self.lists, self.kernels.batches, self.batch, self.structs
         counts = structs.counts()
         selected = structs.grains(), structs.outer(), a.history, a.inner_share, a.flight, a.listed, counts
         self.launch(k.select_contacts, self.n, *selected)
@@ -208,7 +205,7 @@ class ListBuild:
         self.decide.inner_fits(self._write_inner)
 
     def _write_inner(self) -> None:
-        a, k, m, structs = self.lists, self.kernels.lists, self.model, self.structs
+        a, k, m, structs = self.lists, self.kernels.batches, self.model, self.structs
         unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
         self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), structs.outer(), unused_slot, contacts)
         law = m.features.contact.materials, m.coefficients
