@@ -15,7 +15,7 @@ import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
 from warpdem.kernels.contact.films import RELEASED
-from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -68,8 +68,11 @@ def build(
     Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
     wet, bridge_at = law.bridge_at is not None, law.bridge_at or 0
     losses = len(law.losses)
-    Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
-    Common = wall_entry_type(())
+    at_parts, at_entry = with_losses(PARTS_AT, law.losses), wall_entry(law.losses)
+    Parts, WallEntry, Common = (c.vector(wp.float64) for c in (at_parts, at_entry, WALL_ENTRY_AT))
+    drags = "drag" in at_parts
+    drag_at = (at_parts.drag, at_entry.drag, at_entry.drag_torque, at_entry.drag_power) if drags else (0, 0, 0, 0)
+    at_drag, drag_in, torque_in, power_in = drag_at
     parts, stored = dissipation or (None, None)
 
     @wp.func
@@ -116,7 +119,7 @@ def build(
         return inertia
 
     @wp.func
-    def wall_entry(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
+    def entry_of(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
         normal_force = n * p[wp.static(PARTS_AT.damping)]
         tangential_force = wp.vec3d(
@@ -145,6 +148,13 @@ def build(
             out[f] = common[f]
         for f in range(wp.static(losses)):
             out[wp.static(WALL_ENTRY_AT.width) + f] = p[wp.static(PARTS_AT.width) + f]
+        if wp.static(drags):
+            drag = wp.vec3d(p[wp.static(at_drag)], p[wp.static(at_drag + 1)], p[wp.static(at_drag + 2)])
+            turning = wp.cross(drag, n) * distance
+            for d in range(3):
+                out[wp.static(drag_in) + d] = drag[d]
+                out[wp.static(torque_in) + d] = turning[d]
+            out[wp.static(power_in)] = wp.dot(drag, u)
         return out
 
     @wp.func
@@ -250,7 +260,7 @@ def build(
                 n, n_before, overlap, overlap_before, velocity, slip, turning, w - w_wall, dt, numbers, radius, inertia, c,
                 history, full_force, full_moment, history_now,
             )  # fmt: skip
-            entry = wall_entry(n, distance, v_wall, w_wall, force_parts) * weight
+            entry = entry_of(n, distance, v_wall, w_wall, force_parts) * weight
             power = weight * (wp.dot(full_force, v_wall) + wp.dot(full_moment, w_wall))
         force = full_force * weight
         moment = full_moment * weight

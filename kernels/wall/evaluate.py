@@ -24,7 +24,10 @@ from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None):
+def build(
+    structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None,
+    force_gap: float = 0.0,
+):  # fmt: skip
     """Return the struct of wall contacts, and the functions of a grain's.
 
     Args:
@@ -37,6 +40,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         meshes: some walls are meshes.
         gap: as in ``pairs.build``.
         of_films: of ``contact.films.build``; None for a law without bridges.
+        force_gap: how far beyond contact the normal law itself acts [m]; with bridges.
     """
     g, at = grain.build(one.spins), one.at
     WallHistory, Result, WallEntry = one.WallHistory, one.Result, one.WallEntry
@@ -165,6 +169,11 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
                     if wp.static(table):
                         row = grains.material[i] * model.materials + model.surface.material[wall]
                     before = remembered(i, c, hits == 1, wall, radius, call.old_generation, model.surface, wall_contacts)
+                    if wp.static(wetting is not None):  # out of reach of the normal law only a bridge acts
+                        distance = wall_contacts.hit[c][0]
+                        if distance > radius + wp.float64(wp.static(force_gap)):
+                            if not wetting.acts(before, call.old_generation, wall_contacts):
+                                continue
                     wall_contacts.found[n] = Found(i, c, before, slot, f, wall, model.surface.motion[wall], row)
                     n += 1
                     slot += 1

@@ -1,4 +1,4 @@
-r"""Bulk properties of the grains in a region at one instant: sums over grains and contacts, nothing is smoothed.
+r"""Bulk properties of the grains in a region at one time: sums over grains and contacts, nothing is smoothed.
 
     V = sum m v / sum m,     T = sum m |v - V|^2 / (3 sum m)                                        [m/s], [m2/s2]
     Z = (2 N_pairs + N_walls) / N                                                                   [-]

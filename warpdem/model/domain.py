@@ -117,7 +117,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: E
         exits: regions in which grains leave.
 
     Raises:
-        SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
+        SceneError: a periodic axis is too short for its grains, or the frame rotates it; a grain is outside.
     """
     domain, largest = Domain(scene), float(start.radius.max(initial=0.0))
     widest = max(largest, 0.0 if start.clumps is None else start.clumps.reach(start.radius))

@@ -3,7 +3,7 @@
 m* is the reduced mass of a contact, k its stiffness (tangent along the normal, secant across) and C made of its damping, as it
 acts at the step dt (``kernels.contact.normal_law``), as K is of its stiffness:
 
-    packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbors move against each other, K = (5 Z/3) k_t all turn
+    packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbors move against each other, K = (5 Z/3) k_t all rotate
     one contact                       K = k_n along the normal, K = (7/2) k_t rolling
     rolling spring k_r                against I* = (2/5) m* R^2, on a wall together with slip; in a packing (2 Z/3) k_r
 
@@ -91,8 +91,8 @@ def packing_limit(normal: Spring, tangential: Spring, contacts: int = PACKED) ->
     )
     if tangential.stiffness == 0.0:
         return against
-    turning = stable_step(5.0 * third * tangential.stiffness, lambda dt: 5.0 * third * tangential.acting(dt), normal.mass)
-    return min(against, turning)
+    rotating = stable_step(5.0 * third * tangential.stiffness, lambda dt: 5.0 * third * tangential.acting(dt), normal.mass)
+    return min(against, rotating)
 
 
 def contact_limit(normal: Spring, tangential: Spring) -> float:
