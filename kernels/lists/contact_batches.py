@@ -28,8 +28,8 @@ def build(
     ``law`` of ``law.build`` in float64, ``ListedGrains`` of ``neighbors.build``, ``history``: numbers of the contact history;
     the constants of contacts are stored with them where ``keep_constants``, else computed when they are read. ``apart``: some
     materials pass through each other.
-    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given: the list holds
-    the pairs that are as near and a share of their allowances more, and those with a bridge.
+    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given: the list
+    holds the pairs that are as near and a share of their allowances more, and those with a bridge.
     """
     g = grain.build(spins)
     Coefficients = law.Coefficients
