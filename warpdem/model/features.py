@@ -256,6 +256,7 @@ class Features:
         contact = number * (2 * law.pair_force_width + memories * law.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         fixed += 24 * law.wet  # films
+        fixed += 2 * 8  # allowances of two outer lists
         contact += number * 2 * measures.entry_width * measures.energy
         at_walls = wall_entry(measures.losses).width + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
