@@ -29,7 +29,7 @@ from warpdem.state.particles import State, changed
 
 INNER_STEPS = (30, 100)  # steps between two inner lists that their share is steered to
 OUTER_STEPS = 120  # steps between two outer lists below which the skin grows (if it may)
-REACH = 1.0  # allowance of a grain beyond half the skin, at most, over the mean radius [-]
+REACH = 0.5  # allowance of a grain beyond half the skin, at most, over the mean radius [-]
 INNER_SHARES = (0.02, 0.5)  # bounds of the share of the allowances that an inner list is built for
 KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are rebuilt without the others
 NO_SLOTS = np.zeros(0, dtype=np.int64)
