@@ -302,7 +302,7 @@ class Captured:
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.step.inner_share, lists.skin, lists.horizon
+        numbers = self.state.slots, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
         return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:
