@@ -27,6 +27,9 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     ``tangential``, ``rolling`` and ``twisting`` may be None, the last without the first; ``wall``: j is one; ``predicted``: as
     of ``normal_law.build``. ``force`` has the same arguments and results whichever models are left out, so the loops over
     contacts need no special cases.
+
+    Arguments stand one by one, not in structs: in lanes each of them is a register, and what translates to lanes
+    (``simd.translate``) takes numbers, vectors and matrices. The same holds for ``dissipation.parts``.
     """
     vec3 = wp.types.vector(3, real)
     of_normal = normal_law.build(real, normal, predicted)

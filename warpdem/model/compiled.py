@@ -165,7 +165,7 @@ def _built(features: Features) -> KernelSet:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
