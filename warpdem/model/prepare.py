@@ -116,7 +116,7 @@ def prepare(
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
-    complete_dynamic_walls(schedule, scene, meshes, expected, resident)
+    complete_dynamic_walls(schedule, scene, meshes, expected, len(scheme.STAGES), device.is_cuda)
     kernels, yields = compile_kernels(features, device), mobilities(schedule)
     compile_observers(scene, device)
     table = np.nan_to_num(_coefficients(scene, features, expected))
