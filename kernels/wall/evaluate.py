@@ -19,6 +19,7 @@ from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import contact_points, films
 from warpdem.kernels.wall.contact import vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
+from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
@@ -201,6 +202,9 @@ def build(
         then = now
         if wp.static(one.looks_back):
             then = placements[call.before, motion]
+        mobility = Mobility()
+        if wp.static(one.yielding):
+            mobility = model.surface.mobility[motion]
         before = WallHistory()
         known = wp.float64(0.0)
         if found[wp.static(FOUND.before)] >= 0:
@@ -208,7 +212,7 @@ def build(
             known = wp.float64(1.0)
         memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
             grains.record[i], grains.inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]],
-            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then,
+            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then, mobility,
             model.coefficients[found[wp.static(FOUND.coefficients)]], row, model.dt,
         )  # fmt: skip
         wall_contacts.point[call.new_generation, slot] = memory

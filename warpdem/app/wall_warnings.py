@@ -7,7 +7,7 @@ import numpy as np
 
 from warpdem.engine.open_below import walls_open_below
 from warpdem.filling.placed_walls import in_body_axes
-from warpdem.model.light_walls import light_walls
+from warpdem.guards.light_walls import light_walls
 from warpdem.scene.messages import rounded_down
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import frame_chain
@@ -16,13 +16,12 @@ from warpdem.simulation import Simulation
 
 def light(sim: Simulation) -> Iterator[str]:
     """Free walls that are too light for the grains that may lie on them, at this time step."""
-    for number, grains, ratio, step in light_walls(sim.scene, sim.schedule.dynamic, sim.expected, sim.meshes):
-        if sim.dt > step:
-            yield (
-                f"walls[{number}].free: the wall has {ratio:.2g} of the mass (of a hinge: of the moment of inertia) of the "
-                f"{grains} grains that may lie on it; with all of them at once under its load it chatters at time.step = "
-                f"{sim.dt:.3g} s: take at most {rounded_down(step)} s, or a heavier wall"
-            )
+    for number, grains, ratio, step in light_walls(sim.scene, sim.schedule.dynamic, sim.expected, sim.meshes, sim.dt):
+        yield (
+            f"walls[{number}].free: the wall has {ratio:.2g} of the mass (of a hinge: of the moment of inertia) of the "
+            f"{grains} grains that may lie on it; with all of them at once under its load it chatters at time.step = "
+            f"{sim.dt:.3g} s: take at most {rounded_down(step)} s, or a heavier wall"
+        )
 
 
 def pulling_servos(scene: Scene) -> Iterator[str]:

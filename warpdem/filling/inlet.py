@@ -13,7 +13,7 @@ from warpdem.filling.stream_portions import Drawn, Spheres, extremes_of, portion
 from warpdem.scene.model import Scene
 
 TRIES = 60  # random positions tried for one grain before it has to wait
-BEHIND = 0.02  # missing share of the grains due [-] above which a warning is given at the end
+BEHIND = 0.02  # missing fraction of the grains due [-] above which a warning is given at the end
 LEAST_EVENT_STEPS = (
     16  # least steps between two insertions: each one that inserts grains rebuilds the contact lists
 )

@@ -18,7 +18,7 @@ from warpdem.scene.streams import Stream
 
 SAMPLES = 4000  # points of a region at which is tested whether walls leave it free
 TIMES = 24  # times at which that is tested where walls move
-BLOCKED = 0.01  # share of a region taken by walls [-] above which a note is given
+BLOCKED = 0.01  # fraction of a region taken by walls [-] above which a note is given
 
 
 class InletWalls:
@@ -86,27 +86,27 @@ class InletWalls:
         changes = bool(self._moving) or self._place.moves
         end = min(self._scene.time.end, stream.until or np.inf)
         times = np.linspace(stream.start, max(stream.start, end), TIMES) if changes else [stream.start]
-        shares: list[float] = []
+        fractions: list[float] = []
         blame: dict[str, float] = {}
         for time in times:
             walls, there = self.at(time), self._place.at(time).in_frame(centers)
             of_portions = [self.met(walls, k) for k in range(len(stream.portions))]
             gaps = [smallest_gap(met, there, radius) for met in of_portions if met]
-            shares.append(min((float((gap >= 0.0).mean()) for gap in gaps), default=1.0))
+            fractions.append(min((float((gap >= 0.0).mean()) for gap in gaps), default=1.0))
             for wall in walls:
                 taken = float((wall.gap(there, radius) < 0.0).mean())
                 blame[wall.name] = max(taken, blame.get(wall.name, 0.0))
         named = ", ".join(repr(name) for name, taken in sorted(blame.items(), key=lambda item: -item[1]) if taken > 0.0)
-        if max(shares) == 0.0:
+        if max(fractions) == 0.0:
             when = "at no time of the run" if changes else "nowhere"
             raise SceneError(
                 f"{self._scene.source}: {key}: {when} is there space in it for a grain of {2.0 * radius:.4g} m in diameter "
                 f"clear of the wall {named}: move the box off it, or make it larger"
             )
-        if min(shares) < 1.0 - BLOCKED:
-            share = f"{min(shares):.0%} to {max(shares):.0%}" if len(shares) > 1 else f"{shares[0]:.0%}"
+        if min(fractions) < 1.0 - BLOCKED:
+            fraction = f"{min(fractions):.0%} to {max(fractions):.0%}" if len(fractions) > 1 else f"{fractions[0]:.0%}"
             self.notes.append(
-                f"{key}: the wall {named} leaves {share} of it: grains are inserted where it leaves space for them"
+                f"{key}: the wall {named} leaves {fraction} of it: grains are inserted where it leaves space for them"
             )
         if self._vessels:
             vessels = ", ".join(map(repr, dict.fromkeys(self._vessels)))

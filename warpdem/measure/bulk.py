@@ -7,7 +7,7 @@ r"""Bulk properties of the grains in a region at one time: sums over grains and 
     s_kl = (sum m (v - V)_k (v - V)_l + sum a f_k l_l) / its volume                                 [Pa]
 
 f is the force on grain i, l the branch vector: the way to its centre from the other centre, or from the contact point at a
-wall; a is the share of this line that lies in the region. Pressure is positive. So the contact stress of boxes side by side
+wall; a is the fraction of this line that lies in the region. Pressure is positive. So the contact stress of boxes side by side
 adds up to that of the whole, and in a uniform state it does not depend on where the faces lie between the grains. Grains in m,
 v, V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by
 the volume that they have in the region, overlaps of grains twice. n is the unit vector along the branch of a contact, b how

@@ -93,8 +93,8 @@ class FaceSolid:
         """Random points [m], shape (n, 3), at least ``radius`` [m], shape (n,), from the rim; any where none is found."""
 
         def draw(radius: np.ndarray) -> np.ndarray:
-            share, first, second = generator.random((3, len(radius)))
-            a, b, c = np.swapaxes(self._corners[np.searchsorted(self._reached, share * self._reached[-1], side="right")], 0, 1)
+            part, first, second = generator.random((3, len(radius)))
+            a, b, c = np.swapaxes(self._corners[np.searchsorted(self._reached, part * self._reached[-1], side="right")], 0, 1)
             beyond = first + second > 1.0
             first, second = np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second)
             return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))

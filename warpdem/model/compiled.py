@@ -164,7 +164,7 @@ def _built(features: Features) -> KernelSet:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
@@ -249,7 +249,7 @@ def _built(features: Features) -> KernelSet:
     if backend.resident:
         graph = captured.build(
             arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
-            stages=stages, lanes=backend.lanes, films=liquid,
+            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic,
         )  # fmt: skip
         again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(

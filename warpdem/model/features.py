@@ -131,6 +131,8 @@ class WallFeatures:
     """Walls that move by the load on them."""
     bodies: int = 0
     """Those of them with six degrees of freedom."""
+    free: int = 0
+    """Those of them that have a mass: no servos."""
 
     @property
     def present(self) -> bool:

@@ -18,7 +18,7 @@ from warpdem.model.choose_features import WARP_LANES, choose_features
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.digests import Given
-from warpdem.model.dynamic_walls import complete_dynamic_walls
+from warpdem.model.dynamic_walls import complete_dynamic_walls, mobilities
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
@@ -116,8 +116,8 @@ def prepare(
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
-    complete_dynamic_walls(schedule, scene, meshes, expected, resident)
-    kernels = compile_kernels(features, device)
+    complete_dynamic_walls(schedule, scene, meshes, expected, len(scheme.STAGES), device.is_cuda)
+    kernels, yields = compile_kernels(features, device), mobilities(schedule)
     compile_observers(scene, device)
     table = np.nan_to_num(_coefficients(scene, features, expected))
     made = Model(
@@ -138,7 +138,7 @@ def prepare(
         coefficient_table=table,
         apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
         liquid=liquid_of(scene, float(expected.radius.max(initial=0.0)), features.backend.real),
-        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
+        walls=Walls(scene, meshes, schedule.wall_motion, images, yields, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
     )
     return made, start if scheme.RELATIVE else absolute(schedule, start)

@@ -57,7 +57,7 @@ def stable_step(stiffness: float, damping: Callable[[float], float], mass: float
     """Least time step [s] at which m x'' + C x' + K x = 0 grows under the predicted velocity: K dt^2/4 + C dt = m.
 
     Args:
-        stiffness: K [N/m], or its share of a rotation.
+        stiffness: K [N/m], or that of a rotation.
         damping: C [N s/m] at a time step [s].
         mass: m [kg].
     """
@@ -119,8 +119,8 @@ def rolling_limit(
         radius: of the grain [m].
         wall: whether the contact is one with a wall.
     """
-    share = 2.0 * PACKED / 3.0
-    packing = stable_step(share * rolling.stiffness, lambda dt: share * rolling.acting(dt), inertia)
+    fraction = 2.0 * PACKED / 3.0
+    packing = stable_step(fraction * rolling.stiffness, lambda dt: fraction * rolling.acting(dt), inertia)
     if not wall:
         return packing, stable_step(rolling.stiffness, rolling.acting, inertia)
 
