@@ -136,7 +136,8 @@ class ContactLists:
 
     def forget_outer(self) -> None:
         """No outer list, and nothing to be carried over to the next."""
-        self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)), self.pool.zeros(0, wp.float64))
+        start, count, slot, contact = (self.pool.zeros(0, wp.int32) for _ in range(4))
+        self.outer = OuterList(start, count, slot, contact, self.pool.zeros(0, wp.float64))
 
     @property
     def row_vectors(self) -> wp.array:
@@ -165,8 +166,8 @@ class ContactLists:
 
     def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:
         """Take over an outer list, for the next build to carry its contacts over; arguments as ``OuterList``."""
-        arrays = (self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact))
-        self.outer = OuterList(*arrays, self.pool.zeros(len(count), wp.float64))
+        rows = [self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)]
+        self.outer = OuterList(rows[0], rows[1], rows[2], rows[3], self.pool.zeros(len(count), wp.float64))
         self.known = len(count)
 
     def new_wall_contacts(self, grains: int, slots: int) -> Any:
