@@ -11,12 +11,12 @@ import numpy as np
 from mpi4py import MPI
 
 from rank_scenes import SCENES
+from warpdem.app.phases import run
 from warpdem.ranks import rank
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.follower import serve
 from warpdem.ranks.front import leading
 from warpdem.ranks.world import World
-from warpdem.runner import run_scene
 
 
 def main() -> None:
@@ -41,11 +41,10 @@ def main() -> None:
                 if serve(world):
                     sys.exit(1)  # rank 0 has failed, and will not come to the next scene
                 continue
-            until = scene.time.end * (part + 1) / len(each)
+            end = sum(scene.phase(k).time.end for k in range(len(scene.phases))) or scene.time.end
+            until = end * (part + 1) / len(each)
             with leading(world):
-                run_scene(
-                    scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0
-                )
+                run(scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0)
 
 
 if __name__ == "__main__":

@@ -199,8 +199,9 @@ class Front(RunLoop):
         position = whole.grains["record"][:, grain.POSITION]
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():
-            self._tell("deal", clock.step_number, state.next_id, cuts)
-            self.rank.deal(clock.step_number, state.next_id, cuts, whole.split(cuts.owner(position), world.size))
+            told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
+            self._tell("deal", *told)
+            self.rank.deal(*told, whole.split(cuts.owner(position), world.size))
         self._wear = self._engine.wear_digits
         self._is_dealt = True
 
