@@ -32,6 +32,7 @@ class Exchange:
         calls: how often all ranks have agreed.
         seconds: wall time of the calls [s].
         bytes: bytes sent.
+        bytes_per_call: of which at every call.
     """
 
     def __init__(self, world: World, stages: int) -> None:
@@ -46,7 +47,7 @@ class Exchange:
         self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
         world.at_end.append(self.disconnect)
         self.loads: np.ndarray | None = None
-        self.calls, self.seconds, self.bytes, self._bytes_per_call = 0, 0.0, 0, 0
+        self.calls, self.seconds, self.bytes, self.bytes_per_call = 0, 0.0, 0, 0
 
     def connect(self, record: np.ndarray, owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]) -> None:
         """Exchange the state of other ghosts from now on.
@@ -67,7 +68,7 @@ class Exchange:
             buffer = np.empty((len(slots), record.shape[1]))
             self._sends.append((slots, buffer))
             self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=TAG))
-        self._bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
+        self.bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
 
     def disconnect(self) -> None:
         """Let go of the memory that was exchanged."""
@@ -88,7 +89,7 @@ class Exchange:
             if self._requests:
                 self._mpi.Prequest.Startall(self._requests)
                 self._mpi.Request.Waitall(self._requests)
-            self.bytes += self._bytes_per_call
+            self.bytes += self.bytes_per_call
             if stage == self._last:
                 self._mine[0] = found
                 self._world.comm.Allreduce(self._mine, self._all, op=self._mpi.BOR)

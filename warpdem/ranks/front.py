@@ -99,6 +99,12 @@ class Front(RunLoop):
     def _tell(self, name: str, *arguments: Any) -> None:
         self._world.from_first((name, arguments))
 
+    def on_all(self, name: str, *arguments: Any) -> Any:
+        """Call a method of ``Rank`` on all ranks together; returns what it gives on rank 0."""
+        with self._world.together():
+            self._tell(name, *arguments)
+            return getattr(self.rank, name)(*arguments)
+
     def prepare(self) -> None:
         """As ``RunLoop``: gather the whole of the present time, if it is not here."""
         if not self._is_dealt:
@@ -119,15 +125,14 @@ class Front(RunLoop):
         if count == 0:
             self.prepare()
             return
-        clock, world = self._clock, self._world
+        clock = self._clock
         before, insertion = clock.step_number, self._streams.next_step()
         hold = insertion is not None and insertion - before <= count
         count = insertion - before if hold and insertion is not None else count
         max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
         try:
-            with world.together(), self._timers.measure("steps"):
-                self._tell("advance", count, max_overlap, hold)
-                self.rank.advance(count, max_overlap, hold)
+            with self._timers.measure("steps"):
+                self.on_all("advance", count, max_overlap, hold)
         except WarpdemError:
             self._show_grains()
             raise
@@ -135,9 +140,7 @@ class Front(RunLoop):
             clock.step_number = self.rank.clock.step_number
         clock.forces_evaluated = self._is_gathered = False
         self.steps_done += clock.step_number - before
-        with world.together():
-            self._tell("extremes")
-            self._take_extremes(self.rank.extremes())
+        self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:
             self.insert()
 
@@ -184,9 +187,8 @@ class Front(RunLoop):
         """What each rank has done: grains, ghosts, grains that went to another rank, bytes, time in exchanges [s] ..."""
         if self._world.busy:  # the others cannot answer
             return []
-        with self._world.together():
-            self._tell("report")
-            return self.rank.report()
+        found: list[dict[str, Any]] = self.on_all("report")
+        return found
 
     # -- the whole ------------------------------------------------------------------------------
 
@@ -207,9 +209,8 @@ class Front(RunLoop):
 
     def _gather(self) -> None:
         """Let the whole be that of the present time, its forces evaluated."""
-        with self._world.together(), self._timers.measure("gather"):
-            self._tell("gather")
-            found = self.rank.gather()
+        with self._timers.measure("gather"):
+            found = self.on_all("gather")
         assert found is not None
         portion, wear = found
         with self._timers.measure("gather"):
@@ -222,15 +223,11 @@ class Front(RunLoop):
             else:
                 self._forget_contacts()
             clock.forces_evaluated = self._is_gathered = True
-        with self._world.together():
-            self._tell("extremes")
-            self._take_extremes(self.rank.extremes())
+        self._take_extremes(self.on_all("extremes"))
 
     def _show_grains(self) -> None:
         """Let the whole hold the grains as they are, without contacts: the run has stopped where no forces can be evaluated."""
-        with self._world.together():
-            self._tell("gather_grains")
-            grains = self.rank.gather_grains()
+        grains = self.on_all("gather_grains")
         assert grains is not None
         self._state.restore({**grains, "next_id": self._state.next_id})
         self._forget_contacts()
