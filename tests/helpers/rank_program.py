@@ -1,7 +1,8 @@
 """Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE ...``.
 
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
-half, and three resume it. Cuts are moved at random at every outer list, so that many grains change hands.
+half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
+change hands.
 """
 
 import sys
@@ -36,8 +37,8 @@ def main() -> None:
             some = MPI.COMM_WORLD.Split(int(here))
             if not here:
                 continue
-            world = World(some)
-            if world.rank:
+            world = World(some) if size > 1 else None
+            if world is not None and world.rank:
                 if serve(world):
                     sys.exit(1)  # rank 0 has failed, and will not come to the next scene
                 continue
