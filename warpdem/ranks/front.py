@@ -6,6 +6,7 @@ Guards, measures, writers and checkpoints see the whole run on rank 0, as in a r
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from warpdem.engine.run_loop import RunLoop
 from warpdem.errors import WarpdemError
 from warpdem.kernels import grain
 from warpdem.kernels.measure import window_sum
+from warpdem.model.decisions import Decisions
 from warpdem.model.model import Model
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, Table
@@ -91,8 +93,9 @@ class Front(RunLoop):
         self._is_dealt, self._is_gathered = False, True
         self._wear = engine.wear_digits
         with world.together():
-            self._tell("model", model.given, threads.count)
-            self.rank = Rank(world, model, threads)
+            decided = Decisions.of(model)
+            self._tell("model", decided, threads.count)
+            self.rank = Rank(world, replace(model, expected=decided.expected), threads)  # the skins are those of all ranks
             self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
             world.raise_first(None)
 
