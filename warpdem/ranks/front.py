@@ -110,6 +110,8 @@ class Front(RunLoop):
 
     def prepare(self) -> None:
         """As ``RunLoop``: gather the whole of the present time, if it is not here."""
+        if self._world.busy:  # the others cannot answer: whoever reads how the run ended has what was gathered last
+            return
         if not self._is_dealt:
             self._evaluate()
         elif not self._is_gathered:
