@@ -5,6 +5,7 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
     losses               what the normal law itself loses, by its LOSSES: adhesion, plasticity, liquid
+    drag                 the force of a viscous bridge, along the normal and across: its power is lost to liquid
     rolling              M - M_spring, and the angle that the rolling spring is cut by; with a twisting law also its torque
                          without its spring's, and the twist that is cut
     rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
@@ -38,7 +39,7 @@ PARTS_AT = Columns(
         ("springs_now", 1),  # and now, before the slip of the step [J]
     )
 )
-"""What is not elastic in a contact; the LOSSES of its normal law follow [J]."""
+"""What is not elastic in a contact; the LOSSES of its normal law follow [J] (``with_losses``)."""
 ENTRY_AT = Columns(
     (
         ("normal", 3),  # towards the grain
@@ -57,8 +58,8 @@ UNLIMITED = 1.0e30  # [N m]: a Coulomb limit that no rolling spring reaches, and
 
 
 def with_losses(at: Columns, losses: tuple[str, ...]) -> Columns:
-    """The columns ``at``, followed by one for each of the LOSSES of a normal law."""
-    return at.and_(scalars(f"lost_{name}" for name in losses))
+    """The columns ``at``, followed by one for each of the LOSSES of a normal law [J]; where liquid is one, by its drag [N]."""
+    return at.and_(scalars(f"lost_{name}" for name in losses)).and_(Columns((("drag", 3),) if "liquid" in losses else ()))
 
 
 @functools.cache
@@ -70,7 +71,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
     losses = len(of_normal.losses)
-    Common, Parts = PARTS_AT.vector(real), with_losses(PARTS_AT, of_normal.losses).vector(real)
+    at_parts = with_losses(PARTS_AT, of_normal.losses)
+    Common, Parts = PARTS_AT.vector(real), at_parts.vector(real)
+    at_drag = at_parts.drag if "drag" in at_parts else 0
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
@@ -131,7 +134,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
-        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, _c_t = of_normal.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, squeezed, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
@@ -152,9 +155,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             limit = c[wp.static(at.friction)] * load
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
             rest = force - n * f_n + limited_spring * k_t
+            if wp.static(viscous):
+                rest = rest + (velocity - n * speed) * c_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
-        if wp.static(tangential is None and viscous):
-            rest = force - n * f_n
         if wp.static(rolling is not None):
             nonelastic = moment
             if wp.static(rolls_with_history):
@@ -192,6 +195,10 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             lost = of_normal.lost(overlap, overlap_before, k, past.own(before), past.own(now))
             for f in range(wp.static(losses)):
                 out[wp.static(PARTS_AT.width) + f] = lost[f]
+        if wp.static(viscous):
+            drag = n * squeezed - (velocity - n * speed) * c_t
+            for f in range(3):
+                out[wp.static(at_drag) + f] = drag[f]
         return out
 
     return parts, stored

@@ -58,7 +58,10 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
     Result = (EXCHANGE_AT if wet else RESULT_AT).vector(real)
     PairForce = wp.types.vector(pair_force_width(spins, wet), real)
     losses = len(law.losses)
-    Parts, Entry = with_losses(PARTS_AT, law.losses).vector(real), with_losses(ENTRY_AT, law.losses).vector(real)
+    at_parts, at_entry = with_losses(PARTS_AT, law.losses), with_losses(ENTRY_AT, law.losses)
+    Parts, Entry = at_parts.vector(real), at_entry.vector(real)
+    drags = "drag" in at_parts
+    drag, drag_in = (at_parts.drag, at_entry.drag) if drags else (0, 0)
     Common = ENTRY_AT.vector(real)
 
     @wp.func
@@ -75,7 +78,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
 
     @wp.func
     def entry(n: vec3, sign: real, arm: real, p: Parts) -> Entry:
-        """The numbers of ENTRY_AT of the grain on side ``sign``, then half of the losses."""
+        """The numbers of ENTRY_AT of the grain on side ``sign``, then half of the losses, and the drag on it."""
         half = real(0.5)
         common = Common(
             sign * n[0], sign * n[1], sign * n[2], p[0], arm, sign * p[1], sign * p[2], sign * p[3], p[4],
@@ -86,6 +89,9 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
             out[f] = common[f]
         for f in range(wp.static(losses)):
             out[wp.static(ENTRY_AT.width) + f] = half * p[wp.static(PARTS_AT.width) + f]
+        if wp.static(drags):
+            for f in range(3):
+                out[wp.static(drag_in) + f] = sign * p[wp.static(drag) + f]
         return out
 
     @wp.func

@@ -40,7 +40,8 @@ def build(
 
     ``law`` of ``law.build`` in float64, ``history``: numbers of the contact history; the constants of contacts are stored with
     them where ``keep_constants``, else computed when they are read. ``apart``: some materials pass through each other.
-    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given.
+    ``force_gap``: how far beyond contact a contact without a liquid bridge has a force [m], ``gap`` if not given: the inner
+    list holds the pairs that are as near and a skin more, and those with a bridge.
     ``ranks``: the grains from ``owned`` on belong to other processes, and pairs of two of them are not listed.
     """
     g = grain.build(spins)
@@ -213,6 +214,20 @@ def build(
             rows_out.contact[e] = found
 
     @wp.func
+    def holds_bridge(
+        i: int, e: int, j: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real)
+    ) -> bool:  # fmt: skip
+        """Whether there is liquid between grain ``i`` and grain ``j``, the partner in entry ``e`` of its row."""
+        own = int(e)
+        if grains.id[j] < grains.id[i]:
+            own = entry_of(grains.id[i], rows.start[j], rows.count[j], grains.id, rows.slot)
+        number = rows.contact[own]
+        held = real(0.0)
+        if number >= 0:
+            held = old_history[number // wp.static(lanes), wp.static(bridge_at), number % wp.static(lanes)]
+        return held > real(0.0)
+
+    @wp.func
     def select_row(
         i: int, grains: ListedGrains, rows: NeighborRows, old_history: wp.array3d(dtype=real), inner_skin: wp.float64,
         flight: wp.array(dtype=Flight), listed_out: wp.array(dtype=wp.int32), counts_out: Counts,
@@ -228,19 +243,19 @@ def build(
             other = grains.record[j]
             separation = border.nearest(g.position(me) - g.position(other))
             square = wp.dot(separation, separation)
-            cutoff = me[3] + other[3] + wp.float64(wp.static(gap))
-            far = cutoff + inner_skin
             acting = me[3] + other[3] + wp.float64(wp.static(acts_within))
+            far = acting + inner_skin
+            near_enough = square < far * far or flying or in_flight(flight, j)
+            acts = square < acting * acting
+            if wp.static(bridge_at is not None):  # one that holds liquid acts up to its rupture; without, it is as any other
+                reach = me[3] + other[3] + wp.float64(wp.static(gap)) + inner_skin
+                if not acts and square < reach * reach:
+                    acts = holds_bridge(i, e, j, grains, rows, old_history)
+                    near_enough = near_enough or acts
             entry = int(-1)
-            if square < far * far or flying or in_flight(flight, j):
+            if near_enough:
                 entry = 2 * listed
                 listed += 1
-                acts = square < acting * acting
-                if wp.static(bridge_at is not None):  # batches of contacts without a force are passed over
-                    old = rows.contact[e]
-                    if old >= 0:
-                        held = old_history[old // wp.static(lanes), wp.static(bridge_at), old % wp.static(lanes)]
-                        acts = acts or held > real(0.0)
                 if acts:
                     entry += 1
                 if grains.id[j] > grains.id[i]:

@@ -28,7 +28,7 @@ from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes,
 
 ENERGIES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling", "fields", "carried")
 """What is added up per grain [J]: the first five are taken from the grains, the others given to them. The LOSSES of the normal
-law follow, which are taken from them too."""
+law follow, which are taken from them too; "liquid" also by the power of viscous bridges."""
 MOMENTA = ("walls", "gravity", "fields", "carried")
 """Impulse [N s] and angular impulse about the laboratory's origin [N m s] given to a grain, six numbers each."""
 
@@ -50,7 +50,7 @@ WALL_ENTRY_AT = Columns(
         ("rescaled", 1),  # and by rescaling [J]
     )
 )
-"""Sums over the wall contact points of a grain; the LOSSES of the normal law follow [J]."""
+"""Sums over the wall contact points of a grain; the LOSSES of the normal law follow [J] (``wall_entry``)."""
 
 Momenta = wp.types.vector(MOMENTA_AT.width, wp.float64)
 
@@ -60,9 +60,10 @@ def energies_type(losses: tuple[str, ...]):
     return wp.types.vector(len(ENERGIES) + len(losses), wp.float64)
 
 
-def wall_entry_type(losses: tuple[str, ...]):
-    """Vector of WALL_ENTRY_AT and the LOSSES of the normal law."""
-    return with_losses(WALL_ENTRY_AT, losses).vector(wp.float64)
+def wall_entry(losses: tuple[str, ...]) -> Columns:
+    """WALL_ENTRY_AT and the LOSSES of the normal law; the torque of a drag [N m] and its power due to the walls' motion [W]."""
+    at = with_losses(WALL_ENTRY_AT, losses)
+    return at.and_(Columns((("drag_torque", 3), ("drag_power", 1)) if "drag" in at else ()))
 
 
 def _field_power(before, number: int, force, in_laboratory: bool, conservative: bool):
@@ -111,7 +112,13 @@ def build(
     """
     g = grain.build(spins)
     Model, Grains, Entry = structs.Model, structs.Grains, structs.Entry
-    Energies, WallEntry = energies_type(losses), wall_entry_type(losses)
+    at_entry, at_wall = with_losses(ENTRY_AT, losses), wall_entry(losses)
+    Energies, WallEntry = energies_type(losses), at_wall.vector(wp.float64)
+    drags = "drag" in at_entry
+    drag_in = at_entry.drag if drags else 0
+    of_wall_drag = (at_wall.drag, at_wall.drag_torque, at_wall.drag_power) if drags else (0, 0, 0)
+    wall_drag, wall_drag_torque, wall_drag_power = of_wall_drag
+    at_liquid = len(ENERGIES) + losses.index("liquid") if drags else 0
     Common = energies_type(())
     more = len(losses)
     vec6 = wp.types.vector(6, wp.float64)
@@ -120,8 +127,6 @@ def build(
     for number, ((force, in_laboratory), has_energy) in enumerate(zip(fields, conservative, strict=True)):
         external = joined(external, number, force, in_laboratory)
         field_power = _field_power(field_power, number, force, in_laboratory, has_energy)
-
-    at_wall = WALL_ENTRY_AT
 
     @wp.func
     def of_entry(x: Entry, first: int) -> wp.vec3d:
@@ -143,6 +148,7 @@ def build(
         cut_spring = wp.float64(0.0)
         cut_angle = wp.float64(0.0)
         rescaled = wp.float64(0.0)
+        drag = wp.float64(0.0)
         out = Energies()
         for e in range(grains.row_start[i], grains.row_start[i + 1]):
             x = grains.entry[e]
@@ -159,6 +165,9 @@ def build(
             rescaled += wp.float64(x[wp.static(ENTRY_AT.rescaled)])
             for f in range(wp.static(more)):
                 out[wp.static(len(ENERGIES)) + f] += wp.float64(x[wp.static(ENTRY_AT.width) + f])
+            if wp.static(drags):
+                dragged = of_entry(x, wp.static(drag_in))
+                drag -= wp.dot(dragged, v - wp.cross(w, n) * wp.float64(x[wp.static(ENTRY_AT.arm)]))
         if wp.static(walls):
             if wall_contacts.candidates[i] > 0:
                 y = wall_contacts.entry[i]
@@ -178,13 +187,21 @@ def build(
                 cut_angle += y[wp.static(at_wall.cut_angle)]
                 rescaled += y[wp.static(at_wall.rescaled)]
                 for f in range(wp.static(more)):
-                    out[wp.static(len(ENERGIES)) + f] += y[wp.static(at_wall.width) + f]
+                    out[wp.static(len(ENERGIES)) + f] += y[wp.static(WALL_ENTRY_AT.width) + f]
+                if wp.static(drags):
+                    drag += (
+                        y[wp.static(wall_drag_power)]
+                        - wp.dot(of_wall(y, wp.static(wall_drag)), v)
+                        - wp.dot(of_wall(y, wp.static(wall_drag_torque)), w)
+                    )
         common = Common(
             damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
             wp.float64(0.0), wp.float64(0.0),
         )  # fmt: skip
         for f in range(wp.static(len(ENERGIES))):
             out[f] = common[f]
+        if wp.static(drags):
+            out[wp.static(at_liquid)] += drag * weight
         return out
 
     @wp.func

@@ -64,11 +64,12 @@ def build(
         row = control.row[call.row]
         if wp.static(films is not None):
             for p in range(part.first, part.last, part.stride):
-                for k in range(wp.static(lanes)):
-                    films.settle(
-                        p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
-                        model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
-                    )  # fmt: skip
+                if films.asks(p, contacts.history):
+                    for k in range(wp.static(lanes)):
+                        films.settle(
+                            p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
+                            model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+                        )  # fmt: skip
         history_out = contacts.history
         if call.stage > 0:
             history_out = contacts.trial

@@ -8,6 +8,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
+from warpdem.kernels.contact.films import FILM_AT
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
@@ -18,7 +19,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, clumps=None, *,
-    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None,
+    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None, wet_load=None,
 ):  # fmt: skip
     """Return ``move_phase``.
 
@@ -37,7 +38,8 @@ def build(
         spins: grains spin.
         walls: there are walls.
         leave: grains may leave the domain.
-        films: of ``contact.films.build``, and ``wetting`` of ``wall.films.build``; None for a law without bridges.
+        films: of ``contact.films.build``, ``wetting`` of ``wall.films.build`` and ``wet_load`` of ``motion.build_wet_load``;
+            None for a law without bridges.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -131,13 +133,18 @@ def build(
         dt = model.dt
         moved = int(0)
         for i in range(part.first, part.last, part.stride):
+            total = vec6()
             if wp.static(films is not None):
-                films.exchange(
-                    i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
-                    grains.film,
-                )  # fmt: skip
+                total, asked = wet_load(i, grains.row_start, grains.row)
+                if asked > wp.float64(0.0) or grains.film[i, wp.static(FILM_AT.returned)] != wp.int64(0):
+                    films.exchange(
+                        i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
+                        grains.film,
+                    )  # fmt: skip
                 if wp.static(walls):
-                    wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
+                    if wall_contacts.candidates[i] > 0:
+                        total += wall_contacts.load[i]
+                        wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
             if wp.static(leave):
                 if g.is_removed(grains.record[i]):
                     continue
@@ -147,7 +154,8 @@ def build(
                     if grains.clumps.first[c] == i:
                         clumps.drive(c, s, model, grains, wall_contacts, control)
                     continue
-            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+            if wp.static(films is None):
+                total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, at, dt, control.field)
             if wp.static(budget is not None):

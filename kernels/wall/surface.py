@@ -1,6 +1,7 @@
 """The walls of a scene as the kernels see them: triangles of meshes first, then analytic shapes, one numbering for all."""
 
 import warp as wp
+from warpdem.kernels.wall.mobility import Mobility
 
 Revolved = wp.types.vector(13, wp.float64)
 Ball = wp.types.vector(5, wp.float64)
@@ -34,6 +35,8 @@ class Surface:
     """Wall of each feature."""
     motion: wp.array(dtype=wp.int32)
     """Placement of each wall."""
+    mobility: wp.array(dtype=Mobility)
+    """How walls yield, by placement; of size 0 where none is free."""
     images: wp.array(dtype=wp.int32)
     """Images of a grain from which each wall is seen, a bit for each number; see ``images``."""
     material: wp.array(dtype=wp.int32)

@@ -22,6 +22,7 @@ from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.step.structs import SPAN, Control, Report
 from warpdem.kernels.wall.surface import Surface
 from warpdem.model.coefficients import field_numbers
+from warpdem.model.dynamic_walls import mobilities
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
 from warpdem.scene.wear import Finnie
@@ -151,6 +152,8 @@ class Batch:
         schedule, there = self._model.schedule, self.control.dynamic
         there.state.assign(np.stack([wall.state for wall in schedule.dynamic]))
         there.motions.assign(np.stack([wall.motion for wall in schedule.dynamic]))
+        if len(there.mobility):
+            there.mobility.assign(mobilities(schedule))
         drives = schedule.drives(first, ahead)
         if len(there.drive) == len(drives):
             there.drive.assign(drives)
@@ -210,6 +213,8 @@ def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     walls.bodies = wp.array(np.stack([wall.body for wall in schedule.dynamic]), dtype=wp.float64, device=device)
     walls.motions = wp.zeros((count, MOTION.width), dtype=wp.float64, device=device)
     walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
+    assert model.walls is not None
+    walls.mobility = model.walls.surface.mobility
     walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)
     return walls
 

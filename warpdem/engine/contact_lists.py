@@ -8,7 +8,7 @@ import warp as wp
 
 from warpdem.engine.buffers import BufferPool
 from warpdem.kernels.lists.path import Flight
-from warpdem.kernels.measure.budget import wall_entry_type
+from warpdem.kernels.measure.budget import wall_entry
 from warpdem.kernels.wall import record as wall_record
 from warpdem.kernels.wall.contact_points import Hit
 from warpdem.model.model import Model
@@ -181,7 +181,7 @@ class ContactLists:
         generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
         contacts.point_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
         if features.measures.energy:
-            contacts.entry = wp.zeros(grains, dtype=wall_entry_type(features.measures.losses), device=device)
+            contacts.entry = wp.zeros(grains, dtype=wall_entry(features.measures.losses).vector(wp.float64), device=device)
             contacts.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
         if self.model.liquid is not None:
             contacts.film = self.state.film

@@ -90,7 +90,7 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
 
 
 def turning(features: Features) -> bool:
-    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    """Whether contacts see the axes rotate: a scheme with frame-relative velocities sees them as if the frame were at rest."""
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
@@ -164,10 +164,11 @@ def _built(features: Features) -> KernelSet:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
+        force_gap=laws.force_gap,
     )  # fmt: skip
     WallContacts = wall_kernels.WallContacts
     walls_swept = None
@@ -210,6 +211,7 @@ def _built(features: Features) -> KernelSet:
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0, films=liquid, wetting=wall_kernels.wetting,
+        wet_load=motion.build_wet_load(backend.real, **spins) if laws.wet else None,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)

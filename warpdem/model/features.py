@@ -9,8 +9,8 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY_AT
-from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
+from warpdem.kernels.contact.dissipation import ENTRY_AT, with_losses
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, wall_entry
 from warpdem.kernels.wall import record
 from warpdem.scene.models import model
 from warpdem.scene.user_models import parts_of
@@ -131,6 +131,8 @@ class WallFeatures:
     """Walls that move by the load on them."""
     bodies: int = 0
     """Those of them with six degrees of freedom."""
+    free: int = 0
+    """Those of them that have a mass: no servos."""
 
     @property
     def present(self) -> bool:
@@ -216,7 +218,7 @@ class MeasureFeatures:
     @property
     def entry_width(self) -> int:
         """Numbers that each grain gets of a contact for the energy budget."""
-        return ENTRY_AT.width + len(self.losses)
+        return with_losses(ENTRY_AT, self.losses).width
 
 
 @dataclass(frozen=True)
@@ -257,8 +259,8 @@ class Features:
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         fixed += 24 * law.wet  # films
         contact += number * 2 * measures.entry_width * measures.energy
-        wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
-        fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
+        at_walls = wall_entry(measures.losses).width + measures.scene_walls
+        fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
         result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
         beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0

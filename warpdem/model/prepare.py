@@ -12,7 +12,7 @@ from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
-from warpdem.mesh.solid import shape_of
+from warpdem.mesh.solid import MeshSolid, shape_of
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model import domain, needs, time_step
 from warpdem.model.choose_features import WARP_LANES, choose_features
@@ -20,7 +20,7 @@ from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
 from warpdem.model.decisions import Decisions
 from warpdem.model.digests import Given
-from warpdem.model.dynamic_walls import complete_dynamic_walls
+from warpdem.model.dynamic_walls import complete_dynamic_walls, mobilities
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
@@ -106,7 +106,12 @@ def prepare(
     domain.check(scene, start, schedule.frame, features.contact.gap, exits)
     for number, region in enumerate(scene.measures.regions):
         if region.shape_key:  # a mesh that cannot be read is refused before the run
-            shape_of(scene, region.shape, f"measures.regions[{number}].{region.shape_key}")
+            shape = shape_of(scene, region.shape, key := f"measures.regions[{number}].{region.shape_key}")
+            if isinstance(shape, MeshSolid) and shape.mesh.bodies is not None and shape.mesh.bodies.intersect:
+                raise SceneError(
+                    f"{scene.source}: {key}.file: {shape.mesh.name}: {shape.mesh.bodies.note.partition(':')[0]}: how much of a "
+                    "grain is in it is not measured; make a boolean union in the program that made it, or several regions"
+                )
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)
@@ -151,7 +156,7 @@ def _assembled(
 ) -> Model:  # fmt: skip
     """The model of what was decided; ``notes``: those about the grains."""
     scene, features, table = decided.scene, decided.features, decided.coefficient_table
-    kernels = compile_kernels(features, device)
+    kernels, yields = compile_kernels(features, device), mobilities(schedule)
     return Model(
         given=decided.given,
         scene=scene,
@@ -170,7 +175,7 @@ def _assembled(
         coefficient_table=table,
         apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
         liquid=liquid_of(scene, float(decided.expected.radius.max(initial=0.0)), features.backend.real),
-        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
+        walls=Walls(scene, meshes, schedule.wall_motion, images, yields, device) if features.walls.present else None,
         notes=(*scene.notes, *mesh_notes(scene, meshes), *notes),
     )
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.surface import Ball, Revolved, Surface
 from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
@@ -88,7 +89,7 @@ class Walls:
 
     def __init__(
         self, scene: Scene, meshes: dict[str, TriangleMesh], wall_motion: np.ndarray, images: np.ndarray | None,
-        device: wp.Device,
+        mobility: np.ndarray, device: wp.Device,
     ) -> None:  # fmt: skip
         corners, vertices, pieces, planes, owners = [], [], [], [], []
         mesh_ids, mesh_wall, mesh_first = [], [], []
@@ -148,6 +149,7 @@ class Walls:
         self.wall_of = np.concatenate(owners).astype(np.int32)
         surface.wall = upload([self.wall_of], wp.int32, ())
         surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
+        surface.mobility = wp.array(mobility, dtype=Mobility, device=device)
         images = np.zeros(0) if images is None else images
         surface.images = wp.array(images.astype(np.int32), dtype=wp.int32, device=device)
         self.material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)

@@ -20,7 +20,7 @@ POLL = 1.0e-3  # [s] between two looks whether a copy is done
 
 
 class StagingBuffer:
-    """Host memory for the arrays of one instant, kept for those to come: page-locking it takes longer than a copy.
+    """Host memory for the arrays of one snapshot, kept for those to come: page-locking it takes longer than a copy.
 
     Args:
         device: where the arrays come from.

@@ -132,7 +132,7 @@ def _about(view: RunView) -> dict[str, Any]:
 def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     """The arrays of a checkpoint, those of grains in order of id.
 
-    Beside the state, velocity [m/s] and spin [rad/s] of this instant, absolute, in frame axes: another scene starts from them.
+    Beside the state, velocity [m/s] and spin [rad/s] of this time, absolute, in frame axes: another scene starts from them.
     """
     features, state = view.model.features, view.state
     _, velocity, spin = (array.numpy() for array in view.reader.read())
