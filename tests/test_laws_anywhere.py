@@ -36,6 +36,8 @@ TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
 MIXED = {"hertz_clamped", "jkr", "hertz + bridge"}
 """Laws that are run in mixed precision; the others with --slow, as their own tests hold their formulas in both precisions."""
 STEPS = 500
+CLOSES = {"hertz + bridge": 1e-3}
+"""Integration error over what is lost [-] by law, at this step, some 30 per contact; 2e-3 where nothing is said."""
 
 
 def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **changes) -> Scene:
@@ -165,4 +167,4 @@ def test_energy_closes_in_the_budget(law):
     budget = sim.budget.energy()
     lost = sum(value for name, value in budget.items() if name.startswith("dissipated"))
     assert lost > 1e-6
-    assert abs(budget["integration_error"]) < 2e-3 * lost
+    assert abs(budget["integration_error"]) < CLOSES.get(law, 2e-3) * lost

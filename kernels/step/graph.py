@@ -51,7 +51,7 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 @functools.cache
 def build(
     structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int,
-    films=None,
+    films=None, dynamic=None,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -65,6 +65,7 @@ def build(
         stages: force calls per step.
         lanes: contacts per contact batch.
         films: of ``contact.films.build``; None for a law without bridges.
+        dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
     """
     real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -107,6 +108,39 @@ def build(
         )
         raise_to(report.extreme, 2, overlap_ratio)
         raise_to(report.extreme, 3, approach)
+
+    add_wall_loads = advance_walls = None
+    if dynamic is not None:
+
+        @wp.func
+        def is_taken(ahead: int, control: Control, report: Report, clock: wp.array(dtype=wp.int32)) -> bool:
+            """Whether the step that begins ``ahead`` steps from now is taken, as ``move`` decides."""
+            return (
+                ahead < clock[STEPS_LEFT] and clock[MOVED_AT] == 0 and clock[DEEP_AT] == 0
+                and not too_deep(report.extreme, 0, control.max_overlap)
+            )
+
+        @kernel
+        def add_wall_loads(
+            first: int, ahead: int, control: Control, grains: structs.Grains, wall_contacts: WallContacts, report: Report,
+            clock: wp.array(dtype=wp.int32),
+        ):  # fmt: skip
+            r = first + wp.tid()
+            if r < clock[WALL_GRAINS] and is_taken(ahead, control, report, clock):
+                dynamic.add_loads(
+                    0, r, r + 1, grains.record, grains.inverse, wall_contacts, control.placement,
+                    clock[SCHEDULE_ROW] + ahead + 1, (clock[PARITY] + ahead) & 1, control.dynamic,
+                )  # fmt: skip
+
+        @kernel
+        def advance_walls(
+            ahead: int, model: structs.Model, control: Control, report: Report, clock: wp.array(dtype=wp.int32)
+        ):  # fmt: skip
+            """One thread."""
+            if is_taken(ahead, control, report, clock):
+                dynamic.advance(
+                    1, clock[SCHEDULE_ROW] + ahead, control.row, control.placement, model.dt, control.dynamic
+                )
 
     @kernel
     def move(
@@ -190,5 +224,6 @@ def build(
 
     return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
-        check_capacity=check_capacity, adopt_history=adopt_history,
+        check_capacity=check_capacity, adopt_history=adopt_history, add_wall_loads=add_wall_loads,
+        advance_walls=advance_walls,
     )  # fmt: skip

@@ -249,7 +249,7 @@ def _built(features: Features) -> KernelSet:
     if backend.resident:
         graph = captured.build(
             arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
-            stages=stages, lanes=backend.lanes, films=liquid,
+            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic,
         )  # fmt: skip
         again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(

@@ -117,7 +117,7 @@ def prepare(
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
-    complete_dynamic_walls(schedule, scene, meshes, expected, resident)
+    complete_dynamic_walls(schedule, scene, meshes, expected, len(scheme.STAGES), device.is_cuda)
     compile_observers(scene, device)
     table = np.nan_to_num(_coefficients(scene, features, expected))
     decided = Decisions(given, scene, expected, features, limits, dt, table, schedule.dynamic)
