@@ -37,7 +37,7 @@ from warpdem.kernels.step.clock import (
 )
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.step.schedule import Placement, past_turn, slip_time
+from warpdem.kernels.step.schedule import Placement, kick_time, past_turn, slip_time
 from warpdem.kernels.step.structs import Control, Report, build_call, one
 
 
@@ -88,8 +88,8 @@ def build(
         if stage > 0:
             history_out = contacts.trial
         overlap_ratio, approach = evaluate(
-            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), model, grains,
-            contacts, history_out,
+            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), kick_time(row),
+            model, grains, contacts, history_out, report.losses, t % wp.max(report.losses.shape[0], 1),
         )  # fmt: skip
         raise_to(report.extreme, 0, overlap_ratio)
         raise_to(report.extreme, 1, approach)

@@ -283,7 +283,7 @@ class Captured:
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""
-        if self.model.features.contact.memory:
+        if self.model.features.memory:
             kernel, new = self.model.kernels.graph.adopt_history, self.storage.scratch.history
             self.launch(kernel, self.contacts.owner.size, new, self.batch.clock, self.contacts.history)
 

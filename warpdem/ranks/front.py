@@ -91,7 +91,7 @@ class Front(RunLoop):
         super().__init__(state, clock, engine, streams, timers)
         self._world, self._model = world, model
         self._is_dealt, self._is_gathered = False, True
-        self._wear = engine.wear_digits
+        self._digits = engine.digits
         with world.together():
             decided = Decisions.of(model)
             self._tell("model", decided, threads.count)
@@ -178,7 +178,7 @@ class Front(RunLoop):
         """Let the budgets count the grains ``ids`` that are about to leave."""
         self._clock.step_number = self.rank.clock.step_number
         self._state.restore({**whole.grains, "next_id": self._state.next_id})
-        self._engine.restore(self._engine.extreme)
+        self._engine.restore(self._engine.extreme, {})
         contact_history.restore(self._engine.lists, whole.data, since=1)
         self._engine.leavers.before_leaving(np.flatnonzero(np.isin(self._state.id.numpy(), ids)))
 
@@ -209,7 +209,7 @@ class Front(RunLoop):
             told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
             self._tell("deal", *told)
             self.rank.deal(*told, whole.split(cuts.owner(position), world.size))
-        self._wear = self._engine.wear_digits
+        self._digits = self._engine.digits
         self._is_dealt = True
 
     def _gather(self) -> None:
@@ -217,12 +217,14 @@ class Front(RunLoop):
         with self._timers.measure("gather"):
             found = self.on_all("gather")
         assert found is not None
-        portion, wear = found
+        portion, digits = found
         with self._timers.measure("gather"):
             state, engine, clock = self._state, self._engine, self._clock
             state.restore({**portion.grains, "next_id": state.next_id})
-            digits = window_sum.joined(np.stack([self._wear, *wear])) if self._wear.size else None
-            engine.restore(engine.extreme, digits)
+            each = [self._digits, *digits]
+            engine.restore(
+                engine.extreme, {name: window_sum.joined(np.stack([one[name] for one in each])) for name in self._digits}
+            )
             if len(state):
                 contact_history.restore(engine.lists, portion.data)
             else:

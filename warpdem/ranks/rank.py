@@ -37,7 +37,7 @@ IMBALANCE = 1.1
 """Load of the busiest rank over the mean [-] from which on cuts are shifted."""
 WAIT = 8
 """Outer lists until cuts are tried again that shifting did not help."""
-OF_FORCES = ("pair_share_", "pair_entry_", "wall_load", "wall_entry", "wall_power")
+OF_FORCES = ("pair_share_", "wall_load", "wall_entry", "wall_power")
 """How the names of arrays begin that a rebuild makes again."""
 
 
@@ -258,6 +258,7 @@ class Rank:
         """Count and remove the own grains that are in an outlet."""
         gone, where = self.lists.leaving
         state, world = self.state, self.world
+        self.engine.settle_losses()
         if self._model.features.measures.sums:
             ids = world.gathered(state.id.numpy()[gone])
             whole = self._whole(self._before)
@@ -347,11 +348,11 @@ class Rank:
         """Largest overlaps and approach speeds on all ranks, as ``Engine.extreme``."""
         return self.world.largest(self.engine.extreme)
 
-    def gather(self) -> tuple[Portion, list[np.ndarray]] | None:
-        """All grains with the forces of the present time, and the digits of wear of each rank; on rank 0."""
+    def gather(self) -> tuple[Portion, list[dict[str, np.ndarray]]] | None:
+        """All grains with the forces of the present time, and the digits of the sums of each rank; on rank 0."""
         self.evaluate()
-        whole, wear = self._whole(self._view), self.world.gathered(self.engine.wear_digits)
-        return (whole, wear) if whole is not None else None
+        whole, digits = self._whole(self._view), self.world.gathered(self.engine.digits)
+        return (whole, digits) if whole is not None else None
 
     def _whole(self, view: RunView) -> Portion | None:
         """All grains with the forces of the last force call, at the time of ``view``; on rank 0."""
