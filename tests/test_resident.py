@@ -186,6 +186,8 @@ def test_graph_of_other_plans(case):
         assert own.left == graph.left and own.left["side"][0] > 0
         for name, values in own.engine.read_sums().items():
             np.testing.assert_array_equal(values[own.state.rank], graph.engine.read_sums()[name][graph.state.rank])
+        np.testing.assert_array_equal(own.engine.digits["losses"], graph.engine.digits["losses"])
+        assert own.budget.energy() == graph.budget.energy()
 
 
 def test_a_gpu_only_steps_by_graph(device):

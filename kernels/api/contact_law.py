@@ -12,7 +12,7 @@ from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
 from warpdem.kernels.lists import neighbors
 from warpdem.kernels.step import border, motion, structs
-from warpdem.kernels.step.schedule import Placement, Row, slip_time
+from warpdem.kernels.step.schedule import Placement, Row, kick_time, slip_time
 from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import candidates, contact, evaluate, feature, images, record
 
@@ -91,10 +91,14 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
         # written
         grains: arrays.Grains,
         contacts: arrays.ContactBatches,  # of one contact each
+        no_losses: wp.array3d(dtype=wp.int64),
     ):
         """Evaluate one contact per thread."""
         no_turn = pair_kernels.Turn()
-        evaluate_pair(wp.tid(), 0, no_turn, slip_time(row[0]), model, grains, contacts, contacts.history)
+        now = row[0]
+        evaluate_pair(
+            wp.tid(), 0, no_turn, slip_time(now), kick_time(now), model, grains, contacts, contacts.history, no_losses, 0
+        )
 
     @kernel
     def pair_load(

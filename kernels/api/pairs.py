@@ -61,7 +61,7 @@ class Pairs(ListedGrains):
             grains.record, grains.inverse, grains.row = g.record, g.inverse, self._pair_force
             contacts.owner, contacts.partner, contacts.kind = self.owner, self.partner, self._pair
             contacts.slot_i, contacts.slot_j, contacts.history = self._slot_i, self._slot_j, self.history
-            self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts])
+            self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts, None])
         self.launch(k.pair_load, len(g), [self._row_start, self._pair_force, self._no_walls, self._no_load, g.load])
 
     def _grid(self) -> SizeGrids:

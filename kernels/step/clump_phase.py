@@ -44,7 +44,7 @@ def build(
     ) -> Energies:  # fmt: skip
         """Energies of member ``i`` of clump ``c`` over ``weight`` [s]."""
         v, w = clumps.member_motion(i, rotation_matrix(grains.clumps.turn[c]), motion, grains.clumps)
-        found = budget.contact_energies(i, v, w, weight, grains, wall_contacts)
+        found = budget.contact_energies(i, v, w, weight, wall_contacts)
         if i == grains.clumps.first[c]:
             velocity = wp.vec3d(motion[0], motion[1], motion[2])
             mass = wp.float64(1.0) / grains.clumps.rate[c][0]

@@ -54,9 +54,10 @@ def build(
         row = control.row[at]
         weight = kick_time(row)
         if wp.static(budget.energy):
-            grains.energies[i] = grains.energies[i] + budget.energies(
-                i, state, v, w, weight, at, model, grains, wall_contacts, control
-            )
+            if budget.acts(i, wall_contacts):
+                grains.energies[i] = grains.energies[i] + budget.energies(
+                    i, state, v, w, weight, at, model, grains, wall_contacts, control
+                )
             if wp.static(walls):
                 budget.wall_works(i, weight, wall_contacts, grains.wall_work)
         if wp.static(budget.momentum):

@@ -28,6 +28,8 @@ from warpdem.model.travel import max_travel
 from warpdem.scene.wear import Finnie
 from warpdem.state.clock import Clock
 
+LOSS_ROWS = 256  # rows of the sums of losses on a GPU, so that few threads meet in the same number
+
 
 @dataclass(frozen=True)
 class Scratch:
@@ -97,6 +99,10 @@ class Batch:
             control.wear_from = wp.array([first], dtype=wp.int32, device=device)
             law = scene.measures.wear.finnie or Finnie(pressure=1.0)
             control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
+        if model.features.measures.energy:
+            rows = LOSS_ROWS if device.is_cuda else threads
+            losses = len(model.features.measures.of_contacts)
+            report.losses = wp.zeros((rows, losses, window_sum.WIDTH), dtype=wp.int64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         report.done = wp.zeros(1, dtype=wp.int32, device=device)
         report.arrivals = wp.zeros(barrier.LENGTH, dtype=wp.int32, device=device)

@@ -82,7 +82,6 @@ class ContactLists:
         grids: cell grids of the grains.
         given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
         row: pair force on one grain in each force slot; the last belongs to no grain.
-        entry: energies beside ``row``.
     """
 
     # built by ``host_build``
@@ -106,7 +105,6 @@ class ContactLists:
     constants: wp.array
     trial: wp.array
     row: wp.array
-    entry: wp.array
     next_history: wp.array
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
@@ -124,7 +122,7 @@ class ContactLists:
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
         self.wall_contacts: Any = self.new_wall_contacts(n, 0) if model.features.walls.present else None
-        self.history = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
+        self.history = pool.zeros((0, max(model.features.memory, 1), model.features.backend.lanes), self.real)
 
     @property
     def built(self) -> bool:
@@ -212,7 +210,7 @@ class ContactLists:
 
     def view(self) -> ListedContacts:
         """The contacts of the inner list, to be read."""
-        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in CONTACT_ARRAYS}
         for name in ("owner", "partner", "slot_i", "slot_j", "history"):
             if arrays[name] is not None:  # before the first list there are none
                 arrays[name] = self._used(arrays[name])

@@ -283,7 +283,7 @@ class Captured:
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""
-        if self.model.features.contact.memory:
+        if self.model.features.memory:
             kernel, new = self.model.kernels.graph.adopt_history, self.storage.scratch.history
             self.launch(kernel, self.contacts.owner.size, new, self.batch.clock, self.contacts.history)
 
@@ -295,7 +295,9 @@ class Captured:
         for owner in (lists, lists.outer, lists.new, self.state, self.scratch, self.batch):
             values = owner if isinstance(owner, tuple) else vars(owner).values()
             found += [value for value in values if isinstance(value, wp.array)]
-        structs = self.batch.control, self.batch.report, self.step.grains, self.step.wall_contacts, self.contacts, lists.grids
+        structs = [self.batch.control, self.batch.report, self.step.grains, self.step.wall_contacts, self.contacts, lists.grids]
+        if self.model.schedule.dynamic:
+            structs.append(self.batch.control.dynamic)
         return found + [x for one in structs for name in one._cls.vars if isinstance(x := getattr(one, name), wp.array)]
 
     def key(self) -> tuple:

@@ -304,9 +304,8 @@ class HostBuild:
         a, features, pool = self.lists, self.model.features, self.storage.pool
         law, width = features.contact, features.backend.lanes
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
-        lanes, history = (batches, width), (batches, max(law.memory, 1), width)
+        lanes, history = (batches, width), (batches, max(features.memory, 1), width)
         a.row = self.storage.force_slots((slots + 1, law.pair_force_width), history, a.outer.slot.shape[0], a.real)
-        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, features.measures.entry_width), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
         a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)

@@ -1,8 +1,9 @@
 """The step and the list build: every launch, in its order, written once.
 
     step                                   list build
-      for each stage of the integrator       check the lists
-        forces of the stage (not the 1st)    outer list, where it is out of date
+      walls that move by their load          check the lists
+      for each stage of the integrator       outer list, where it is out of date
+        forces of the stage (not the 1st)
         kick, drift, displacement check        grains onto the cell grids
       forces at the end of the step            neighbors of each grain and wall features near it, counted and numbered
                                                [do the arrays hold them?] written
@@ -74,6 +75,7 @@ class Step:
 
     def __call__(self, ahead: int) -> None:
         """The step that begins ``ahead`` steps from now."""
+        self.walls_by_load(ahead)
         for stage in range(self.batch.stages):
             if stage > 0:
                 self.forces(ahead, stage)
@@ -97,6 +99,14 @@ class Step:
             b = self.batch
             shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock
             self.launch(self.model.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
+
+    def walls_by_load(self, ahead: int) -> None:
+        """Kick and drift of the walls that move by the load on them."""
+        kernels, b = self.model.kernels.graph, self.batch
+        if self.model.schedule.dynamic:
+            shared = b.control, self.grains, self.wall_contacts, b.report, b.clock
+            self.launch(kernels.add_wall_loads, self.n, ahead, *shared)
+            self.launch.once(kernels.advance_walls, ahead, b.model, b.control, b.report, b.clock)
 
     def move(self, ahead: int, stage: int = 0) -> None:
         """Kick and drift, and whether grains have moved too far for the inner list."""

@@ -71,7 +71,8 @@ def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
         kernels: of ``compile_kernels``.
     """
     lists, walls = kernels.lists, kernels.walls
-    step = kernels.loop.run, kernels.inner.build_inner, kernels.read.read, kernels.read.read_budget
+    readers = kernels.read.read, kernels.read.read_budget, kernels.read.read_losses
+    step = kernels.loop.run, kernels.inner.build_inner, *readers
     outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
@@ -105,7 +106,9 @@ def of_pairs(features: Features) -> KernelSet:
     pair_law = law.build(real, *models, laws.torsion, predicted=predicted, twisting=twisting)
     parts = dissipation.build(real, *models, laws.torsion, predicted, twisting)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
-    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.force_gap, clumps=laws.clumps)
+    return pairs.build(
+        real, pair_law, parts, images, spins=laws.spins, gap=laws.force_gap, clumps=laws.clumps, impulses=features.impulses
+    )
 
 
 def no_lanes(features: Features) -> str:
@@ -153,7 +156,7 @@ def _built(features: Features) -> KernelSet:
         of_bridges = model("normal", laws.normal).LIQUID
         liquid = films.build(pair_kernels, of_bridges, table=laws.table, reach=laws.gap, longest=laws.gap / TRAVEL)
     arrays = structs.build(pair_kernels)
-    seen = {"turning_frame": turns, "table": laws.table}
+    seen = {"turning_frame": turns, "table": laws.table, "ranks": backend.ranks}
     by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
@@ -215,9 +218,12 @@ def _built(features: Features) -> KernelSet:
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
-    readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
+    readers = read.build(
+        arrays, pair_kernels, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps,
+        turning_frame=turns, ranks=backend.ranks,
+    )  # fmt: skip
     lists = neighbors.build(
-        backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
+        backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=features.memory,
         inertia_factor=laws.inertia_factor,
         keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
         force_gap=laws.force_gap,
@@ -248,8 +254,8 @@ def _built(features: Features) -> KernelSet:
     graph = again = None
     if backend.resident:
         graph = captured.build(
-            arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
-            stages=stages, lanes=backend.lanes, films=liquid,
+            arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=features.memory,
+            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic,
         )  # fmt: skip
         again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(
