@@ -8,7 +8,9 @@ import pytest
 from warpdem import Scene, SceneError, Simulation
 from warpdem.app import summary
 from warpdem.measure.column import Readings
+from warpdem.measure.dynamic_walls import dynamic_wall
 from warpdem.measure.snapshot import take_snapshot
+from warpdem.measure.totals import Totals
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.staged_state import StagedState, StagingBuffer
 
@@ -397,3 +399,12 @@ def test_a_servo_that_never_meets_grains_is_told_at_the_end():
         [line] = noted(away)
         assert line.startswith(f"lid never carried its load: {said}")
     assert noted(push | {"axis": [0, 0, 1], "start": 0.5}) == []  # not yet asked
+
+
+def test_a_row_that_is_written_later_has_the_place_of_its_time():
+    """Rows are written beside the run, which has gone on by then."""
+    sim = run(bed(2)[0])
+    sim.step(5)
+    now, there = Totals(sim.view).made(), sim.live.model.schedule.dynamic[0].value("position")
+    sim.step(5)
+    assert dynamic_wall(now, "lid").value("position") == there != servo_of(sim).value("position")

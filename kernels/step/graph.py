@@ -145,9 +145,9 @@ def build(
     @kernel
     def move(
         first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains,
-        wall_contacts: WallContacts, report: Report, clock_out: wp.array(dtype=wp.int32), max_displacement: wp.float64,
+        wall_contacts: WallContacts, report: Report, clock_out: wp.array(dtype=wp.int32), inner_share: wp.float64,
     ):  # fmt: skip
-        # a thread of this very launch may have found its grain beyond max_displacement already
+        # a thread of this very launch may have found its grain beyond what it is allowed already
         if ahead >= clock_out[STEPS_LEFT] or (clock_out[MOVED_AT] != 0 and clock_out[MOVED_AT] <= ahead):
             return
         if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
@@ -157,7 +157,7 @@ def build(
             return
         s = clock_out[SCHEDULE_ROW] + ahead
         moved = move_phase(
-            one(first + wp.tid()), s, stage, model, grains, wall_contacts, control, report, max_displacement
+            one(first + wp.tid()), s, stage, model, grains, wall_contacts, control, report, inner_share
         )
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1

@@ -71,7 +71,7 @@ class Steps:
     forces_first: wp.int32  # 1: evaluate the forces of the present positions first
     hold: wp.int32  # 1: leave the forces after the last step to the next launch
     parity: wp.int32  # of the number of the first step
-    max_displacement: wp.float64  # up to which the inner list holds [m]
+    inner_share: wp.float64  # of its allowance, that a grain may move while the inner list holds [-]
     exchange: wp.uint64  # function of the host that ``exchange.exchange`` calls; 0 in a run of one process
 
 
@@ -187,6 +187,7 @@ def build(pairs):
         inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg], 1/I [1/(kg m2)]; of members of clumps written in the step
         material: wp.array(dtype=wp.int32)  # (n,)
         reference: wp.array2d(dtype=wp.vec3d)  # (n, 1 + motions) of the inner list, of ``displacement``
+        allowance: wp.array(dtype=wp.float64)  # (n,) of the outer list, of ``neighbors`` [m]
         row_start: wp.array(dtype=wp.int32)  # (n + 1,) first force slot of each
         # written by the integrator
         record: wp.array(dtype=g.Record)  # (n,)

@@ -41,6 +41,8 @@ class Scratch:
     """Of each block of grains."""
     start: wp.array
     """(n + 1,) of the rows of an outer list that a graph builds."""
+    allowance: wp.array
+    """(n,) of the grains in such a list."""
     entries: wp.array
     """(3,), [1]: neighbors in an outer list."""
     slots: wp.array
@@ -51,7 +53,8 @@ class Scratch:
         """Scratch for ``n`` grains."""
         nothing, start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
         sums = wp.zeros(-(-n // numbering.BLOCK), dtype=numbering.Sums, device=device)
-        return cls(nothing, sums, start, entries, slots)
+        allowance = wp.zeros(n, dtype=wp.float64, device=device)
+        return cls(nothing, sums, start, allowance, entries, slots)
 
 
 class Batch:

@@ -89,9 +89,9 @@ class Engine:
         """Whether some walls move by the load on them."""
         return bool(self._model.schedule.dynamic)
 
-    def advance_walls(self, count: int) -> None:
-        """Run ``count`` steps of a run without grains, in which only such walls move."""
-        base, _ = self.batch.row()
+    def advance_walls(self, count: int, first: int = 0) -> None:
+        """Run ``count`` steps of a run without grains, in which only such walls move, from ``first`` steps from now on."""
+        base = self.batch.row()[0] + first
         control = self.batch.control
         inputs = [base, count, control.row, control.placement, self._model.dt, control.dynamic]
         wp.launch(self._model.kernels.dynamic.advance_alone, dim=1, inputs=inputs, device=self._model.device)

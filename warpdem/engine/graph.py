@@ -200,14 +200,15 @@ class Captured:
         self.launch = GraphLaunch(model.device)
         self.scratch = batch.scratch(state.slots)
         grains, self.contacts, wall_contacts = structs.arguments()
-        n, max_displacement = state.slots, lists.max_displacement
-        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, max_displacement, self.launch)
+        n, share = state.slots, lists.share_that_holds
+        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, share, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
         # while the outer list is built it is in arrays that the inner list, built next, writes again
         nothing = self.scratch.nothing
         lists.new = NewOuterList(
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
-            capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.near, first=lists.row_start,
+            allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id,
+            feature_count=lists.near, first=lists.row_start,
         )  # fmt: skip
 
     # -- the loop -------------------------------------------------------------------------------
@@ -230,7 +231,7 @@ class Captured:
         """The outer list, if it is out of date and may be built here, then the inner list, unless the host is asked."""
         lists, clock = self.lists, self.batch.clock
         self._settle_liquid()
-        self.build.check(self.scratch.nothing, 0.5 * lists.skin - lists.max_displacement)
+        self.build.check(self.scratch.nothing, 1.0 - lists.inner_share)
         self.launch.once(self.model.kernels.rebuild.ask_outer, clock)
         wp.capture_if(self._condition(BUILD_OUTER), self.build.build_outer)
         self.launch.once(self.model.kernels.graph.resume, clock)
@@ -303,13 +304,13 @@ class Captured:
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.step.max_displacement, lists.skin, lists.inner_skin
+        numbers = self.state.slots, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
         return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         k = self.model.kernels
-        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, k.films, numbering):
+        for group in (k.graph, k.rebuild, k.neighbors, k.batches, k.displacement, k.walls, k.films, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=self.model.device)

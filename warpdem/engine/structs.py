@@ -50,7 +50,8 @@ class Structs:
         grains, n, device = self._grains, self._state.slots, self._model.device
         put(
             grains, record=state.record, inverse=state.inverse, material=state.material, reference=lists.reference,
-            row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
+            allowance=lists.outer.allowance, row_start=lists.row_start, flight=lists.flight,
+            row=self._view("row", lists.row, model.kernels.pairs.PairForce),
         )  # fmt: skip
         if state.clumps is not None:
             put(grains, clumps=state.clumps.struct(model.kernels.pairs.clumps.Clumps))

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, films, law, pairs, sweep, thread_contact
-from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
+from warpdem.kernels.lists import contact_batches, displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.values import NotStraight
@@ -44,9 +44,9 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Kern
 
     Returns:
         Namespace with ``structs`` (of the step), ``loop`` (the step), ``read`` (its readers), ``graph`` and ``rebuild`` (the
-        GPU's, or None), ``lists`` (neighbors), ``displacement``, ``inner`` (the inner list on CPU threads), ``walls``
-        (candidate kernels or None), ``paths`` (grains in flight), ``dynamic`` (walls that move by their load, or None),
-        ``WallContacts``.
+        GPU's, or None), ``neighbors`` (the outer list), ``batches`` (the inner list), ``displacement``, ``inner`` (the inner
+        list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``dynamic`` (walls that
+        move by their load, or None), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -70,10 +70,11 @@ def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
     Args:
         kernels: of ``compile_kernels``.
     """
-    lists, walls = kernels.lists, kernels.walls
+    lists, walls = kernels.neighbors, kernels.walls
     readers = kernels.read.read, kernels.read.read_budget, kernels.read.read_losses
     step = kernels.loop.run, kernels.inner.build_inner, *readers
-    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
+    moved = kernels.displacement.save_reference, kernels.displacement.set_allowances
+    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, *moved
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
 
@@ -222,11 +223,12 @@ def _built(features: Features) -> KernelSet:
         arrays, pair_kernels, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps,
         turning_frame=turns, ranks=backend.ranks,
     )  # fmt: skip
-    lists = neighbors.build(
-        backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=features.memory,
+    outer = neighbors.build(images, **spins, gap=laws.gap, clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks)
+    batches = contact_batches.build(
+        backend.real, wall_law, outer.ListedGrains, images, backend.lanes, **shared, stored=laws.constants,
+        history=features.memory,
         inertia_factor=laws.inertia_factor,
-        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
-        force_gap=laws.force_gap,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, force_gap=laws.force_gap,
     )  # fmt: skip
     wall_lists = None
     if walls.present:
@@ -234,6 +236,7 @@ def _built(features: Features) -> KernelSet:
             around,
             images,
             WallContacts,
+            outer.ListedGrains,
             spins=laws.spins,
             meshes=meshes,
             shapes=any(shapes),
@@ -250,7 +253,9 @@ def _built(features: Features) -> KernelSet:
     moved = displacement.build(
         travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0, clumps=laws.clumps
     )
-    on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
+    on_threads = inner.build(
+        arrays, outer.ListedGrains, batches, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages
+    )
     graph = again = None
     if backend.resident:
         graph = captured.build(
@@ -259,7 +264,7 @@ def _built(features: Features) -> KernelSet:
         )  # fmt: skip
         again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(
-        structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
+        structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, neighbors=outer, batches=batches, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
         dynamic=dynamic, films=liquid,
     )  # fmt: skip

@@ -266,6 +266,7 @@ class Features:
         contact = number * (2 * law.pair_force_width + memories * self.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         fixed += 24 * law.wet  # films
+        fixed += 2 * 8  # allowances of two outer lists
         at_walls = wall_entry(measures.losses).width + measures.scene_walls
         fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
         result = record.RESULT.width if law.moments else record.FRICTION
