@@ -22,7 +22,7 @@ from warpdem.scene.models import model_names, with_liquid
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""
-READERS = ("read", "read_budget")
+READERS = ("read", "read_budget", "read_losses", "settle_losses")
 """Kernels that read a run, which a GPU launches as well."""
 MOST_REGISTERS = {"pair_forces": 128, "wall_forces": 255, "move": 96}
 """Of the main job's kernels that run at every step: 65 536 on a multiprocessor are shared by its threads."""

@@ -283,6 +283,31 @@ def test_threads_batches_and_a_resume_change_no_bit(turning, tmp_path):
     assert columns(again) == columns(turning)
 
 
+def test_the_graph_moves_them_with_the_same_bits(turning):
+    """Launches over grains in place of threads that meet, with a hinge, lists that are made on the way, and reads."""
+    sim = Simulation(drum(), device="cpu", resident=True)
+    for steps in (1, 1999, 2000):
+        sim.step(steps)
+    assert sim.state_hash() == turning.state_hash()
+    np.testing.assert_array_equal(body_of(sim).state, body_of(turning).state)
+    np.testing.assert_array_equal(body_of(sim).now, body_of(turning).now)
+
+
+SLOW_SCHEMES = [pytest.param(name, marks=pytest.mark.slow) for name in ("scovel", "lobatto", "explicit_euler")]
+
+
+@pytest.mark.parametrize("scheme", ["velocity_verlet", *SLOW_SCHEMES])
+def test_other_schemes_share_momentum_exactly_too(scheme):
+    """Grain and plate of 2 m, both kicked by one force; restitution within the error of the step's first order."""
+    given = scene(slider(2 * MASS), PLATE | {"fixed_to": "laboratory"}, [[0, 0, 1.01 * R]], [[0, 0, -0.2]], measures={},
+                  engine={"integrator": scheme}, time={"end": 1, "step": 2.5e-7})  # fmt: skip
+    sim = run(given)
+    sim.run(until=1e-3)
+    after, plate = sim.particles.velocity_lab[0, 2], body_of(sim).value("rate")
+    assert MASS * after + 2 * MASS * plate == pytest.approx(MASS * -0.2, rel=1e-12)
+    assert (after - plate) / 0.2 == pytest.approx(0.5, abs=0.005)
+
+
 def test_in_turning_axes_as_in_the_laboratory(turning):
     given = drum(frame={"axis": [0, 1, 0], "rate": 3.0})
     walls = [wall.model_copy(update={"fixed_to": "laboratory"}) for wall in given.walls]

@@ -85,7 +85,7 @@ def test_copies_of_the_laws_give_the_bits_of_the_laws(own):
     theirs = simulation(own)
     assert mine.plan.contact.normal == str(own / "normal.py")
     for sim in (mine, theirs):
-        assert (sim.plan.contact.memory, sim.plan.contact.inertia_factor) == (6, 3.5)
+        assert (sim.plan.memory, sim.plan.contact.inertia_factor) == (6, 3.5)
     kinds = set()
     for _ in range(40):
         for sim in (mine, theirs):

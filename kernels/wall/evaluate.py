@@ -1,7 +1,7 @@
 """The wall contacts of a grain: one per contact point, however the wall is divided into triangles.
 
-A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the inner
-skin) and its contact points are at the start of that range. Each step, for the grains that have candidates:
+A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features listed in the
+inner list) and its contact points are at the start of that range. Each step, for the grains that have candidates:
 
 1. ``search``: the closest points of its candidates are reduced to contact points (``contact_points``), and each takes the
    history of the nearest one of the step before on that wall (in body axes: it is kept across triangle borders);

@@ -45,6 +45,18 @@ class Surface:
     """How far corners of each wall's file are off the planes they belong to [m]."""
 
 
+@wp.struct
+class MeshTrees:
+    """Search trees of the mesh walls, in the body axes of their wall."""
+
+    tree: wp.array(dtype=wp.uint64)
+    """``wp.Mesh`` of each, shape (meshes,)."""
+    wall: wp.array(dtype=wp.int32)
+    """Its wall."""
+    first: wp.array(dtype=wp.int32)
+    """Number of its first triangle."""
+
+
 @wp.func
 def is_corner_set_within(vertices: wp.vec3i, mask: int, other: wp.vec3i) -> bool:
     """Whether all corners that ``mask`` picks of one triangle are corners of the other."""

@@ -45,10 +45,10 @@ def draw_work_precision(
         times, errors = [one.seconds for one in of], [max(one.error, LEAST) for one in of]
         ax.plot(times, errors, "-", marker="os"[k % 2], color=COLOURS[k], label=f"{precision} precision", linewidth=1.4)
         for one, time, error in zip(of, times, errors, strict=True):
-            ax.annotate(f"{one.step:.3g} s", (time, error), (6, 4), textcoords="offset points", fontsize="small")
+            ax.annotate(f"{one.step:.3g} s", (time, error), (6, -12 if k else 4), textcoords="offset points", fontsize="small")
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.margins(0.12)
+    ax.margins(0.2, 0.12)  # with room for the steps
     _levels(ax, asked, scatter, relative)
     ax.set_xlabel("time of the steps [s]")
     ax.set_ylabel("error of the measure over its value [-]" if relative else "error of the measure [its unit]")

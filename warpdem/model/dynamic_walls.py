@@ -153,7 +153,7 @@ class DynamicWall:
 
 
 def complete_dynamic_walls(
-    schedule: "Schedule", scene: Scene, meshes: dict[str, TriangleMesh], expected: InitialGrains, resident: bool
+    schedule: "Schedule", scene: Scene, meshes: dict[str, TriangleMesh], expected: InitialGrains, stages: int, on_gpu: bool
 ) -> None:
     """Give the dynamic walls of a schedule what follows from meshes and grains.
 
@@ -165,10 +165,13 @@ def complete_dynamic_walls(
     for one in schedule.dynamic:
         kind = "servo" if isinstance(one.given, Servo) else "free"
         key, scheme = f"{scene.source}: walls[{one.number}].{kind}", scene.engine.integrator
-        if resident:
+        if on_gpu:
             raise SceneError(f"{key}: a wall that moves by the load on it runs on a CPU only: take --device cpu")
-        if scheme != "exact_drift":
-            raise SceneError(f'{key}: only with engine.integrator = "exact_drift"; it is "{scheme}"')
+        if stages > 1:
+            raise SceneError(
+                f'{key}: not with engine.integrator = "{scheme}", whose steps have stages: the wall has none; take '
+                '"exact_drift", or a scheme with one force call per step'
+            )
         heaviest, mesh, shape = float(masses.max(initial=0.0)), meshes.get(one.wall.name), one.wall.shape
         if not isinstance(one.given, Servo):
             if one.wall.fixed_to == "frame" and schedule.frame.moves:

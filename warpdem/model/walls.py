@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.wall.mobility import Mobility
-from warpdem.kernels.wall.surface import Ball, Revolved, Surface
+from warpdem.kernels.wall.surface import Ball, MeshTrees, Revolved, Surface
 from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
@@ -82,7 +82,7 @@ class Walls:
 
     Attributes:
         surface: what the kernels read; ``images`` as `wall_images` gives them.
-        mesh_arrays: mesh ids, their walls and first triangles, for the candidate search.
+        trees: search trees of the meshes.
         wall_of: number of the wall that each feature belongs to, shape (features,), on the host.
         material: material index of each wall, shape (walls,), on the host.
     """
@@ -155,8 +155,7 @@ class Walls:
         self.material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
         surface.material = wp.array(self.material, dtype=wp.int32, device=device)
         self.surface = surface
-        self.mesh_arrays: tuple[wp.array, wp.array, wp.array] = (
-            wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device),
-            wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device),
-            wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device),
-        )
+        trees = self.trees = MeshTrees()
+        trees.tree = wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device)
+        trees.wall = wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device)
+        trees.first = wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device)
