@@ -54,7 +54,7 @@ from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import columns, liquid
 
 NORMAL_CAP, TANGENTIAL_CAP = 0.3, 0.25  # damping coefficient times the time step over m* and over m_t [-]
-ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to turn, over m* [-]
+ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to rotate, over m* [-]
 
 
 @functools.cache

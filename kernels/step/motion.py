@@ -18,6 +18,8 @@ from warpdem.kernels.step.schedule import (
     FrameRow,
     Placement,
     Row,
+    drift_shift,
+    drift_turn,
     frame_axes,
     frame_origin,
     frame_velocity,
@@ -229,16 +231,35 @@ def build_travel(
         return now <= path[11] and wp.dot(displacement, displacement) <= left * left
 
     @wp.func
+    def distance_ahead(
+        state: g.Record, row: Row, placements: wp.array2d(dtype=Placement), before: int, after: int, dt: wp.float64
+    ) -> wp.float64:  # fmt: skip
+        """Distance [m] that a grain will go in the next step, the largest in the axes that count.
+
+        ``row`` of the schedule at present; ``before``, ``after``: rows of the placements at present and after the step.
+        """
+        q = g.position(state)
+        ahead = q + g.velocity(state) * dt
+        ahead = ahead + drift_turn(row) * ahead + drift_shift(row)
+        distance = wp.float64(0.0)
+        if wp.static(in_frame):
+            distance = wp.length(ahead - q)
+        if wp.static(moving > 0):
+            for m in range(wp.static(moving)):
+                distance = wp.max(distance, wp.length(local(placements[after, m], ahead) - local(placements[before, m], q)))
+        return distance
+
+    @wp.func
     def displaced(
         i: int,
         state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
+        max_displacement: wp.float64,
         flight: wp.array(dtype=Flight),
         placements: wp.array2d(dtype=Placement),
         origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
-        max_displacement: wp.float64,
     ) -> int:
         """BEYOND when the grain is further than ``max_displacement`` [m] from its reference, or off its path, or not finite."""
         left = allowed_displacement(state, max_displacement, dt)
@@ -262,5 +283,5 @@ def build_travel(
 
     return KernelSet(
         displaced=displaced, left=left, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
-        squared_displacement=squared_displacement, holds=holds,
+        squared_displacement=squared_displacement, distance_ahead=distance_ahead, holds=holds,
     )  # fmt: skip

@@ -54,9 +54,10 @@ def build(
         row = control.row[at]
         weight = kick_time(row)
         if wp.static(budget.energy):
-            grains.energies[i] = grains.energies[i] + budget.energies(
-                i, state, v, w, weight, at, model, grains, wall_contacts, control
-            )
+            if budget.acts(i, wall_contacts):
+                grains.energies[i] = grains.energies[i] + budget.energies(
+                    i, state, v, w, weight, at, model, grains, wall_contacts, control
+                )
             if wp.static(walls):
                 budget.wall_works(i, weight, wall_contacts, grains.wall_work)
         if wp.static(budget.momentum):
@@ -125,7 +126,7 @@ def build(
     @wp.func
     def move_phase(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
-        report: Report, max_displacement: wp.float64,
+        report: Report, inner_share: wp.float64,
     ) -> int:  # fmt: skip
         """Stage ``stage`` of the step in row ``s``; BEYOND and LEFT of ``motion``, of all its grains together."""
         at = s * wp.static(stages) + stage
@@ -188,7 +189,8 @@ def build(
             if stage == wp.static(stages - 1):
                 next_row = (s + 2) * wp.static(stages)
                 far = travel.displaced(
-                    i, state, grains.reference, grains.flight, control.placement, control.origin, next_row, dt, max_displacement
+                    i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
+                    control.origin, next_row, dt,
                 )
                 if wp.static(leave):
                     far = far | travel.left(g.position(state), control.outlet, control.placement, next_row)
@@ -203,7 +205,7 @@ def build(
             for i in range(part.first, part.last, part.stride):
                 if leads_clump(i, grains):
                     c = grains.clumps.of_grain[i]
-                    strayed = clumps.follow(c, s, model, grains, control, max_displacement)
+                    strayed = clumps.follow(c, s, model, grains, control, inner_share)
                     if wp.static(leave):
                         if (strayed & wp.static(LEFT)) > 0:
                             centre = g.position(grains.clumps.record[c])

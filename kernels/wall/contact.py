@@ -32,6 +32,8 @@ from warpdem.kernels.step.schedule import (
 )
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.contact_points import Hit, direction_of, point_of
+from warpdem.kernels.wall.mobility import Mobility
+from warpdem.kernels.wall.mobility import inverse_mass as inverse_mass_of_wall
 
 vec6 = wp.types.vector(6, wp.float64)
 
@@ -40,6 +42,7 @@ vec6 = wp.types.vector(6, wp.float64)
 def build(
     law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
     inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False, clumps: bool = False,
+    yielding: bool = False,
 ):  # fmt: skip
     """Return ``contact``, the types of what it is given and gives, and readers of what a contact point remembers.
 
@@ -57,6 +60,7 @@ def build(
         conveying: surfaces move along themselves.
         wear: what wears walls is added up, from results that hold the wall's velocity.
         clumps: there are clumps.
+        yielding: some walls are free: dashpots go by what grain and wall weigh together.
     """
     g = grain.build(spins)
     of_clumps = clump.build(clumps)
@@ -174,6 +178,7 @@ def build(
         before: WallHistory,
         now: Placement,  # of the wall
         then: Placement,  # where springs slip from
+        mobility: Mobility,  # of the wall, where some are ``yielding``
         c: Coefficients,
         row: Row,
         dt: wp.float64,
@@ -195,7 +200,8 @@ def build(
         w_predicted = w + g.angular_acceleration(state) * half
         distance = hit[0]
         body_point = point_of(hit)
-        n = direction_of(hit)
+        body_normal = direction_of(hit)
+        n = body_normal
         point = body_point
         if wp.static(moving > 0):
             n = turned(now, n)
@@ -245,7 +251,10 @@ def build(
         if wp.static(conveying):
             v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
-        numbers = law.constants(c, radius, wp.float64(1.0) / of_clumps.inverse_mass(inv, n), wp.float64(0.0))
+        inverse_mass = of_clumps.inverse_mass(inv, n)
+        if wp.static(yielding):
+            inverse_mass = inverse_mass + inverse_mass_of_wall(mobility, body_normal, body_point)
+        numbers = law.constants(c, radius, wp.float64(1.0) / inverse_mass, wp.float64(0.0))
         inertia = inertia_of(inv)
         turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
@@ -298,7 +307,7 @@ def build(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
         normal_in=normal_in, force_in=force_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, WallHistory=WallHistory,
-        looks_back=moving > 0 or conveying,
+        looks_back=moving > 0 or conveying, yielding=yielding,
         Result=Result, Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
         WallEntry=WallEntry,
     )  # fmt: skip

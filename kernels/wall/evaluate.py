@@ -1,7 +1,7 @@
 """The wall contacts of a grain: one per contact point, however the wall is divided into triangles.
 
-A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the inner
-skin) and its contact points are at the start of that range. Each step, for the grains that have candidates:
+A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features listed in the
+inner list) and its contact points are at the start of that range. Each step, for the grains that have candidates:
 
 1. ``search``: the closest points of its candidates are reduced to contact points (``contact_points``), and each takes the
    history of the nearest one of the step before on that wall (in body axes: it is kept across triangle borders);
@@ -19,6 +19,7 @@ from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import contact_points, films
 from warpdem.kernels.wall.contact import vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
+from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
@@ -201,6 +202,9 @@ def build(
         then = now
         if wp.static(one.looks_back):
             then = placements[call.before, motion]
+        mobility = Mobility()
+        if wp.static(one.yielding):
+            mobility = model.surface.mobility[motion]
         before = WallHistory()
         known = wp.float64(0.0)
         if found[wp.static(FOUND.before)] >= 0:
@@ -208,7 +212,7 @@ def build(
             known = wp.float64(1.0)
         memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
             grains.record[i], grains.inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]],
-            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then,
+            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then, mobility,
             model.coefficients[found[wp.static(FOUND.coefficients)]], row, model.dt,
         )  # fmt: skip
         wall_contacts.point[call.new_generation, slot] = memory

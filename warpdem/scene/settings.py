@@ -19,9 +19,9 @@ class Time(SceneModel):
     )
     accuracy: Literal["bulk", "impact"] = Field(
         "bulk",
-        description='What step = "auto" is made for: "bulk" (default), flow, packing, loads and losses of many grains, from 8 to '
-        '12 steps in the contact time of an undamped impact at max_speed, as its restitution needs; "impact", the course of '
-        'single impacts, from 40.',
+        description='What step = "auto" is made for: "bulk" (default), flow, packing, loads and losses of many grains, from 8 '
+        'to 12 steps in the contact time of an undamped impact at max_speed, as its restitution needs; "impact", the course '
+        'of single impacts, from 40.',
     )
     max_speed: Annotated[float, Quantity("m/s", gt=0)] | None = Field(
         None,

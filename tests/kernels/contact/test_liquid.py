@@ -9,7 +9,8 @@ from warpdem.kernels.normal import hertz, hertz_clamped, jkr
 from law_probe import Contacts
 
 RADIUS, MASS, PULL = 5e-4, 5e-6, 4e-4  # R* [m], m* [kg], 4 pi R* g [N]
-TENSION = PULL / (4.0 * np.pi * RADIUS)
+WETTING = 0.8
+TENSION = PULL / (4.0 * np.pi * RADIUS * WETTING)
 VOLUME = 1e-12
 SQUARE = VOLUME / (np.pi * RADIUS)
 FAR = VOLUME ** (1 / 3)
@@ -17,7 +18,7 @@ FAR = VOLUME ** (1 / 3)
 
 def contacts(normal=hertz, viscous=(), own=()):
     made = liquid.joined(normal, bridge_rabinovich, bool(viscous))
-    given = (7e6, 0.1, 0.8, 0.7, *own, TENSION, 1.0, *viscous, *([1.0] if viscous else []))
+    given = (7e6, 0.1, 0.8, 0.7, *own, TENSION, WETTING, *viscous, *([1.0] if viscous else []))
     return made, Contacts(made, given, RADIUS, MASS)
 
 
