@@ -83,8 +83,8 @@ SHORT = {"end": 0.01, "step": 1e-6, "max_speed": 0.1}
 WARNED = {
     "large step": ({"time": {"end": 0.01, "step": 1e-4, "max_speed": 1.0}}, ["time.step = 0.0001 s", "0.88 of", "auto"]),
     "few steps": (
-        {"time": {"end": 0.01, "step": 4e-5, "max_speed": 1.0}},
-        ["give back 0.5", "at worst", "restitution = 0.5 is asked for", "7.35 steps", "at most"],
+        {"time": {"end": 0.01, "step": 6e-5, "max_speed": 1.0}},
+        ["give back 0.49", "at worst", "restitution = 0.5 is asked for", "4.9 steps", "at most"],
     ),
     "soft": ({"time": {"end": 0.01, "step": 1e-6, "max_speed": 4.0}}, ["of the radius", "young_modulus", "max_overlap = 0.1"]),
     "bed": (
