@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 from pxr import Gf, Usd, UsdGeom
 from scipy.integrate import solve_ivp
 from warpdem.kernels.normal import hertz
 
 from warpdem import Scene, SceneError
 from warpdem.filling.initial_grains import load_grains
+from warpdem.mesh.triangle_mesh import build_mesh
 from warpdem.model import expected_load, stability_limit, time_step
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.contact_cases import contact_cases, limits_at
@@ -73,6 +75,18 @@ def test_a_bed_in_a_turning_frame_is_pressed_by_its_turning_too():
     still, turning = (found(scene(frame={"axis": [0, 0, 1], "rate": rate})) for rate in (0.0, 100.0))
     assert turning.settled < 0.8 * still.settled
     assert found(scene(gravity=[0, 0, 0])).settled == math.inf
+
+
+def test_a_servo_presses_the_bed_like_grains_of_that_weight():
+    """Pressure, or force over the area of the mesh, the largest of the course."""
+    weight = 0.6 * DENSITY * 30.0 * (0.1 + 2.0 * RADIUS)
+    lid = {"name": "lid", "material": "glass", "mesh": "lid.stl"}
+    loads = ({"pressure": weight}, {"pressure": [[0.0, 0.0], [0.5, weight], [1.0, 1.0]]}, {"force": 0.04 * weight})
+    heavy = found(scene(gravity=[0, 0, -30.0])).settled
+    plate = {"lid": build_mesh(trimesh.creation.box((0.2, 0.2, 0.01)).triangles)}
+    for load in loads:
+        of = scene(gravity=[0, 0, 0], walls=[lid | {"servo": {"axis": [0, 0, -1], "max_speed": 0.1} | load}])
+        assert time_step.limits(of, load_grains(of, {}), plate).settled == pytest.approx(heavy, rel=1e-6)
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.5, 3.0])

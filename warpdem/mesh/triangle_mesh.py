@@ -91,6 +91,12 @@ class TriangleMesh:
         """Corners of each triangle [m], shape (t, 3, 3)."""
         return np.asarray(self.vertices[self.triangles])
 
+    def area_along(self, axis: np.ndarray) -> float:
+        """Area seen along a unit vector [m2]: of a closed mesh half the sum over its triangles, as each line meets two."""
+        a, b, c = self.corners.transpose(1, 0, 2)
+        along = float(np.abs(0.5 * np.cross(b - a, c - a) @ axis).sum())
+        return along if self.open_edges else 0.5 * along
+
     @functools.cached_property
     def _query(self) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
         if self.bodies is None:

@@ -38,9 +38,7 @@ def pushed_area(servo: Servo, mesh: TriangleMesh | None) -> float:
         return 1.0
     if servo.area is not None or mesh is None:
         return servo.area or 1.0
-    a, b, c = mesh.corners.transpose(1, 0, 2)
-    along = np.abs(0.5 * np.cross(b - a, c - a) @ np.array(servo.axis)).sum()
-    return float(along if mesh.open_edges else 0.5 * along)
+    return mesh.area_along(np.array(servo.axis))
 
 
 @dataclass

@@ -1,9 +1,10 @@
 """What a scene must be ready for: the largest speed of a grain, and the pressure at the foot of its grains.
 
 The speed, where the scene does not give ``max_speed``, is sqrt(v0^2 + 2 g H) with v0 the largest speed at the start or of a
-stream, plus what frame and walls add. The pressure is that of the weight of the grains as they start,
+stream, plus what frame and walls add. The pressure is that of the weight of the grains as they start and of what presses most
+of the servos,
 
-    p = 0.6 rho (g + Omega^2 r) H        [Pa]
+    p = 0.6 rho (g + Omega^2 r) H + F/A        [Pa]
 
 with H their height.
 """
@@ -16,6 +17,7 @@ from warpdem.filling.initial_grains import InitialGrains
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import Chain, frame_chain, wall_chain
+from warpdem.scene.servo import Servo
 from warpdem.scene.surface_velocity import surface_speed
 
 TURN_ANGLE = 0.05  # [rad] of the frame between two directions of gravity that are looked at
@@ -68,6 +70,30 @@ def _down(scene: Scene, frame: Chain) -> np.ndarray:
         return (gravity / g @ axes[0])[None]
     ways = np.unique(np.round(gravity / g @ axes, 2), axis=0)
     return ways / np.linalg.norm(ways, axis=1)[:, None]
+
+
+def bed_pressure(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) -> float:
+    """Pressure at the foot of the grains [Pa], of their weight as they start and of the servo that presses most."""
+    return weight_per_area(scene, start) + servo_pressure(scene, meshes)
+
+
+def servo_pressure(scene: Scene, meshes: dict[str, TriangleMesh]) -> float:
+    """Largest pressure that a servo asks for [Pa]: of a force, over its mesh as seen along its axis.
+
+    Passed over are torques, and forces of shapes, which have no area.
+    """
+    largest = 0.0
+    for wall in scene.walls:
+        servo = wall.dynamic
+        if not isinstance(servo, Servo) or servo.turns:
+            continue
+        course = servo.pressure if servo.pressure is not None else servo.force
+        most = max((abs(load) for _, load in course), default=0.0) if isinstance(course, list) else abs(course or 0.0)
+        if servo.pressure is None:
+            mesh = meshes.get(wall.name)
+            most = most / mesh.area_along(np.array(servo.axis)) if mesh is not None else 0.0
+        largest = max(largest, most)
+    return largest
 
 
 def weight_per_area(scene: Scene, start: InitialGrains) -> float:

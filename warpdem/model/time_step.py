@@ -10,9 +10,9 @@ thin liquid gap   0.3 m*/c_n of a viscous bridge at its least gap: ``liquid_numb
 external fields   0.1 / the largest rate at which one changes a grain's motion: sqrt(k/m), c/m, e B/m
 
 Stiffnesses are those at the largest overlap of an impact at ``max_speed``; beyond the limit of that one contact a given step is
-refused. No packing holds such overlaps everywhere. What a bed does hold everywhere is its weight (``expected_load``):
-``settled`` is the limit of a dense packing, Z = 6, whose contacts carry F = p pi d^2/3 [N]; it was 0.7 to 1 times the limit
-measured in beds at rest.
+refused. No packing holds such overlaps everywhere. What a bed does hold everywhere is its weight and the load of a servo
+(``expected_load``): ``settled`` is the limit of a dense packing, Z = 6, whose contacts carry F = p pi d^2/3 [N]; it was 0.7 to
+1 times the limit measured in beds at rest.
 
 ``step = "auto"`` is the least of contact time / n, 80 % of the limit of that contact, the limit of the bed at rest, and what
 frame, fields and travel allow. n is the least of 8 to 12 with which the restitution of every pair of materials is right within
@@ -32,7 +32,7 @@ from warpdem.filling.initial_grains import InitialGrains
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.coefficients import coefficient_columns
 from warpdem.model.contact_cases import contact_cases, impact_of, limits_at
-from warpdem.model.expected_load import fall_speed, weight_per_area
+from warpdem.model.expected_load import bed_pressure, fall_speed
 from warpdem.model.impact import damped_time, impact, own_of, pressed
 from warpdem.model.liquid_numbers import thin_gap_limit
 from warpdem.model.restitution_error import restitution_error
@@ -59,7 +59,7 @@ class Limits:
     contact_time: float
     """Undamped contact time of the quickest impact at ``max_speed`` [s]."""
     settled: float
-    """Spectral limit of a packing at rest under the weight of the grains above [s]."""
+    """Spectral limit of a packing at rest under the weight of the grains above and the load of a servo [s]."""
     stable: float
     """Spectral limit of one contact at that overlap [s]: the largest step that is accepted."""
     frame: float
@@ -112,7 +112,7 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
     frame = FRAME_ANGLE / rate if rate > 0 else math.inf
     speed = scene.time.max_speed if scene.time.max_speed is not None else fall_speed(scene, start, meshes)
     rayleigh = contact = settled = stable = damped = math.inf
-    weight = weight_per_area(scene, start)
+    pressure = bed_pressure(scene, start, meshes)
     overlap = 0.0
     law, at = scene.normal_law, coefficient_columns(scene)
     materials = list(scene.materials.values())
@@ -131,8 +131,8 @@ def limits(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) 
             damped = min(damped, met.time * damped_time(law, one.restitution))
             overlap = max(overlap, met.overlap / one.radius)
         stable = min(stable, limits_at(scene, one, met.secant, met.tangent, oscillator)[1])
-        if weight > 0.0:
-            force = weight * math.pi / 3.0 * (2.0 * one.radius) ** 2
+        if pressure > 0.0:
+            force = pressure * math.pi / 3.0 * (2.0 * one.radius) ** 2
             resting = pressed(law, one.row[at.stiffness], one.reduced_radius, force, one.own)
             settled = min(settled, limits_at(scene, one, *resting, oscillator)[0])
     return Limits(
