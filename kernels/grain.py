@@ -5,7 +5,7 @@
     unit    [m]         [m]      [m/s]        [m/s2]           [rad/s]      [rad/s2]
 
 Position in frame axes; velocity and spin are absolute, resolved in frame axes, and belong to the middle of the last step
-(design: kicks at t_k, drifts between); the accelerations are those of the last force call, turned with the axes. Without
+(design: kicks at t_k, drifts between); the accelerations are those of the last force call, rotated with the axes. Without
 friction the record ends after the acceleration.
 
 A grain that has left the domain keeps its memory slot until the lists are rebuilt, at rest at x = REMOVED_X, where no other

@@ -46,7 +46,7 @@ def list_neighbours(
     skin: wp.float64,
     start: wp.array[wp.int32],  # of the room for each grain's row in the table
     # written: neighbours within r_i + r_j + skin, how many there are (also when there is no room for them),
-    # largest overlap as a share of the smaller radius [-] (0 when none), and with which grain (-1 when none)
+    # largest overlap as a fraction of the smaller radius [-] (0 when none), and with which grain (-1 when none)
     neighbour_out: wp.array[wp.int32],
     count_out: wp.array[wp.int32],
     overlap_out: wp.array[wp.float64],
@@ -101,7 +101,7 @@ def push_apart(
     start: wp.array[wp.int32],
     neighbour: wp.array[wp.int32],
     count: wp.array[wp.int32],
-    # written: move [m], and largest overlap of the grown grains as a share of the smaller grown radius [-]
+    # written: move [m], and largest overlap of the grown grains as a fraction of the smaller grown radius [-]
     move_out: wp.array[wp.vec3d],
     overlap_out: wp.array[wp.float64],
 ):
@@ -124,8 +124,8 @@ def push_apart(
             normal = wp.vec3d(wp.where(i < j, wp.float64(-1.0), wp.float64(1.0)), wp.float64(0.0), wp.float64(0.0))
             if distance > wp.float64(0.0):
                 normal = apart / distance
-            share = wp.where(j < loose, r_j / (r + r_j), wp.float64(1.0))
-            move += normal * (overlap * share)
+            fraction = wp.where(j < loose, r_j / (r + r_j), wp.float64(1.0))
+            move += normal * (overlap * fraction)
             contacts += wp.float64(1.0)
             worst = wp.max(worst, overlap / wp.min(r, r_j))
     if contacts > wp.float64(0.0):

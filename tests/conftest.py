@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import pytest
 import warp as wp
 
-from costs import Costs
+from costs import Costs, longest_first
 from warpdem import Scene, Simulation
 
 wp.config.quiet = True
@@ -22,6 +22,8 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
+    if hasattr(config, "workerinput"):  # a worker of xdist; all of them have the same order
+        longest_first(items)
     if config.getoption("--slow"):
         return
     for item in items:

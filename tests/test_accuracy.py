@@ -1,5 +1,6 @@
 """The option --accuracy: the step it chooses where the error is known, a chaotic measure, and how a run is verified."""
 
+import csv
 import io
 import json
 
@@ -8,8 +9,8 @@ from rich.console import Console
 
 from scene_text import GLASS
 from stub_executor import StubExecutor
-from warpdem import SceneError
-from warpdem.app import accuracy
+from warpdem import SceneError, WarpdemError
+from warpdem.app import accuracy, cli
 from warpdem.app.accuracy import Source, Trial, Wish
 from warpdem.sweep import sweep as sweeps
 
@@ -67,6 +68,48 @@ def test_a_chaotic_measure_is_told(source, monkeypatch):
     trial, said = chosen(source, "1%", monkeypatch, 0.1)
     assert trial.choice.chaotic and not trial.choice.reached
     assert "no step makes a single run as accurate as 1 %: the measure is chaotic; the mean of 345 runs" in said
+
+
+def test_the_work_precision_diagram_has_a_point_for_each_run_and_more_steps_run_no_more_than_they_add(source, monkeypatch):
+    monkeypatch.setattr(accuracy, "_scatter", lambda *given: (1e-6, []))
+    folder, wish, screen = source.scene.parent, Wish.of("1%", "kinetic:last"), Console(file=io.StringIO(), width=200)
+    trial = Trial.of(source, wish, folder / "trials", screen, count=3, diagram=folder / "a.svg")
+    with (folder / "a.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["precision"], float(row["step [s]"])) for row in rows] == [
+        ("double", 8e-6), ("double", 4e-6), ("double", 2e-6), ("mixed", 8e-6)
+    ]  # fmt: skip
+    for row in rows:
+        share = 2e9 * float(row["step [s]"]) ** 2 / trial.choice.found.limit
+        assert float(row["error"]) == pytest.approx(share, rel=1e-3)
+        assert float(row["time of the steps [s]"]) == 0.08
+    text = (folder / "a.svg").read_text()
+    for words in ("kinetic:last: order 2", "asked: 1 %", "chance: equal runs scatter so far", "mixed precision", "2e-06 s"):
+        assert words in text, words
+    with pytest.raises(SceneError, match="--accuracy-steps 9: must be from 3 to 8"):
+        Trial.of(source, wish, folder / "trials", screen, count=9)
+    with pytest.raises(WarpdemError, match=r"a\.gif: suffix '\.gif' cannot be drawn"):
+        Trial.of(source, wish, folder / "other", screen, diagram=folder / "a.gif")
+    assert not (folder / "other").exists()
+    before = (folder / "trials" / "0004" / "run.json").stat().st_mtime_ns
+    finer = Trial.of(source, wish, folder / "trials", screen, count=5).choice.found
+    assert finer.steps[-1] == 5e-7 and finer.order == pytest.approx(2.0) and len(finer.values) == 5
+    assert (folder / "trials" / "0004" / "run.json").stat().st_mtime_ns == before
+
+
+def test_a_demo_draws_its_diagram_by_its_own_measure(tmp_path, monkeypatch):
+    asked = {}
+
+    def of(source, wish, folder, console, twins, count, diagram):
+        asked.update(scene=source.scene, measure=wish.measure, share=wish.share, folder=folder, diagram=diagram)
+        return "a trial"
+
+    monkeypatch.setattr(accuracy.Trial, "of", of)
+    monkeypatch.setattr("warpdem.app.cli_scenes.run", lambda *given, **how: asked.update(run=True))
+    out = tmp_path / "x"
+    cli.app(["demo", "bouncing_sphere", "--accuracy", "1%", "--out", str(out), "--quiet"], result_action="return_value")
+    assert asked == {"scene": out / "bouncing_sphere.toml", "measure": "centre_z:mean", "share": 0.01,
+                     "folder": out / "accuracy", "diagram": out / "work_precision.png"}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,25 @@ def test_streams_bring_grains_that_pass_through_the_others():
     np.testing.assert_allclose(sim.particles.position[~blue, :2], np.array(bed)[:, :2], rtol=0, atol=1e-12)
 
 
+def test_each_portion_of_a_stream_keeps_clear_of_the_walls_that_it_touches():
+    """Blue grains begin anywhere in a box that the sieve crosses, and fall through it; red ones begin clear of it."""
+    box = {"min": [-4e-3, -4e-3, -3e-3], "max": [4e-3, 4e-3, 3e-3]}
+    recipe = [{"material": kind, "diameter": 2 * RADIUS, "number_share": 1.0} for kind in ("red", "blue")]
+    stream = {"recipe": recipe, "box": box, "count_rate": 2e4, "count": 40}
+    for walls in ([plane(name="sieve")], [plane(name="sieve") | {"motion": {"velocity": [0, 0, 1e-3]}}]):
+        sim = simulate(SIEVE, {}, walls, streams=[stream], gravity=[0, 0, 0])
+        sim.run(until=4e-3)
+        red, blue = (sim.particles.position[sim.particles.type == kind, 2] for kind in (0, 1))
+        assert len(red) > 5 and len(blue) > 5
+        assert red.min() > 0.99 * RADIUS
+        assert blue.min() < -RADIUS and (np.abs(blue) < RADIUS).any()
+    one = {"material": "blue", "diameter": 2 * RADIUS, "box": {"min": [-4e-3, -4e-3, -3e-3], "max": [4e-3, 4e-3, -1e-4]}}
+    sim = simulate(SIEVE, {}, [plane(name="sieve")], streams=[one | {"count_rate": 100.0}])  # all of it below the sieve
+    assert not any("sieve" in note for note in sim.notes)
+    with pytest.raises(SceneError, match="clear of the wall 'sieve'"):
+        simulate(SIEVE, {}, [plane(name="sieve")], streams=[one | {"material": "red", "count_rate": 100.0}])
+
+
 def test_a_resumed_run_goes_on_bit_for_bit_and_a_start_may_change_what_touches(tmp_path):
     both, floor = mixed(), plane(name="floor")
     pairs = [touch("red", "red"), touch("blue", "blue"), apart("red", "blue"), touch("red", "sieve"), touch("blue", "sieve")]

@@ -142,7 +142,7 @@ def test_rebuild_at_every_refresh_changes_no_bit(reference, box, rolling):
 def test_inner_skin_changes_no_bit(reference, box, rolling):
     sim = Simulation(bed(box, rolling), device="cpu", threads=1)
     while sim.step_number < STEPS:
-        sim.lists.inner_skin *= 0.2  # thinner is always safe: the list holds more than is asked for
+        sim.lists.inner_share *= 0.2  # thinner is always safe: the list holds more than is asked for
         sim.step(min(50, STEPS - sim.step_number))
     assert sim.lists.inner_rebuilds > 1.2 * reference.lists.inner_rebuilds
     assert sim.state_hash() == reference.state_hash()

@@ -13,7 +13,7 @@ from rich.console import Console
 from warpdem.kernels.normal import hertz
 
 from warpdem import Scene, SceneError, Simulation
-from warpdem.app import check, scene_warnings
+from warpdem.app import check, scene_warnings, step_limits
 from warpdem.app.run import run_scene
 
 STEP = 1e-5
@@ -50,7 +50,7 @@ def said(**changes) -> str:
 
 def test_each_limit_has_its_time_and_the_share_of_the_step():
     sim = simulation(frame={"axis": [0, 0, 1], "rate": -20.0}, fields=FIELDS)
-    rows = {row["key"]: row for row in scene_warnings.limit_rows(sim)}
+    rows = {row["key"]: row for row in step_limits.limit_rows(sim)}
     mass = 2500 * 4 / 3 * math.pi * 1e-9
     fastest = max(math.sqrt(2.0 / mass), 1e-4 / mass, 1e-3 * 5.0 / mass)
     wanted = {
@@ -72,7 +72,7 @@ def test_each_limit_has_its_time_and_the_share_of_the_step():
 def test_a_sound_scene_has_no_warnings_and_no_limit_that_is_not_there():
     sim = simulation()
     assert scene_warnings.warnings(sim) == []
-    assert [row["key"] for row in scene_warnings.limit_rows(sim) if row["seconds"] is None] == ["frame", "fields", "travel"]
+    assert [row["key"] for row in step_limits.limit_rows(sim) if row["seconds"] is None] == ["frame", "fields", "travel"]
 
 
 def pairs(restitution):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from warpdem.kernels.contact.dissipation import ENTRY_AT
 
 from warpdem import Scene, SceneError, Simulation
 from warpdem.core.snapshot import in_laboratory
@@ -90,12 +89,16 @@ def test_damping_forces_take_what_the_energy_budget_counts_as_damping():
     sim = heap(measures={"energy": True})
     network, listed = read_network(sim.view), sim.view.contacts
     lanes = listed.real_lanes()
-    entry = listed.entry.numpy()[listed.slot_i.numpy().ravel()[lanes]]
+    history, width, at = listed.history.numpy(), listed.history.shape[2], sim.plan.impulses
+    kept = history[lanes // width, sim.plan.contact.history.width :, lanes % width] / sim.dt  # impulses over a step
     ids = [sim.state.id.numpy()[side.numpy().ravel()[lanes]] for side in (listed.owner, listed.partner)]
-    of_pair = dict(zip(zip(*ids, strict=True), entry, strict=True))  # with those that are near only
+    of_pair = dict(zip(zip(*ids, strict=True), kept, strict=True))  # with those that are near only
     pairs = network.j >= 0
     found = np.array([of_pair[key] for key in zip(network.i[pairs], network.j[pairs], strict=True)])
-    wanted = found[:, :3] * found[:, ENTRY_AT.damping, None] + found[:, ENTRY_AT.of("tangential")]
+    place, of = sim.particles.position, sim.particles.id
+    normal = np.subtract(*(place[np.searchsorted(of, side[pairs])] for side in (network.i, network.j)))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    wanted = normal * found[:, at.damping, None] + found[:, at.of("tangential")]
     size = np.abs(network.force).max()
     assert np.abs(wanted).max() > 0.01 * size
     assert_allclose(network.damping_force[pairs], wanted, rtol=0, atol=1e-8 * size)

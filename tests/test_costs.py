@@ -1,8 +1,9 @@
-"""The option --costs sums up what each file's tests took, of reports as workers send them."""
+"""The option --costs sums up what each file's tests took, of reports as workers send them, which begin with the longest."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
-from costs import NAME, table
+from costs import LONGEST, NAME, longest_first, table
 
 
 def report(nodeid, *costs):
@@ -22,3 +23,16 @@ def test_files_are_listed_by_their_processor_time():
 
 def test_nothing_measured_is_told_too():
     assert len(table([])) == 2
+
+
+def test_workers_begin_with_the_longest_files_then_with_those_of_most_tests():
+    names = ["tests/a.py::one", "tests/b.py::one", f"{LONGEST[1]}::one", "tests/b.py::two", f"{LONGEST[0]}::one",
+             f"{LONGEST[1]}::two"]  # fmt: skip
+    items = [SimpleNamespace(nodeid=name) for name in names]
+    longest_first(items)
+    assert [names.index(item.nodeid) for item in items] == [4, 2, 5, 1, 3, 0]
+
+
+def test_the_longest_files_exist():
+    root = Path(__file__).resolve().parents[1]
+    assert all((root / file).is_file() for file in LONGEST)

@@ -18,11 +18,11 @@ from warpdem.model.features import (
     FrameFeatures,
     WallFeatures,
 )
-from warpdem.scene.models import model_names
+from warpdem.scene.models import model_names, with_liquid
 
 ARCHITECTURE = 90
 """Compute capability that is compiled for (9.0)."""
-READERS = ("read", "read_budget")
+READERS = ("read", "read_budget", "read_losses", "settle_losses")
 """Kernels that read a run, which a GPU launches as well."""
 MOST_REGISTERS = {"pair_forces": 128, "wall_forces": 255, "move": 96}
 """Of the main job's kernels that run at every step: 65 536 on a multiprocessor are shared by its threads."""
@@ -119,6 +119,22 @@ def test_every_normal_law_compiles_for_cuda_with_its_losses_and_twisting(folder,
     )  # fmt: skip
     built = compile_kernels(plan)
     for kernel in (built.graph.pair_forces, built.graph.wall_forces):
+        resources = compiled(kernel, folder)
+        assert 0 < resources.registers <= MOST_REGISTERS["wall_forces"]
+        assert resources.frame <= MOST_LOCAL, f"{law}, {kernel.key}: {resources}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+@pytest.mark.parametrize("law", model_names("liquid"))
+def test_every_law_of_bridges_compiles_for_cuda_with_films_and_losses(folder, law, precision):
+    plan = switched(
+        MAIN_JOB, contact={"normal": with_liquid("hertz", law, viscous=True), "gap": 1e-4, "dry_gap": 0.0},
+        walls={"meshes": 0, "planes": 1}, measures={"energy": True, "losses": ("liquid",)}, backend={"precision": precision},
+    )  # fmt: skip
+    built = compile_kernels(plan)
+    graph = built.graph.pair_forces, built.graph.wall_forces, built.graph.move
+    for kernel in (*graph, built.films.settle_contacts, built.lists.select_contacts, built.walls.close_features):
         resources = compiled(kernel, folder)
         assert 0 < resources.registers <= MOST_REGISTERS["wall_forces"]
         assert resources.frame <= MOST_LOCAL, f"{law}, {kernel.key}: {resources}"

@@ -14,6 +14,8 @@ from rich.console import Console
 from warpdem import Simulation, load_demo, load_scene
 from warpdem.app import cli, demo, scene_warnings
 from warpdem.errors import OutputError, SceneError
+from warpdem.output.history import history_columns
+from warpdem.sweep.quantities import Quantity
 
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
 
@@ -43,22 +45,28 @@ def test_gallery_holds_every_scene_with_all_it_must_say():
     assert list(found) == sorted(path.stem for path in SCENES.glob("*.toml"))
     for scene in found.values():
         assert all((scene.about, scene.shown, scene.outcome, scene.seen, scene.takes)), scene.name
+        loaded, measure = load_scene(scene.file), Quantity(scene.measure)
+        measure.check([column.header for column in history_columns(loaded)])
+        assert all(float(start) < loaded.time.end for start in re.findall(r"@([\d.]+):", scene.measure)), scene.name
 
 
 def test_parts_of_a_header_end_where_the_next_begins(tmp_path):
     file = tmp_path / "one.toml"
     file.write_text(
         "# A ball\n# falls.\n#\n# Shown: gravity, at 1 m:\n# a fall.\n# Must come out, with e = 1: a bounce.\n"
-        "# Seen in: history.csv:\n#   centre_z.\n# Takes: 1 s.\n#\n# More.\ntitle = 'x'\n# Shown: not this\n"
+        "# Seen in: history.csv:\n#   centre_z.\n"
+        "# Measure: centre_z:mean@1:\n# Takes: 1 s.\n#\n# More.\ntitle = 'x'\n# Shown: not this\n"
     )
     assert demo.described(file) == demo.Demo(
-        "one", file, "A ball falls.", "gravity, at 1 m: a fall.", "a bounce.", "history.csv: centre_z.", "1 s"
+        "one", file, "A ball falls.", "gravity, at 1 m: a fall.", "a bounce.", "history.csv: centre_z.", "centre_z:mean@1:",
+        "1 s",
     )
 
 
 def test_header_without_a_part_is_refused(tmp_path):
     file = tmp_path / "one.toml"
-    file.write_text("# A ball.\n#\n# Shown: gravity.\n# Must come out: a bounce.\n# Seen in: it.\ntitle = 'x'\n")
+    file.write_text("# A ball.\n#\n# Shown: gravity.\n# Must come out: a bounce.\n"
+                    "# Seen in: it.\n# Measure: x:last\ntitle = 'x'\n")
     with pytest.raises(SceneError, match=r'one\.toml: its first comment has no part "Takes: \.\.\."'):
         demo.described(file)
 

@@ -154,6 +154,26 @@ TABLE = {
         stream("mass_rate=1", low="[0, 0, -0.02]", high="[0.01, 0.01, -0.01]"),
         ["streams[0].box", "clear of the wall 'floor'", "move the box off it"],
     ),
+    "tile with a diameter": (
+        "grains=[{material='glass', fill={tile='bed.h5', diameter='2 mm'}}]",
+        ["grains[0].fill.diameter", "belongs to a packing"],
+    ),
+    "copies of nothing": (
+        "grains=[{material='glass', fill={wall='tub', count=1, diameter='2 mm', copies=[2, 1, 1]}}]",
+        ["grains[0].fill.copies", "belongs to a tile"],
+    ),
+    "no copies": (
+        "grains=[{material='glass', fill={tile='bed.h5', copies=[2, 0, 1]}}]",
+        ["grains[0].fill.copies[1]", "must be at least 1"],
+    ),
+    "missing tile": (
+        "grains=[{material='glass', fill={tile='bed.h5'}}]",
+        ["grains[0].fill.tile", "no such checkpoint", "bed.h5"],
+    ),
+    "tile of another kind": (
+        "grains=[{material='glass', fill={tile='bed.stl'}}]",
+        ["grains[0].fill.tile", "must be a file ending in .h5"],
+    ),
     "fill without wall": (
         "grains=[{material='glass', fill={wall='cup', count=1, diameter='2 mm'}}]",
         ["grains[0].fill.wall", "no such wall", '"tub"'],

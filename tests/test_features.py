@@ -81,7 +81,7 @@ def full():
 
 def test_the_full_law_turns_and_slows_grains(full):
     assert np.abs(full.particles.spin).max() > 10.0
-    assert full.plan.contact.memory == 3
+    assert full.plan.memory == 3
 
 
 def test_no_friction_equals_friction_zero(monkeypatch):
@@ -150,7 +150,7 @@ def test_one_lane_equals_four(full, monkeypatch):
 
 def test_left_out_features_allocate_nothing(full):
     bare = run(scene(tangential="none", rolling="none", mu=0, mu_r=0, spins=False))
-    assert bare.plan.contact.memory == 0
+    assert bare.plan.memory == 0
     assert bare.state.record.numpy().shape[1] == grain.WIDTH[False] == 10
     assert bare.lists.row.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0

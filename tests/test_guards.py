@@ -1,5 +1,6 @@
 """Each way in which a run becomes worthless is noticed in it, with grain, place and time; sound runs are left alone."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -228,6 +229,15 @@ def test_a_grain_put_outside_its_container_is_named(make_scene):
     sim.guards.look()
     put(sim, 1, 0, 1.2)
     with pytest.raises(StabilityError, match=r"grain 1 at \(1.2, 0.3, 0.3\) m is on the wrong side of the wall 'box', 20 "):
+        sim.guards.look()
+
+
+def test_a_mesh_that_folds_back_onto_itself_is_named_as_the_cause(make_scene):
+    sim = simulate(make_scene, [[0.5, 0.5, 0.5]], radius=0.01, walls=[{"name": "box", "mesh": BOX}], step=1e-4)
+    sim.guards.look()
+    sim.model.meshes["box"] = dataclasses.replace(sim.model.meshes["box"], folded_edges=3)
+    put(sim, 0, 0, 1.2)
+    with pytest.raises(StabilityError, match=r"folds back onto itself at 3 edges, .*: mend box\.stl \(the notes of check"):
         sim.guards.look()
 
 

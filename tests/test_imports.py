@@ -36,6 +36,7 @@ HEAVY_OWNERS = {
     "drawing.vtk_renderer": {"pyvista", "vtk", "matplotlib"},
     "drawing.frame_drawer": {"matplotlib"},
     "drawing.rendering": {"imageio", "matplotlib"},
+    "drawing.work_precision": {"matplotlib"},
 }
 """Files that own a heavy library and are themselves imported only when they are needed."""
 

@@ -1,5 +1,8 @@
 """Every normal law of the package: bits in lanes, threads, graph and resume; frames, mixed precision, phases and budgets."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,24 +12,32 @@ from warpdem.model.choose_features import choose_features
 from warpdem.scene.models import model_names
 from warpdem.state import restart
 
-LAWS = {
-    "hertz_clamped": {"restitution": 0.3},
-    "dmt": {"surface_energy": 0.02, "tail_length": "2 um"},
-    "sjkr": {"cohesion_energy_density": 2e4},
-    "jkr": {"surface_energy": 0.02},
-    "luding": {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100},
+NORMAL = Path(__file__).parent / "kernels" / "normal"
+WITH = " + "
+"""Between a normal law and a law of liquid bridges."""
+
+
+def in_a_bed(law: str) -> dict | None:
+    """Keys of the pair of materials in the bed here, as the test file of a normal law states them: ``BED = {...}``."""
+    assigned = [node for node in ast.parse((NORMAL / f"test_{law}.py").read_text()).body if isinstance(node, ast.Assign)]
+    given = [node.value for node in assigned if [getattr(target, "id", "") for target in node.targets] == ["BED"]]
+    return ast.literal_eval(given[0]) if given else None
+
+
+LAWS = {law: keys for law in model_names("normal") if (keys := in_a_bed(law)) is not None} | {
     "hertz + bridge": {
         "surface_tension": 0.07, "contact_angle": "20 deg", "viscosity": "5 mPa s", "roughness": "2 um"
     },
-    "edinburgh": {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2},
 }
 TWISTING = {"hertz_clamped", "jkr", "luding"}
 """Laws that are run with twisting resistance."""
 TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
 """Laws that other tests run in all these ways, and one that differs from its like by a number."""
-WITH = " + "
-"""Between a normal law and a law of liquid bridges."""
+MIXED = {"hertz_clamped", "jkr", "hertz + bridge"}
+"""Laws that are run in mixed precision; the others with --slow, as their own tests hold their formulas in both precisions."""
 STEPS = 500
+CLOSES = {"hertz + bridge": 1e-3}
+"""Integration error over what is lost [-] by law, at this step, some 30 per contact; 2e-3 where nothing is said."""
 
 
 def bed(law: str, *, skin: float | str = 4e-4, gravity: float = -200.0, **changes) -> Scene:
@@ -124,6 +135,9 @@ def test_a_resume_changes_no_bit_and_the_next_phase_takes_everything_over(law, p
         np.testing.assert_allclose(started.contacts().own[name], values, rtol=1e-3, atol=1e-3 * np.abs(values).max())
 
 
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=() if law in MIXED else pytest.mark.slow) for law in LAWS], scope="module"
+)
 def test_mixed_precision_stays_near_double(law):
     """Over the first contacts: later a bed amplifies any rounding."""
     double = after(bed(law), 60)
@@ -153,4 +167,4 @@ def test_energy_closes_in_the_budget(law):
     budget = sim.budget.energy()
     lost = sum(value for name, value in budget.items() if name.startswith("dissipated"))
     assert lost > 1e-6
-    assert abs(budget["integration_error"]) < 2e-3 * lost
+    assert abs(budget["integration_error"]) < CLOSES.get(law, 2e-3) * lost

@@ -61,6 +61,24 @@ def test_times_are_those_of_the_flights(more):
     assert not departed.came.any()
 
 
+def test_tracers_on_a_belt_are_plug_flow_to_the_step():
+    """Grains that come in at the speed of a belt fall on it and go along: all take way over speed, counted in whole steps."""
+    floor = {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}}
+    belt = {"name": "belt", "material": "g", **floor, "surface_velocity": [0.6, 0, 0]}
+    fed = {"name": "tracer", "material": "g", "diameter": 2e-3, "velocity": [0.6, 0, 0], "count_rate": 100, "until": 0.1,
+           "disk": {"point": [0, 0, 3e-3], "normal": [1, 0, 0], "radius": 1.8e-3}}  # fmt: skip
+    sim = simulated(
+        gravity=[0, 0, -9.81], contact={}, pairs=[{"materials": ["g", "g"], "restitution": 0.5, "friction": 0.5}], grains=[],
+        walls=[belt], streams=[fed], outlets=[{"name": "end", "plane": {"point": [0.09, 0, 0], "normal": [1, 0, 0]}}],
+        borders=None, measures={"residence": [{"name": "tracer", "outlet": "end"}]}, time={"end": 0.3, "step": 2e-5},
+    )  # fmt: skip
+    sim.run(until=0.3)
+    number, mean, deviation = columns(sim.measure(), "tracer")
+    assert number == sim.inlets[0].count >= 9
+    assert sim.extremes["wall_overlap_share"] > 1e-4
+    assert mean == pytest.approx(0.09 / 0.6, abs=2e-5) and deviation < 1.5e-5
+
+
 STREAM = {"name": "drops", "material": "g", "box": {"min": [-0.02, 0.1, -0.004], "max": [-0.016, 0.104, 0.004]},
           "diameter": 2e-3, "velocity": [2, 0, 0], "count_rate": 400, "until": 0.02}  # fmt: skip
 

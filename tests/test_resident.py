@@ -50,7 +50,7 @@ def bed(walls: list[dict], integrator: str = "exact_drift", precision: str = "do
             "schedule": [{"until": 1e-3, "rate": [0, 40]}, {"until": 2e-3, "rate": 40}, {"rate": 0}],
         },
         "time": {"end": 1, "step": 1e-5, "max_speed": 1},
-        "engine": {"skin": 1.2 * RADIUS, "max_overlap": 0.3, "integrator": integrator, "precision": precision},
+        "engine": {"skin": 0.8 * RADIUS, "max_overlap": 0.3, "integrator": integrator, "precision": precision},
         "measures": measures or {},
     }
     return Scene.model_validate(data | more)
@@ -83,7 +83,7 @@ def test_inner_lists_are_built_in_the_graph(in_a_box):
     assert graph.lists.inner_rebuilds == graph.lists.version + resident.inner_builds
     # not much more often than by the host, which steers the margin at each
     assert graph.lists.inner_rebuilds < 1.5 * own.lists.inner_rebuilds
-    assert resident.captures <= graph.lists.version
+    assert resident.captures <= graph.lists.version + graph.lists.flights.laid, "paths are in arrays of their own"
 
 
 def test_outer_lists_are_built_in_the_graph(in_a_box):
@@ -186,6 +186,8 @@ def test_graph_of_other_plans(case):
         assert own.left == graph.left and own.left["side"][0] > 0
         for name, values in own.engine.read_sums().items():
             np.testing.assert_array_equal(values[own.state.rank], graph.engine.read_sums()[name][graph.state.rank])
+        np.testing.assert_array_equal(own.engine.digits["losses"], graph.engine.digits["losses"])
+        assert own.budget.energy() == graph.budget.energy()
 
 
 def test_a_gpu_only_steps_by_graph(device):

@@ -135,6 +135,21 @@ def test_what_was_mended_is_noted_with_count_and_place():
     assert build_mesh(box()).notes == ()
 
 
+def test_lid_that_folds_back_onto_itself_is_noted():
+    """A prism whose lids are fans from a point that does not see all of their outline."""
+    outline = np.array([[2, -1], [1, -2], [1, 2], [2, 1], [-2, 2], [-2, -2.0]])
+    lids = [np.column_stack([outline, np.full(6, z)]) for z in (0.0, 1.0)]
+    low, high = (np.stack([np.broadcast_to([0, 0, z], (6, 3)), lid, np.roll(lid, -1, axis=0)], axis=1)
+                 for z, lid in zip((0.0, 1.0), lids, strict=True))  # fmt: skip
+    below, above = (np.stack([lid, np.roll(lid, -1, axis=0)], axis=1) for lid in lids)
+    corners = (below[:, 0], below[:, 1], above[:, 1]), (below[:, 0], above[:, 1], above[:, 0])
+    sides = [np.stack(three, axis=1) for three in corners]
+    mesh = build_mesh(np.concatenate([low[:, ::-1], high, *sides]))
+    assert mesh.is_closed and mesh.folded_edges == 8
+    assert any(note.startswith("8 edges at which the surface folds back onto itself") for note in mesh.notes)
+    assert build_mesh(trimesh.creation.annulus(r_min=1.0, r_max=1.0001, height=1.0).triangles).folded_edges == 0
+
+
 def test_edges_of_three_triangles_are_told_from_borders():
     # a sheet that stands on the bottom of the box, along its diagonal
     corners = box()

@@ -65,12 +65,27 @@ def own(tmp_path_factory):
     return folder
 
 
+def test_a_normal_law_and_a_law_of_bridges_of_ones_own_have_the_bits_of_the_laws(tmp_path):
+    for role, name in {"normal": "hertz", "liquid": "bridge_rabinovich"}.items():
+        (tmp_path / f"{role}.py").write_text((KERNELS / role / f"{name}.py").read_text())
+    pair = {"materials": ["g", "g"], "restitution": 0.6, "surface_tension": "70 mN/m"}
+    group = data()["grains"][0] | {"liquid_content": 0.02}
+    sims = []
+    for normal, liquid in (("normal.py", "liquid.py"), ("hertz", "liquid.py"), ("normal.py", "bridge_rabinovich"),
+                           ("hertz", "bridge_rabinovich")):  # fmt: skip
+        contact = {"normal": normal, "liquid": liquid, "tangential": "none"}
+        sims.append(simulation(tmp_path, contact=contact, pairs=[pair], grains=[group]))
+        sims[-1].step(500)
+        assert sims[-1].plan.backend.lanes > 1 and sims[-1].liquid().bridge_count > 1
+    assert len({sim.state_hash() for sim in sims}) == 1
+
+
 def test_copies_of_the_laws_give_the_bits_of_the_laws(own):
     mine = simulation(own, contact={role: f"{role}.py" for role in COPIES})
     theirs = simulation(own)
     assert mine.plan.contact.normal == str(own / "normal.py")
     for sim in (mine, theirs):
-        assert (sim.plan.contact.memory, sim.plan.contact.inertia_factor) == (6, 3.5)
+        assert (sim.plan.memory, sim.plan.contact.inertia_factor) == (6, 3.5)
     kinds = set()
     for _ in range(40):
         for sim in (mine, theirs):

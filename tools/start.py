@@ -56,8 +56,8 @@ def main() -> None:
         call(BIN / "ruff", "check", ".")
         # beside the tests: alone it would leave all cores but one idle for a minute
         types = subprocess.Popen([BIN / "mypy"], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        # a worker per core; a file stays with one of them, and so do its kernels
-        tests = [BIN / "python", "-m", "pytest", "-n", "auto", "--dist", "loadfile", *more]
+        # a worker per core; a file stays with one of them, and so do its kernels; tests/conftest.py has the order of files
+        tests = [BIN / "python", "-m", "pytest", "-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", *more]
         failed = subprocess.run(tests, cwd=ROOT, check=False).returncode
         print(f"mypy: {types.communicate()[0]}", end="")
         sys.exit(failed or types.returncode)

@@ -10,9 +10,9 @@ from warpdem.kernels.api.grains import Load
 from warpdem.kernels.contact import columns, thread_contact
 from warpdem.kernels.contact import law as contact_law
 from warpdem.kernels.contact import pairs as pair_contacts
-from warpdem.kernels.lists import neighbors
+from warpdem.kernels.lists import contact_batches, neighbors
 from warpdem.kernels.step import border, motion, structs
-from warpdem.kernels.step.schedule import Placement, Row, slip_time
+from warpdem.kernels.step.schedule import Placement, Row, kick_time, slip_time
 from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import candidates, contact, evaluate, feature, images, record
 
@@ -70,9 +70,10 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
     evaluate_pair = thread_contact.build(
         arrays, pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
     )
-    lists = neighbors.build(
-        real, wall_law, around, 1, stored=stored, history=remembered.width, inertia_factor=met["inertia_factor"],
-        keep_constants=False, **shared,
+    outer = neighbors.build(around, spins=True, gap=gap)
+    batches = contact_batches.build(
+        real, wall_law, outer.ListedGrains, around, 1, stored=stored, history=remembered.width,
+        inertia_factor=met["inertia_factor"], keep_constants=False, **shared,
     )  # fmt: skip
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
@@ -81,7 +82,9 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
     )
     walls = evaluate.build(arrays, one, closest, around, seen, table=True, meshes=True, gap=gap)
     WallContacts, evaluate_wall_contacts = walls.WallContacts, walls.evaluate
-    beside = candidates.build(seen, around, WallContacts, spins=True, meshes=True, shapes=False, gap=gap, leave=False)
+    beside = candidates.build(
+        seen, around, WallContacts, outer.ListedGrains, spins=True, meshes=True, shapes=False, gap=gap, leave=False
+    )
     load_of = motion.build_load(real, spins=True, walls=False)
 
     @kernel
@@ -91,10 +94,14 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
         # written
         grains: arrays.Grains,
         contacts: arrays.ContactBatches,  # of one contact each
+        no_losses: wp.array3d(dtype=wp.int64),
     ):
         """Evaluate one contact per thread."""
         no_turn = pair_kernels.Turn()
-        evaluate_pair(wp.tid(), 0, no_turn, slip_time(row[0]), model, grains, contacts, contacts.history)
+        now = row[0]
+        evaluate_pair(
+            wp.tid(), 0, no_turn, slip_time(now), kick_time(now), model, grains, contacts, contacts.history, no_losses, 0
+        )
 
     @kernel
     def pair_load(
@@ -129,7 +136,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
         load_out[i] = load_out[i] + wall_contacts.load[i]
 
     return KernelSet(
-        lists=lists, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels, pair_forces=pair_forces,
-        pair_load=pair_load,
+        neighbors=outer, batches=batches, beside=beside, WallContacts=WallContacts, pair_kernels=pair_kernels,
+        pair_forces=pair_forces, pair_load=pair_load,
         wall_forces=wall_forces, structs=arrays, WallHistory=record.history_type(remembered), Result=record.result_type(rolls),
     )  # fmt: skip

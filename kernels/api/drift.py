@@ -54,7 +54,7 @@ def drift(grains: Grains, dt: float, gravity=(0.0, 0.0, 0.0)) -> None:
     """Kick by the load and gravity, then drift: V += dt (F/m + g), q += dt V; the first kick is half a step.
 
     Args:
-        grains: whose ``load`` is that of the present instant; positions are those of the next one afterwards.
+        grains: whose ``load`` is that of the present time; positions are those of the next step afterwards.
         dt: time step [s], the same in all steps.
         gravity: [m/s2].
     """

@@ -31,7 +31,7 @@ def records(position, radius, velocity=0.0, spin=0.0) -> np.ndarray:
 class Grains:
     """State of the grains, in arrays that may be yours, and what acts on them.
 
-    Velocity and spin are those half a step before the present instant, as the kick-drift scheme holds them; before the first
+    Velocity and spin are those half a step before the present time, as the kick-drift scheme holds them; before the first
     step they are those of the start.
 
     Args:

@@ -14,6 +14,7 @@ class ListedGrains:
         self.grains, self.law, self.skin, self.rebuilds = grains, law, skin, 0
         self.kernels = build_kernels(*law.models, law.torsion, law.gap)
         self._table = law.coefficients(grains.device)
+        self._allowance = wp.full(len(grains), 0.5 * skin, dtype=wp.float64, device=grains.device)
         self._flag = wp.zeros(1, dtype=wp.int32, device=grains.device)
         self._reference: wp.array | None = None
 
@@ -24,6 +25,13 @@ class ListedGrains:
     def ints(self, shape, fill: int = 0) -> wp.array:
         """Array of int32 of one value on the device of the grains."""
         return wp.full(shape, fill, dtype=wp.int32, device=self.grains.device)
+
+    def listed(self):
+        """What the list kernels read of the grains; every material touches."""
+        g, out = self.grains, self.kernels.neighbors.ListedGrains()
+        out.record, out.inverse, out.material, out.id = g.record, g.inverse, g.material, g.id
+        out.through, out.owned = self.ints((0, 0)), len(g)
+        return out
 
     def outdated(self) -> bool:
         """Whether a grain has moved by more than half the skin since the list was made; waits for the device.

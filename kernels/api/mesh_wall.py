@@ -10,7 +10,7 @@ from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.schedule import Placement
 from warpdem.kernels.wall import contact_points, record
-from warpdem.kernels.wall.surface import Ball, Revolved, Surface
+from warpdem.kernels.wall.surface import Ball, MeshTrees, Revolved, Surface
 
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
 
@@ -83,10 +83,11 @@ class MeshWall(ListedGrains):
 
     def _make(self) -> None:
         g, beside, n = self.grains, self.kernels.beside, len(self.grains)
-        count, nothing, tree = self.ints(n), self.ints(0), wp.array([self._tree.id], dtype=wp.uint64, device=g.device)
+        count, nothing, trees = self.ints(n), self.ints(0), MeshTrees()
+        trees.tree = wp.array([self._tree.id], dtype=wp.uint64, device=g.device)
+        trees.wall, trees.first = self.ints(1), self.ints(1)
         placements = self._placement.flatten()
-        seen = g.record, g.material, self.ints((0, 0))  # every material touches
-        shared = [*seen, 0.5 * self.skin, self.surface, tree, self.ints(1), self.ints(1), placements]
+        shared = [self.listed(), self._allowance, self.surface, trees, placements]
         self.launch(beside.near_features, n, [0, 0, *shared, nothing, count, nothing])
         host = starts(count.numpy())
         first, near = wp.array(host, dtype=wp.int32, device=g.device), self.ints(int(host[-1]))
@@ -96,7 +97,7 @@ class MeshWall(ListedGrains):
         self.launch(beside.carry_wall_contacts, n, [0, 1 - (g.steps & 1), same, before, wall_contacts])
         flight = wp.zeros(0, dtype=Flight, device=g.device)
         self.launch(beside.close_features, n, [
-            0, g.record, 0.5 * self.skin, self.surface, placements, near, flight, wall_contacts
+            0, g.record, 1.0, self._allowance, self.surface, placements, near, flight, wall_contacts
         ])  # fmt: skip
         at_wall = np.flatnonzero(wall_contacts.candidates.numpy()).astype(np.int32)
         wall_contacts.grain = wp.array(at_wall, dtype=wp.int32, device=g.device)

@@ -13,7 +13,7 @@ from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import Counts, Starts, starts
 from warpdem.kernels.lists.path import Flight
 
-EVERYWHERE = 1.0e30  # inner skin within which all partners of the neighbor list are evaluated [m]
+EVERYWHERE = 1.0e30  # share of the allowances within which all partners of the neighbor list are evaluated [-]
 CAPACITY = 16  # partners per grain that the neighbor list can hold to begin with
 
 
@@ -61,7 +61,7 @@ class Pairs(ListedGrains):
             grains.record, grains.inverse, grains.row = g.record, g.inverse, self._pair_force
             contacts.owner, contacts.partner, contacts.kind = self.owner, self.partner, self._pair
             contacts.slot_i, contacts.slot_j, contacts.history = self._slot_i, self._slot_j, self.history
-            self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts])
+            self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts, None])
         self.launch(k.pair_load, len(g), [self._row_start, self._pair_force, self._no_walls, self._no_load, g.load])
 
     def _grid(self) -> SizeGrids:
@@ -71,7 +71,7 @@ class Pairs(ListedGrains):
         width = 2.0 * largest + self.law.gap + self.skin
         cells = np.minimum(np.ptp(position, axis=0) / width + 1.0, 256.0).astype(np.int32)
         grid = SizeGrids()
-        grid.largest = wp.array([largest], dtype=wp.float64, device=g.device)
+        grid.largest = wp.array([largest + 0.5 * self.skin], dtype=wp.float64, device=g.device)
         grid.per_length = wp.array([1.0 / width], dtype=wp.float64, device=g.device)
         grid.cells = wp.array(cells[None], dtype=wp.vec3i, device=g.device)
         grid.first = self.ints(1)
@@ -80,31 +80,28 @@ class Pairs(ListedGrains):
         return grid
 
     def _make(self) -> None:
-        g, lists, n = self.grains, self.kernels.lists, len(self.grains)
-        grid = self._grid()
-        self.launch(lists.insert_grains, n, [0, grid, g.record])
+        g, outer, batches, n = self.grains, self.kernels.neighbors, self.kernels.batches, len(self.grains)
+        grid, grains = self._grid(), self.listed()
+        self.launch(outer.insert_grains, n, [0, grid, g.record, self._allowance])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)
             slot = self.ints(n * self._capacity)
-            self.launch(lists.find_neighbors, n, [
-                0, grid, g.record, g.id, self.ints(0), g.material, self.ints((0, 0)), n, self.skin, start, count, slot
-            ])
+            self.launch(outer.find_neighbors, n, [0, grid, grains, self._allowance, start, count, slot])
             longest = int(count.numpy().max())
             if longest <= self._capacity:
                 break
             self._capacity = longest + longest // 4
         rows = NeighborRows()
         rows.start, rows.count, rows.slot, rows.contact = start, count, slot, self.ints(slot.shape, -1)
+        rows.allowance = self._allowance
         if self._old is not None:
-            self.launch(lists.carry_contacts, n, [0, g.id, self.ints(0), g.id, self._old, rows])
+            self.launch(outer.carry_contacts, n, [0, g.id, self.ints(0), g.id, self._old, rows])
         listed, counts = self.ints(slot.shape), Counts()
         counts.touching, counts.near, counts.slots = self.ints(n), self.ints(n), self.ints(n)
         flight = wp.zeros(0, dtype=Flight, device=g.device)
-        grains = lists.ListedGrains()
-        grains.record, grains.inverse, grains.material, grains.id = g.record, g.inverse, g.material, g.id
-        none = wp.zeros((0, 1, 1), dtype=lists.real, device=g.device)  # laws with bridges ask there what a contact holds
-        self.launch(lists.select_contacts, n, [0, grains, rows, none, EVERYWHERE, flight, listed, counts])
+        none = wp.zeros((0, 1, 1), dtype=batches.real, device=g.device)  # laws with bridges ask there what a contact holds
+        self.launch(batches.select_contacts, n, [0, grains, rows, none, EVERYWHERE, flight, listed, counts])
         first = starts(counts.touching.numpy() + counts.near.numpy())
         row_start = starts(counts.slots.numpy())
         contacts, second = int(first[-1]), first[:-1] + counts.touching.numpy()
@@ -112,13 +109,13 @@ class Pairs(ListedGrains):
         history = wp.zeros((contacts, max(self.law.history, 1), 1), dtype=wp.float64, device=g.device)
         constants = wp.zeros((0, 1, 1), dtype=wp.float64, device=g.device)
         upload = functools.partial(wp.array, dtype=wp.int32, device=g.device)
-        begin, listed_contacts = Starts(), lists.ListedContacts()
+        begin, listed_contacts = Starts(), batches.ListedContacts()
         begin.touching, begin.near, begin.slot = upload(first[:-1]), upload(second), upload(row_start)
         for name, array in (("owner", owner), ("partner", partner), ("kind", pair), ("constants", constants),
                             ("slot_i", slot_i), ("slot_j", slot_j), ("history", history)):  # fmt: skip
             setattr(listed_contacts, name, array)
         law = self.law.materials, self._table
-        self.launch(lists.fill_contacts, n, [0, grains, *law, rows, listed, begin, self.history, listed_contacts])
+        self.launch(batches.fill_contacts, n, [0, grains, *law, rows, listed, begin, self.history, listed_contacts])
         self._row_start = begin.slot
         self.start, self.count, self.neighbor = start, count, slot
         self.owner, self.partner, self.history = owner, partner, history

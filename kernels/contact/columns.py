@@ -5,7 +5,7 @@ Kernels hold them in vectors and arrays hold them side by side. The order stands
 declares; they come last, so that a law without any has the layout, and the bits, that it had before.
 
     normal law    COEFFICIENTS = {name: unit}    of two materials, and of each contact what its ``constants`` makes of them
-                  HISTORY = {name: unit}         scalars that a contact remembers; they do not turn with the axes
+                  HISTORY = {name: unit}         scalars that a contact remembers; they do not rotate with the axes
                   LOSSES = (name, ...)           of ``LOSSES``: what it loses beside its dashpot, for the energy budget
     rolling law   HISTORY                        whether a contact remembers the rolling spring
     any law       PAIR = {key: PairKey}          keys of ``[[pairs]]`` that the law reads
@@ -31,7 +31,7 @@ have a load of its own, and there is friction that goes by it."""
 TWIST = "twist"
 """Column of the contact history of a twisting law: its spring [rad]."""
 VECTORS = {"spring": "m", "angle": "rad"}
-"""Vectors of the contact history: tangential and rolling spring; they turn with the axes and with the normal."""
+"""Vectors of the contact history: tangential and rolling spring; they rotate with the axes and with the normal."""
 LOSSES = ("adhesion", "plasticity", "liquid")
 """What a normal law may lose energy by beside its dashpot: columns of the energy budget of a scene whose law declares them."""
 

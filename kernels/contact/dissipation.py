@@ -5,6 +5,7 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     sliding              F_t + k_t s while |k_t s + gamma_t v_t| > mu L (L the Coulomb load), and the slip c that the spring is
                          cut by
     losses               what the normal law itself loses, by its LOSSES: adhesion, plasticity, liquid
+    drag                 the force of a viscous bridge, along the normal and across: its power is lost to liquid
     rolling              M - M_spring, and the angle that the rolling spring is cut by; with a twisting law also its torque
                          without its spring's, and the twist that is cut
     rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
@@ -22,7 +23,7 @@ A rolling model is taken to be linear in its angle and to be elastic at rest: M_
 import functools
 
 import warp as wp
-from warpdem.kernels import rotation, tiny
+from warpdem.kernels import KernelSet, rotation, tiny
 from warpdem.kernels.contact import columns, history, normal_law
 from warpdem.kernels.contact.columns import Columns, scalars
 
@@ -38,27 +39,31 @@ PARTS_AT = Columns(
         ("springs_now", 1),  # and now, before the slip of the step [J]
     )
 )
-"""What is not elastic in a contact; the LOSSES of its normal law follow [J]."""
-ENTRY_AT = Columns(
-    (
-        ("normal", 3),  # towards the grain
-        ("damping", 1),
-        ("arm", 1),  # of the torque [m]
-        ("tangential", 3),
-        ("slides", 1),
-        ("rolling", 3),
-        ("cut_spring", 1),  # half of the loss, as those that follow [J]
-        ("cut_angle", 1),
-        ("rescaled", 1),
-    )
-)
-"""What each grain gets of a contact of grains; names as of ``PARTS_AT``. Half of each of the LOSSES follows [J]."""
+"""What is not elastic in a contact; the LOSSES of its normal law follow [J] (``with_losses``)."""
+LOSSES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
+"""What contacts lose under any law [J]; the LOSSES of the normal law are lost too."""
+WORK_AT = scalars(("normal_damping", "sticking", "sliding", "rolling", "drag"))
+"""What the ``impulses`` of a contact take from its grains [J]."""
 UNLIMITED = 1.0e30  # [N m]: a Coulomb limit that no rolling spring reaches, and no overflow in single precision
 
 
 def with_losses(at: Columns, losses: tuple[str, ...]) -> Columns:
-    """The columns ``at``, followed by one for each of the LOSSES of a normal law."""
-    return at.and_(scalars(f"lost_{name}" for name in losses))
+    """The columns ``at``, followed by one for each of the LOSSES of a normal law [J]; where liquid is one, by its drag [N]."""
+    return at.and_(scalars(f"lost_{name}" for name in losses)).and_(Columns((("drag", 3),) if "liquid" in losses else ()))
+
+
+def impulses(normal, tangential, rolling, twisting=None) -> Columns:
+    """What a contact of grains keeps from one force call to the next while energies are added up, beside its history.
+
+    Its nonelastic force and torque times the kick of the call, for the work that they do is known when the kick has been made
+    (``work``): impulses [N s] and angular impulse [N m s]; ``sliding``: 1 while it slides, or 0.
+    """
+    at = Columns((("damping", 1),))
+    if tangential is not None:
+        at = at.and_(Columns((("tangential", 3), ("sliding", 1))))
+    if rolling is not None or twisting is not None:
+        at = at.and_(Columns((("rolling", 3),)))
+    return at.and_(Columns((("drag", 3),))) if "liquid" in columns.losses(normal) else at
 
 
 @functools.cache
@@ -70,7 +75,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     Coefficients, Constants, History = of_normal.Coefficients, of_normal.Constants, past.History
     at = of_normal.at
     losses = len(of_normal.losses)
-    Common, Parts = PARTS_AT.vector(real), with_losses(PARTS_AT, of_normal.losses).vector(real)
+    at_parts = with_losses(PARTS_AT, of_normal.losses)
+    Common, Parts = PARTS_AT.vector(real), at_parts.vector(real)
+    at_drag = at_parts.drag if "drag" in at_parts else 0
     transported = rotation.build(real)
     retained = tangential.build(real) if tangential else None
     rolling_torque = rolling.build(real) if rolling else None
@@ -131,7 +138,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     ) -> Parts:  # fmt: skip
         """What is not elastic in a contact: the numbers of PARTS_AT, then the law's LOSSES."""
         speed = wp.dot(velocity, n)
-        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, _c_t = of_normal.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, _own, squeezed, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         limited_spring = past.spring(now)
@@ -152,9 +159,9 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             limit = c[wp.static(at.friction)] * load
             slides = real(1.0) if wp.dot(trial, trial) > limit * limit + real(wp.static(small)) else real(0.0)
             rest = force - n * f_n + limited_spring * k_t
+            if wp.static(viscous):
+                rest = rest + (velocity - n * speed) * c_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
-        if wp.static(tangential is None and viscous):
-            rest = force - n * f_n
         if wp.static(rolling is not None):
             nonelastic = moment
             if wp.static(rolls_with_history):
@@ -192,6 +199,118 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             lost = of_normal.lost(overlap, overlap_before, k, past.own(before), past.own(now))
             for f in range(wp.static(losses)):
                 out[wp.static(PARTS_AT.width) + f] = lost[f]
+        if wp.static(viscous):
+            drag = n * squeezed - (velocity - n * speed) * c_t
+            for f in range(3):
+                out[wp.static(at_drag) + f] = drag[f]
         return out
 
     return parts, stored
+
+
+@functools.cache
+def build_impulses(real, at: Columns, losses: tuple[str, ...]):
+    """Return the type of ``impulses`` and the functions that make them, turn them, and give the energy that they take.
+
+    Args:
+        real: precision.
+        at: of ``impulses``.
+        losses: LOSSES of the normal law.
+    """
+    vec3 = wp.types.vector(3, real)
+    Impulses, at_parts = at.vector(real), with_losses(PARTS_AT, losses)
+    Rotation, Parts, Work = wp.types.matrix((3, 3), real), at_parts.vector(real), WORK_AT.vector(wp.float64)
+    has_tangential, slides, has_rolling, drags = "tangential" in at, "sliding" in at, "rolling" in at, "drag" in at
+    drag_at, drag_of = (at.drag, at_parts.drag) if drags else (0, 0)
+    tangential_at, sliding_at = at.tangential if has_tangential else 0, at.sliding if slides else 0
+    rolling_at = at.rolling if has_rolling else 0
+
+    @wp.func
+    def kept(p: Parts, kick: real) -> Impulses:
+        """Impulses of a contact whose parts are ``p``, which act for ``kick`` [s]."""
+        out = Impulses()
+        out[wp.static(at.damping)] = p[wp.static(PARTS_AT.damping)] * kick
+        if wp.static(has_tangential):
+            for f in range(3):
+                out[wp.static(tangential_at) + f] = p[wp.static(PARTS_AT.tangential) + f] * kick
+        if wp.static(slides):
+            out[wp.static(sliding_at)] = p[wp.static(PARTS_AT.slides)]
+        if wp.static(has_rolling):
+            for f in range(3):
+                out[wp.static(rolling_at) + f] = p[wp.static(PARTS_AT.rolling) + f] * kick
+        if wp.static(drags):
+            for f in range(3):
+                out[wp.static(drag_at) + f] = p[wp.static(drag_of) + f] * kick
+        return out
+
+    @wp.func
+    def tangential(x: Impulses) -> vec3:
+        out = vec3()
+        if wp.static(has_tangential):
+            out = vec3(x[wp.static(tangential_at)], x[wp.static(tangential_at + 1)], x[wp.static(tangential_at + 2)])
+        return out
+
+    @wp.func
+    def rolling(x: Impulses) -> vec3:
+        out = vec3()
+        if wp.static(has_rolling):
+            out = vec3(x[wp.static(rolling_at)], x[wp.static(rolling_at + 1)], x[wp.static(rolling_at + 2)])
+        return out
+
+    @wp.func
+    def drag(x: Impulses) -> vec3:
+        out = vec3()
+        if wp.static(drags):
+            out = vec3(x[wp.static(drag_at)], x[wp.static(drag_at + 1)], x[wp.static(drag_at + 2)])
+        return out
+
+    @wp.func
+    def rotated(x: Impulses, rate: Rotation) -> Impulses:
+        """The same in axes that turned by I + ``rate``."""
+        out = x
+        if wp.static(has_tangential):
+            t = tangential(x)
+            t = t + rate * t
+            for f in range(3):
+                out[wp.static(tangential_at) + f] = t[f]
+        if wp.static(has_rolling):
+            m = rolling(x)
+            m = m + rate * m
+            for f in range(3):
+                out[wp.static(rolling_at) + f] = m[f]
+        if wp.static(drags):
+            d = drag(x)
+            d = d + rate * d
+            for f in range(3):
+                out[wp.static(drag_at) + f] = d[f]
+        return out
+
+    @wp.func
+    def as_double(v: vec3) -> wp.vec3d:
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func
+    def work(
+        x: Impulses,
+        n: wp.vec3d,  # normal of their force call
+        velocity: wp.vec3d,  # of the centre of i relative to j, as the kick leaves it in the mean [m/s]
+        swept: wp.vec3d,  # W_i arm_i + W_j arm_j: spins times torque arms [m/s]
+        spin: wp.vec3d,  # W_i - W_j [rad/s]
+    ) -> Work:
+        """Energy that the impulses take from the two grains [J], the numbers of WORK_AT."""
+        along = wp.float64(x[wp.static(at.damping)]) * wp.dot(n, velocity)
+        across = wp.float64(0.0)
+        share = wp.float64(0.0)
+        turned = wp.float64(0.0)
+        dragged = wp.float64(0.0)
+        if wp.static(has_tangential):
+            across = wp.dot(as_double(tangential(x)), velocity - wp.cross(swept, n))
+        if wp.static(slides):
+            share = wp.float64(x[wp.static(sliding_at)])
+        if wp.static(has_rolling):
+            turned = wp.dot(as_double(rolling(x)), spin)
+        if wp.static(drags):
+            dragged = wp.dot(as_double(drag(x)), velocity - wp.cross(swept, n))
+        return Work(-along, -((wp.float64(1.0) - share) * across), -(share * across), -turned, -dragged)
+
+    return KernelSet(Impulses=Impulses, Work=Work, at=at, kept=kept, rotated=rotated, work=work)

@@ -35,6 +35,12 @@ LARGEST = {wp.float64: 2.0**50, wp.float32: 2.0**23}
 RELEASED = -2.0
 """At a wall: a history RELEASED - n tells of n counts of a bridge that has broken, and are the grain's."""
 
+ASKS = """
+    int found = 0;
+    for (int k = 0; k < history.shape[2]; ++k) found |= *wp::address(history, p, {at}, k) == {pending};
+    return found != 0;
+"""
+
 
 def covered(radius, partner):
     """Part of its film that a grain of ``radius`` [m] gives to a bridge with one of radius ``partner`` [m] [-]."""
@@ -110,6 +116,11 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
         film[i, 0] = left
         film[i, 1] = wp.int64(0)
 
+    @wp.func_native(ASKS.format(at=at_bridge, pending=liquid.PENDING))
+    def asks(p: int, history: wp.array3d(dtype=real)) -> bool:
+        """Whether a contact of batch ``p`` has asked for liquid."""
+        ...
+
     @wp.func
     def settle(
         p: int, k: int, quantum: f64, record: wp.array(dtype=g.Record), owner: wp.array2d(dtype=wp.int32),
@@ -177,6 +188,6 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
                     history[p, wp.static(at_bridge) + f, k] = real(0.0)
 
     return KernelSet(
-        exchange=exchange, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed, width=width,
-        tension=tension, wetting=wetting,
+        exchange=exchange, asks=asks, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed,
+        width=width, tension=tension, wetting=wetting,
     )  # fmt: skip

@@ -87,7 +87,7 @@ def build(real, at: Columns, own: Columns):
 
     @wp.func
     def rotated(h: History, rate: Rotation) -> History:
-        """The same history in axes that turned by I + ``rate``: vectors turn, scalars do not."""
+        """The same history in axes that rotated by I + ``rate``: vectors rotate, scalars do not."""
         s = spring(h)
         a = angle(h)
         return joined(s + rate * s, a + rate * a, load(h), twist(h), own_of(h))

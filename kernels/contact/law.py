@@ -27,6 +27,9 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     ``tangential``, ``rolling`` and ``twisting`` may be None, the last without the first; ``wall``: j is one; ``predicted``: as
     of ``normal_law.build``. ``force`` has the same arguments and results whichever models are left out, so the loops over
     contacts need no special cases.
+
+    Arguments stand one by one, not in structs: in lanes each of them is a register, and what translates to lanes
+    (``simd.translate``) takes numbers, vectors and matrices. The same holds for ``dissipation.parts``.
     """
     vec3 = wp.types.vector(3, real)
     of_normal = normal_law.build(real, normal, predicted)
@@ -67,7 +70,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
         # motion of i relative to j at the contact
         velocity: vec3,  # at the time of the force (predicted) [m/s]
         slip: vec3,  # displacement over the last step [m]
-        turning: vec3,  # mean rotation of the two bodies over the last step [rad]
+        mean_rotation: vec3,  # mean rotation of the two bodies over the last step [rad]
         spin: vec3,  # relative spin, mid-step [rad/s]
         spin_predicted: vec3,
         dt: real,
@@ -81,7 +84,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
     ):
         """Force on i [N], rolling torque on i [N m] and the contact history after this step."""
         speed = wp.dot(velocity, n)
-        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own, c_t = of_normal.force(
+        f_n, load, _dashpot, k_n, gamma_t, depth, depth_before, own, _squeezed, c_t = of_normal.force(
             overlap, overlap_before, speed, k, c, past.own(before), dt
         )
         total = n * f_n
@@ -96,7 +99,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
             both = n + n_before
             mid = wp.dot(slip, both) / (real(2.0) + real(2.0) * wp.dot(n, n_before))
             step = across(slip - both * mid, n)
-            trial_spring = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before) + step
+            trial_spring = transported(past.spring(before), n, n_before, mean_rotation) * retained(depth, depth_before) + step
             f_t, limited_spring = friction(
                 trial_spring, velocity - n * speed, c[wp.static(at.shear)] * k_n, gamma_t, c[wp.static(at.friction)] * load
             )
@@ -116,7 +119,7 @@ def build(real, normal, tangential, rolling, torsion: bool, wall: bool = False, 
                 roll = roll - wp.cross(n, total) * ((radius - overlap) * dt / inertia)
             rolled = past.angle(before)
             if wp.static(rolls_with_history):
-                rolled = transported(past.angle(before), n, n_before, turning) + roll * dt
+                rolled = transported(past.angle(before), n, n_before, mean_rotation) + roll * dt
             arm = c[wp.static(at.rolling_friction)] * radius
             if wp.static(rolls_with_history and predicted):  # as for the other dashpots (``normal_law``)
                 swing = real(wp.static(0.5 * getattr(rolling, "STIFFNESS", 0.0))) * k_n * arm * arm * dt * dt / inertia

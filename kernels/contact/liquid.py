@@ -22,7 +22,7 @@ roughness S_min
     c_t = 6 pi eta R* ((8/15) ln(R*/S) + 0.9588), at least 0         (Goldman, Cox and Brenner 1967)
 
 **Energy.** A bridge holds U(S) = -(its work from S to S_r), and -F(0) d more in contact. It is there at once as it forms: that
-is what ``lost`` books as "liquid"; at rupture U is 0. Work of the viscous dashpots counts with those of the normal law.
+is what ``lost`` books as "liquid"; at rupture U is 0. What the viscous dashpots take is lost to liquid too (``dissipation``).
 """
 
 import functools

@@ -54,7 +54,7 @@ from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import columns, liquid
 
 NORMAL_CAP, TANGENTIAL_CAP = 0.3, 0.25  # damping coefficient times the time step over m* and over m_t [-]
-ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to turn, over m* [-]
+ROLLING_MASS = 2.0 / 7.0  # mass that moves across a contact of spheres that are free to rotate, over m* [-]
 
 
 @functools.cache
@@ -196,9 +196,9 @@ def build(real, normal: ModuleType, predicted: bool = True):
     def force(
         overlap: real, overlap_before: real, speed: real, k: Constants, c: Coefficients, history: History, dt: real
     ):
-        """F_n, load, the dashpots' part of F_n [N], k_n [N/m], gamma_t [N s/m], depth now and before [m], history, c_t [N s/m].
+        """F_n, load, the dashpot's part of F_n [N], k_n [N/m], gamma_t [N s/m], depth now and before [m], history, drag, c_t.
 
-        c_t is the dashpot of a bridge across the normal, which friction does not limit.
+        The last two are of a viscous bridge: its part of F_n [N], and its dashpot across, not limited by friction [N s/m].
         """
         before = dry_part(history)
         c_n = real(0.0)
@@ -240,12 +240,12 @@ def build(real, normal: ModuleType, predicted: bool = True):
             pull_of_bridge, of_bridge = bridges.force(overlap, overlap_before, wet_own(k), wet_part(history))
             f_n = f_n - pull_of_bridge
             kept = with_bridge(now, of_bridge)
+        squeezed = real(0.0)
         if wp.static(viscous):
             squeezed = -(c_n * share_n) * speed
             f_n = f_n + squeezed
-            dashpot = dashpot + squeezed
             c_t = c_t * share_t
-        return f_n, load, dashpot, k_n, gamma_t, depth, depth_before, kept, c_t
+        return f_n, load, dashpot, k_n, gamma_t, depth, depth_before, kept, squeezed, c_t
 
     if not losses.width:
 

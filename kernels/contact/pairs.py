@@ -13,9 +13,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
-from warpdem.kernels.contact import liquid
+from warpdem.kernels.contact import liquid, memory
 from warpdem.kernels.contact.columns import Columns, scalars
-from warpdem.kernels.contact.dissipation import ENTRY_AT, PARTS_AT, with_losses
 
 
 def force_width(spins: bool) -> int:
@@ -33,16 +32,18 @@ RESULT_AT = Columns((("force", 3), ("torque_i", 3), ("torque_j", 3)))
 EXCHANGE_AT = RESULT_AT.and_(scalars(["wish_i", "wish_j", "gift"]))
 """Of a law with bridges also what it asks of the films of i and j, the radius of the other grain [m] or 0, and what it gives
 back to each [counts] (``films``)."""
+NONE = Columns(())
 
 
 @functools.cache
-def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = False):
+def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = False, impulses: Columns = NONE):
     """Return ``contact``, which evaluates one, and the types of what it is given and gives.
 
     Args:
         real: precision of the law, its results and the contact history; geometry and motion are always float64.
         law: namespace of ``law.build`` for pairs of grains.
         parts: function of ``dissipation.build`` when energies are added up, else None.
+        impulses: then ``dissipation.impulses`` of its models.
         border: periodic images, of ``border.build``.
         spins: grains spin (there is a tangential or rolling model).
         gap: how far beyond contact the law acts [m].
@@ -52,14 +53,13 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
     vec3 = wp.types.vector(3, real)
     vec3d = wp.vec3d
     Coefficients = law.at.vector(wp.float64)
-    Numbers, Constants, History, Turn = law.Coefficients, law.Constants, law.History, law.history.Rotation
+    Numbers, Constants, Turn = law.Coefficients, law.Constants, law.history.Rotation
     wet = law.bridge_at is not None
     bridge_at = law.bridge_at or 0
     Result = (EXCHANGE_AT if wet else RESULT_AT).vector(real)
     PairForce = wp.types.vector(pair_force_width(spins, wet), real)
-    losses = len(law.losses)
-    Parts, Entry = with_losses(PARTS_AT, law.losses).vector(real), with_losses(ENTRY_AT, law.losses).vector(real)
-    Common = ENTRY_AT.vector(real)
+    kept = memory.build(real, law, border, impulses, spins=spins, energy=parts is not None)
+    Memory, Impulses, Losses = kept.Memory, kept.Impulses, kept.Losses
 
     @wp.func
     def cast_vector(v: vec3d) -> vec3:
@@ -72,21 +72,6 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
             real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
             real(m[2, 0]), real(m[2, 1]), real(m[2, 2]),
         )  # fmt: skip
-
-    @wp.func
-    def entry(n: vec3, sign: real, arm: real, p: Parts) -> Entry:
-        """The numbers of ENTRY_AT of the grain on side ``sign``, then half of the losses."""
-        half = real(0.5)
-        common = Common(
-            sign * n[0], sign * n[1], sign * n[2], p[0], arm, sign * p[1], sign * p[2], sign * p[3], p[4],
-            sign * p[5], sign * p[6], sign * p[7], half * p[8], half * p[9], half * (p[10] - p[11]),
-        )  # fmt: skip
-        out = Entry()
-        for f in range(wp.static(ENTRY_AT.width)):
-            out[f] = common[f]
-        for f in range(wp.static(losses)):
-            out[wp.static(ENTRY_AT.width) + f] = half * p[wp.static(PARTS_AT.width) + f]
-        return out
 
     @wp.func
     def cast_coefficients(coefficients_64: Coefficients) -> Numbers:
@@ -104,14 +89,16 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         radius: real,
         inertia: real,
         c: Numbers,
-        history: History,
+        remembered: Memory,
         slip_time: wp.float64,
+        kick: wp.float64,  # time for which the force acts [s]
         dt: wp.float64,
     ):
-        """Result, contact history, overlap over the smaller radius, approach speed and energy entries of one contact.
+        """Result, memory, overlap over the smaller radius, approach speed and losses [J] of one contact.
 
-        The entries of the two grains are zero unless energies are added up.
+        The losses, up to the work of the force call before, are zero unless energies are added up.
         """
+        history = kept.history_of(remembered)
         across = border.nearest(g.position(gi) - g.position(gj))
         moved = (g.velocity(gi) - g.velocity(gj)) * slip_time
         before = across - moved
@@ -166,8 +153,8 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
             )  # fmt: skip
         else:
             result = Result(force[0], force[1], force[2], ti[0], ti[1], ti[2], tj[0], tj[1], tj[2])
-        for_i = Entry()
-        for_j = Entry()
+        impulse = Impulses()
+        lost = Losses()
         if wp.static(parts is not None):
             p = parts(
                 cast_vector(n), cast_vector(n_before), real(overlap), real(radii - distance_before),
@@ -175,9 +162,9 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
                 cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
                 k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
-            for_i = entry(cast_vector(n), real(1.0), real(arm_i), p)
-            for_j = entry(cast_vector(n), real(-1.0), real(arm_j), p)
-        return result, now, ratio, approach, for_i, for_j
+            impulse = kept.impulses_after(p, real(kick))
+            lost = kept.losses_of(kept.past_work(gi, gj, kept.impulses_of(remembered), slip_time, dt), p)
+        return result, kept.joined(now, impulse), ratio, approach, lost
 
     of_clumps = clump.build(clumps)
 
@@ -217,5 +204,5 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         margin_before=margin_before, reduced_radius=reduced_radius,
         cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,
         has_parts=parts is not None, PairForce=PairForce, wet=wet, bridge_at=bridge_at, border=border,
-        grain=g, Entry=Entry, Coefficients=Coefficients, Turn=Turn,
+        grain=g, Coefficients=Coefficients, Turn=Turn, memory=kept,
     )  # fmt: skip

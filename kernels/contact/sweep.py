@@ -12,10 +12,11 @@ import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.pairs import EXCHANGE_AT
+from warpdem.kernels.measure import window_sum
 from warpdem.kernels.simd import rows
-from warpdem.kernels.simd.lane_types import LANE, NUMBER, declarations
+from warpdem.kernels.simd.lane_types import INLINE, LANE, NUMBER, declarations
 from warpdem.kernels.simd.translate import Translator
-from warpdem.kernels.step.structs import Range
+from warpdem.kernels.step.structs import SPAN, Range
 
 AHEAD = {4: 6, 8: 4}  # contact batches between the prefetch of a contact batch and its use, by lanes
 
@@ -37,26 +38,26 @@ def translated(pairs, turning_frame: bool) -> KernelSet:
         functions["constants_of_clumps"] = pairs.constants_of_clumps
     if pairs.has_parts:
         functions["margin_before"] = pairs.margin_before
-    if turning_frame and pairs.law.history.at.width:
-        functions["rotated"] = pairs.law.history.rotated
+    if turning_frame and pairs.memory.width:
+        functions["rotated"] = pairs.memory.rotated
     names = {name: law.add(function).name for name, function in functions.items()}
     return KernelSet(text=law.text, **names)
 
 
 ARRAYS = {
-    "grains.inverse": "inverse", "grains.row": "row", "grains.entry": "entry", "contacts.owner": "owner",
+    "grains.inverse": "inverse", "grains.row": "row", "contacts.owner": "owner",
     "contacts.partner": "partner", "contacts.constants": "constants", "contacts.kind": "kind", "contacts.history": "history_in",
     "contacts.slot_i": "slot_i", "contacts.slot_j": "slot_j", "model.coefficients": "coefficients",
 }  # fmt: skip
 """Arrays of the structs under names of their own: what is stored through one of them does not change where others are."""
 
 
-def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool) -> str:
+def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool, ranks: bool = False) -> str:
     """C++ of the sweep; arguments as in ``build``."""
     law, of = translated(pairs, turning_frame), pairs.law
     real = pairs.real
     lane, number, width = LANE[real], NUMBER[real], grain.WIDTH[pairs.spins]
-    remembers, coefficients, own = of.history.at.width, of.at.width, of.Constants._length_
+    remembers, coefficients, own = pairs.memory.width, of.at.width, of.Constants._length_
     near = [at for at in rows.starts(width, lanes) if at < 4]  # parts of the record with position and radius
     far = rows.starts(width, lanes, near[-1] + lanes)
     sides = ("i", "owner"), ("j", "partner")
@@ -96,11 +97,30 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     zeros = f"row.data[{places[0]}] = row.data[{places[1]}] = {{}};"
     if pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
         in_reach = f"({in_reach}) | ~(batch::{law.margin_before}(gi, gj, f64(slip_time)) < f64(0.0))"
-        announced += [f"(const char*)(entry.data + slot_{side}.data[k]) + {at}" for side, _ in sides for at in (0, 64)]
-        zeros += f" entry.data[{places[0]}] = entry.data[{places[1]}] = {{}};"
     if pairs.wet:  # a bridge acts beyond the reach of the law, and breaks there
         bridge = f"batch::load({history_in.format(f=pairs.bridge_at)})"
         in_reach = f"({in_reach}) | __builtin_convertvector({bridge} != {lane}(0), m64)"
+    sums, declared, given, added = "", "", "", ""
+    if pairs.has_parts:
+        columns, digits = pairs.memory.Losses._length_, "wp::address(losses, part.slot / SPAN_, 0, 0)"
+        sums = f"""
+        typedef wp::int32 whole __attribute__((ext_vector_type({lanes}), aligned(sizeof(wp::int32))));
+        {INLINE} f64 numbers(const wp::int32* from) {{ return __builtin_convertvector(*(const whole*)from, f64); }}
+{window_sum.lanes(lanes, columns)}"""
+        declared = f"""    f64 lost[{3 * columns}] = {{}};
+    wp::int64* const digits = {digits.replace("SPAN_", str(SPAN))};
+    int added = 0;
+"""
+        counted = f"(batch::numbers(slot_i.data + p * {lanes}) < f64(row.shape[0] - 1))"
+        if ranks:  # a contact across the border of two ranks counts on that of its first grain
+            counted += f" & (batch::numbers(owner.data + p * {lanes}) < f64(contacts.owned))"
+        added = f"""        f64 value[{columns}];
+        const m64 counted = {counted};
+        for (int f = 0; f < {columns}; ++f) value[f] = counted ? o.r4.c[f] : f64(0.0);
+        batch::add_lost(value, lost, digits);
+        if (++added == {window_sum.BATCH}) {{ batch::give_lost(lost, digits); added = 0; }}
+"""
+        given = "    batch::give_lost(lost, digits);\n"
     prefetch = "".join(f"            __builtin_prefetch({address}, 1);\n" for address in announced)
     idle = f"""        if (!__builtin_reduce_or({in_reach})) {{  // the law gives zero
             for (int k = 0; k < {lanes}; ++k) {{ {zeros} }}
@@ -114,7 +134,8 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     return f"""{declarations(lanes)}
     struct batch {{
         enum {{ LANES = {lanes} }};
-{rows.helpers(real, lanes)}{rows.helpers(wp.float64, lanes) if real is not wp.float64 else ""}{law.text}    }};
+{rows.helpers(real, lanes)}{rows.helpers(wp.float64, lanes) if real is not wp.float64 else ""}\
+{law.text}{sums}    }};
     const double* const records = grains.record.data[0].c;
 {"".join(f"    const auto {name} = {array};" + chr(10) for array, name in ARRAYS.items())}\
     const double dt = model.dt;
@@ -123,7 +144,7 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     for (int f = 0; f < 9; ++f) turn.data[f / 3][f % 3] = turn_rate.data[f / 3][f % 3];
     wp::vec_t<{coefficients}, f64> c;
     for (int f = 0; f < {coefficients}; ++f) c.c[f] = coefficients.data[0].c[f];
-    {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
+{declared}    {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
     for (long long p = part.first; p < last; p += stride) {{  // products of it are longer than 32 bits
         const long long ahead = p + {AHEAD.get(lanes, 4)} * stride < last ? p + {AHEAD.get(lanes, 4)} * stride : p;
         for (long long k = ahead * {lanes}; k < (ahead + 1) * {lanes}; ++k) {{
@@ -139,12 +160,14 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         wp::vec_t<{max(remembers, 1)}, {lane}> remembered;
 {lines(f"remembered.c[{{f}}] = batch::load({history_in});", remembers)}{rotated}{chosen}{of_clumps}\
         const auto o = batch::{law.contact}(
-            gi, gj, numbers, {radius}, {inertia}, batch::{law.cast_coefficients}(c), remembered, f64(slip_time), f64(dt));
+            gi, gj, numbers, {radius}, {inertia}, batch::{law.cast_coefficients}(c), remembered, f64(slip_time), f64(kick),
+            f64(dt));
 {lines(f"batch::store({history_out}, o.r1.c[{{f}}]);", remembers)}\
         worst = worst < o.r2 ? o.r2 : worst;
         fastest = fastest < o.r3 ? o.r3 : fastest;
-{_given(pairs, lanes, places)}\
+{_given(pairs, lanes, places)}{added}\
     }}
+{given}\
     for (int k = 0; k < {lanes}; ++k) {{
         extreme.data[at] = wp::max(extreme.data[at], double(worst[k]));
         extreme.data[at + 1] = wp::max(extreme.data[at + 1], double(fastest[k]));
@@ -166,17 +189,11 @@ def _given(pairs, lanes: int, places: list[str]) -> str:
     text = rows.write(
         pairs.real, lanes, "batch", [(f"row.data[{k}].c", on) for k, on in zip(places, (on_i, on_j), strict=True)]
     )
-    if pairs.has_parts:
-        entries = [
-            (f"entry.data[{k}].c", [f"o.r{r}.c[{f}]" for f in range(pairs.Entry._length_)])
-            for k, r in zip(places, (4, 5), strict=True)
-        ]
-        text += rows.write(pairs.real, lanes, "batch", entries)
     return text
 
 
 @functools.cache
-def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool):
+def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool, ranks: bool = False):
     """Return ``sweep``: evaluates the contact batches of a range.
 
     Args:
@@ -186,24 +203,27 @@ def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, t
         stored: columns of the constants that are kept of each contact.
         turning_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
+        ranks: some grains belong to other processes.
 
     Raises:
         NotStraight: the law cannot be evaluated in lanes.
     """
     real = pairs.real
 
-    @wp.func_native(source(pairs, lanes, stored=stored, turning_frame=turning_frame, table=table))
+    @wp.func_native(source(pairs, lanes, stored=stored, turning_frame=turning_frame, table=table, ranks=ranks))
     def sweep(
         part: Range,
         turn_rate: pairs.Turn,  # of the axes over the last step
         slip_time: wp.float64,
+        kick: wp.float64,
         model: structs.Model,
-        # read and written: forces, energy entries
+        # read and written: forces
         grains: structs.Grains,
         contacts: structs.ContactBatches,
         # written
         history_out: wp.array3d(dtype=real),  # may be that of ``contacts``
         extreme: wp.array(dtype=wp.float64),  # from the slot of the range: largest overlap ratio [-], approach speed [m/s]
+        losses: wp.array3d(dtype=wp.int64),  # of ``Report``; of size 0 unless energies are added up
     ):
         """Evaluate contact batches; what is out of reach gets zeros."""
         ...

@@ -10,10 +10,14 @@ import functools
 
 import warp as wp
 from warpdem.kernels.contact.pairs import force_width
+from warpdem.kernels.measure.window_sum import add_rounded
 
 
 @functools.cache
-def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float):
+def build(
+    structs, pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float,
+    ranks: bool = False,
+):  # fmt: skip
     """Return ``evaluate``.
 
     Args:
@@ -24,10 +28,11 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
         rolling: there is a rolling model, which meets the inertia of the grains times ``inertia_factor``.
         turning_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
+        ranks: some grains belong to other processes.
     """
     real, law, parts = pairs.real, pairs.law, pairs.has_parts
-    past, remembers = law.history, law.history.at.width
-    Constants, History = law.Constants, law.History
+    remembers = pairs.memory.width
+    Constants, Memory = law.Constants, pairs.memory.Memory
     PairForce = pairs.PairForce
     wish = force_width(spins)
 
@@ -37,12 +42,15 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
         k: int,
         turn_rate: pairs.Turn,  # of the axes over the last step
         slip_time: wp.float64,
+        kick: wp.float64,
         model: structs.Model,
-        # read and written: forces, energy entries
+        # read and written: forces
         grains: structs.Grains,
         contacts: structs.ContactBatches,
         # written
         history_out: wp.array3d(dtype=real),  # may be that of ``contacts``
+        losses: wp.array3d(dtype=wp.int64),  # of ``Report``, and the row of it to add to
+        to: int,
     ):
         """Evaluate lane ``k`` of contact batch ``p``; return its overlap ratio [-] and approach speed [m/s]."""
         at_i = contacts.slot_i[p, k]
@@ -73,11 +81,11 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
         inertia = wp.float64(0.0)
         if wp.static(rolling):
             inertia = wp.float64(wp.static(inertia_factor)) / (inv_i[1] + inv_j[1])
-        history = History()
+        memory = Memory()
         for f in range(wp.static(remembers)):
-            history[f] = contacts.history[p, f, k]
-        if wp.static(turning_frame):
-            history = past.rotated(history, turn_rate)
+            memory[f] = contacts.history[p, f, k]
+        if wp.static(turning_frame and remembers > 0):
+            memory = pairs.memory.rotated(memory, turn_rate)
         c = pairs.cast_coefficients(coefficients_64)
         numbers = Constants()
         if wp.static(pairs.clumps.there):
@@ -88,8 +96,8 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
             )  # fmt: skip
             for f in range(wp.static(Constants._length_)):
                 numbers[f] = real(constants_64[f])
-        result, now, ratio, speed, for_i, for_j = pairs.contact(
-            gi, gj, numbers, real(radius), real(inertia), c, history, slip_time, model.dt
+        result, now, ratio, speed, lost = pairs.contact(
+            gi, gj, numbers, real(radius), real(inertia), c, memory, slip_time, kick, model.dt
         )
         if wp.static(pairs.wet):
             on_i = PairForce()
@@ -114,8 +122,12 @@ def build(structs, pairs, constants, *, spins: bool, rolling: bool, turning_fram
             grains.row[at_i] = PairForce(result[0], result[1], result[2])
             grains.row[at_j] = PairForce(-result[0], -result[1], -result[2])
         if wp.static(parts):
-            grains.entry[at_i] = for_i
-            grains.entry[at_j] = for_j
+            counts = bool(True)
+            if wp.static(ranks):  # a contact across the border of two ranks counts on that of its first grain
+                counts = i < contacts.owned
+            if counts:
+                for f in range(wp.static(pairs.memory.Losses._length_)):
+                    add_rounded(lost[f], to, f, losses)
         for f in range(wp.static(remembers)):
             history_out[p, f, k] = now[f]
         return wp.float64(ratio), wp.float64(speed)

@@ -2,11 +2,11 @@
 
     a = F/m + g,   V <- V + k a,   q <- y + (R - I) y + s with y = q + dt V,   V <- R V,   a <- R a
 
-and the same turn for spin and angular acceleration. q, V, W, a, b are resolved in frame axes; V and W are absolute. R turns
-laboratory-fixed directions in frame axes over the step, s is the shift of laboratory-fixed points. R - I is given with
+and the same rotation for spin and angular acceleration. q, V, W, a, b are resolved in frame axes; V and W are absolute. R
+rotates laboratory-fixed directions in frame axes over the step, s is the shift of laboratory-fixed points. R - I is given with
 1 - cos a written as 2 sin^2(a/2); applied as an increment it keeps 1e6 steps of free flight within 3e-14 of the path
 (applied as R: 7e-11). k is dt, and dt/2 at the very first step. The frame's rate never enters: Coriolis, centrifugal, Euler
-and linear term and the spin's are all contained in the turn, so no term is added.
+and linear term and the spin's are all contained in the rotation, so no term is added.
 
 Dashpots see V + (dt/2) a: order 2 with forces that depend on velocity, at one force call.
 """
@@ -25,16 +25,16 @@ STORE = 0
 
 
 @wp.func
-def shifted(turn: wp.mat33d, shift: wp.vec3d, y: wp.vec3d) -> wp.vec3d:
+def shifted(rotation: wp.mat33d, shift: wp.vec3d, y: wp.vec3d) -> wp.vec3d:
     """Way of a laboratory-fixed point in frame axes [m].
 
     The shift comes first: it cancels most of the rest while both are exact (added to q last, it is rounded alike in every
     step: 5e-12 of the path after 1e6 steps).
     """
     return wp.vec3d(
-        shift[0] + turn[0, 0] * y[0] + turn[0, 1] * y[1] + turn[0, 2] * y[2],
-        shift[1] + turn[1, 0] * y[0] + turn[1, 1] * y[1] + turn[1, 2] * y[2],
-        shift[2] + turn[2, 0] * y[0] + turn[2, 1] * y[1] + turn[2, 2] * y[2],
+        shift[0] + rotation[0, 0] * y[0] + rotation[0, 1] * y[1] + rotation[0, 2] * y[2],
+        shift[1] + rotation[1, 0] * y[0] + rotation[1, 1] * y[1] + rotation[1, 2] * y[2],
+        shift[2] + rotation[2, 0] * y[0] + rotation[2, 1] * y[1] + rotation[2, 2] * y[2],
     )
 
 
@@ -50,12 +50,12 @@ def build_drift(*, spins: bool, turning_frame: bool, moving_frame: bool):
         q = g.position(state) + v * dt
         w = g.spin(state) + b * kick
         if wp.static(turning_frame):
-            turn = drift_turn(row)
-            q = q + shifted(turn, drift_shift(row), q)
-            v = v + turn * v
-            a = a + turn * a
-            w = w + turn * w
-            b = b + turn * b
+            rotation = drift_turn(row)
+            q = q + shifted(rotation, drift_shift(row), q)
+            v = v + rotation * v
+            a = a + rotation * a
+            w = w + rotation * w
+            b = b + rotation * b
         elif wp.static(moving_frame):
             q = g.position(state) + (v * dt + drift_shift(row))
         return g.record(q, state[3], v, a, w, b)

@@ -4,7 +4,7 @@
     E = I + sin(x)/a O + (1 - cos x)/a^2 O^2,     M = dt I + (1 - cos x)/a^2 O + (x - sin x)/a^3 O^2
 
 O = -2 w x, a = 2|w|, x = a dt; f holds contacts, gravity, fields and the centrifugal, Euler and linear term. Symplectic and
-of order 2 for forces of position. Takes over the Coriolis term (for spins, with O = -w x, their whole turn) and adds the
+of order 2 for forces of position. Takes over the Coriolis term (for spins, with O = -w x, their whole rotation) and adds the
 others, with frame-relative velocities. Dashpots see the velocity before the half kick.
 """
 

@@ -1,7 +1,8 @@
 """Neighbor lists: which grains may touch, and until when that holds. The order of the kernels: ``warpdem.engine.program``.
 
     cells           grains on cell grids, one grid per size class
-    neighbors       outer list (skin) and inner list (inner skin)
+    neighbors       the outer list: rows of neighbors
+    contact_batches the inner list: contacts that the forces go through
     inner           the inner list as CPU threads build it, in one launch each
     numbering       where the contacts, force slots and wall slots of each grain begin
     displacement    how far grains have moved since the lists were built

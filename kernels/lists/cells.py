@@ -30,7 +30,7 @@ import warp as wp
 class SizeGrids:
     """Classes of sizes, the largest first; see ``warpdem.filling.size_grids``."""
 
-    # of each class
+    # of each class; the radius of a grain may hold what it may move by
     largest: wp.array(dtype=wp.float64)  # radius [m]
     per_length: wp.array(dtype=wp.float64)  # cells [1/m]
     cells: wp.array(dtype=wp.vec3i)  # in each direction

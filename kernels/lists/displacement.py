@@ -43,8 +43,9 @@ class References:
     inner: wp.array2d(dtype=wp.vec3d)  # (known, 1 + motions) of the inner list; grains beyond were inserted since
     outer: wp.array2d(dtype=wp.vec3d)  # (known, 1 + motions) of the outer list
     flight: wp.array(dtype=Flight)  # (known,), or of size 0
-    inner_limit: wp.float64  # displacement that the inner list allows [m]
-    outer_limit: wp.float64  # displacement that the outer list allows [m]
+    allowance: wp.array(dtype=wp.float64)  # (known,) of the outer list, of ``neighbors`` [m]
+    inner_share: wp.float64  # of it, that a grain may move while the inner list holds [-]
+    outer_share: wp.float64  # while the outer list holds [-]
 
 
 @functools.cache
@@ -97,13 +98,13 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
                     if not travel.holds(references.flight[i], state, now, dt):
                         found = wp.static(OFF_PATH)
                 else:
-                    left = travel.allowed_displacement(state, references.inner_limit, dt)
+                    left = travel.allowed_displacement(state, references.inner_share * references.allowance[i], dt)
                     square = travel.squared_displacement(i, state, references.inner, control.placement, row)
                     if not (square <= wp.float64(0.25) * left * left):
                         found = found | wp.static(INNER_HALF)
                     if not (square <= left * left):
                         found = found | wp.static(INNER)
-                    left = references.outer_limit
+                    left = references.outer_share * references.allowance[i]
                     square = travel.squared_displacement(i, state, references.outer, control.placement, row)
                     if not (square <= wp.float64(0.25) * left * left):
                         found = found | wp.static(OUTER_HALF)
@@ -148,6 +149,26 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
         if (found & wp.static(FOR_THE_HOST)) > 0:
             clock_out[ASK_HOST] = 1
 
+    @kernel
+    def set_allowances(
+        first: int,
+        grains: wp.array(dtype=g.Record),  # (n,)
+        control: Control,
+        clock: wp.array(dtype=wp.int32),
+        dt: wp.float64,
+        horizon: wp.float64,  # steps that a list shall hold [-]
+        least: wp.float64,  # [m]
+        most: wp.float64,  # [m]
+        allowance_out: wp.array(dtype=wp.float64),  # (n,) [m]
+    ):
+        """How far each grain may move while the list holds that is built now: as far as it goes in ``horizon`` steps."""
+        i = first + wp.tid()
+        now = clock[SCHEDULE_ROW] * wp.static(stages)
+        distance = travel.distance_ahead(
+            grains[i], control.row[now], control.placement, now + wp.static(stages), now + wp.static(2 * stages), dt
+        )
+        allowance_out[i] = wp.max(wp.min(horizon * distance, most), least)
+
     @wp.func
     def put_reference(
         i: int, q_now: wp.vec3d, placements: wp.array(dtype=Placement), flight: wp.array(dtype=Flight),
@@ -179,5 +200,6 @@ def build(travel, border, *, spins: bool, moving: int, stages: int, leave: bool,
         put_reference(i, g.position(grains[i]), placements, flight, reference_out)
 
     return KernelSet(
-        check_lists=check_lists, save_reference=save_reference, check_grain=check_grain, put_reference=put_reference
-    )
+        check_lists=check_lists, set_allowances=set_allowances, save_reference=save_reference, check_grain=check_grain,
+        put_reference=put_reference,
+    )  # fmt: skip

@@ -8,7 +8,7 @@ place where it was when the path was laid,
 
 and the path was laid so that up to there its grain can touch no other outside of its row in the outer list:
 
-    |P(t) - reference of j| >= R_i + R_j + gap + allowance + skin/2      j any other grain
+    |P(t) - reference of j| >= R_i + R_j + gap + allowance + allowance of j      j any other grain, as far as it may move
     |P_i(t) - P_j(t)|       >= R_i + R_j + gap + 2 allowance             j in flight too
     distance of P(t) to a wall >= R_i + gap + allowance
 
@@ -30,7 +30,7 @@ from warpdem.kernels.lists.displacement import Watched
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.path import FAR, Flight, bend, in_flight, position_at, velocity_at
 from warpdem.kernels.step.schedule import Placement, local
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.wall.surface import MeshTrees, Surface
 
 BLOCK = 64
 LOOKS = 24  # along one path
@@ -89,15 +89,13 @@ def build(
         low: wp.array(dtype=wp.vec3d)  # (blocks,) of ``enclose``
         high: wp.array(dtype=wp.vec3d)
         rows: NeighborRows  # the outer list
-        skin: wp.float64  # of it [m]
 
     @wp.struct
     class WallsAhead:
         """The walls that a path must keep away from, and where they will be; read only."""
 
         surface: Surface
-        mesh: wp.array(dtype=wp.uint64)  # (meshes,) tree of each
-        mesh_wall: wp.array(dtype=wp.int32)  # (meshes,) number of its wall
+        trees: MeshTrees
         watched: Watched
         placements: wp.array2d(dtype=Placement)  # (rows, motions)
         row: wp.int32  # of the placements at present
@@ -111,6 +109,7 @@ def build(
         grains: wp.array(dtype=g.Record),
         reference: wp.array2d(dtype=wp.vec3d),
         flight: wp.array(dtype=Flight),
+        allowance: wp.array(dtype=wp.float64),
         low_out: wp.array(dtype=wp.vec3d),
         high_out: wp.array(dtype=wp.vec3d),
     ):
@@ -122,7 +121,7 @@ def build(
         for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), grains.shape[0])):
             if not in_flight(flight, j) and not g.is_removed(grains[j]):
                 there = reference[j, 0]
-                r = grains[j][3]
+                r = grains[j][3] + allowance[j]
                 room = wp.vec3d(r, r, r)
                 low = wp.min(low, there - room)
                 high = wp.max(high, there + room)
@@ -192,7 +191,8 @@ def build(
                 if gap_to_box(x, first, last) - need < largest_distance(time, speed, acceleration):
                     for j in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), others.record.shape[0])):
                         if j != f and not in_flight(others.flight, j) and not g.is_removed(others.record[j]):
-                            free = wp.length(border.nearest(x - others.reference[j, 0])) - need - others.record[j][3]
+                            room = others.record[j][3] + others.rows.allowance[j]
+                            free = wp.length(border.nearest(x - others.reference[j, 0])) - need - room
                             until = least_time(free, speed, acceleration)
                             if until < time:
                                 if not is_listed(j, start, count, others.rows.slot):
@@ -211,8 +211,8 @@ def build(
             now = walls.row + k * wp.static(stages)
         speed = wp.length(v)
         if wp.static(meshes):
-            for m in range(walls.mesh.shape[0]):
-                wall = walls.mesh_wall[m]
+            for m in range(walls.trees.tree.shape[0]):
+                wall = walls.trees.wall[m]
                 motion = walls.surface.motion[wall]
                 most = walls.fastest[motion]
                 body = local(walls.placements[now, motion], x)
@@ -228,10 +228,10 @@ def build(
                     # nothing further than that matters; somewhat more for the rounding of single precision
                     within = (need + ahead) * wp.float64(1.001) + wp.float64(1.0e-4) * wp.length(body)
                     within = within + wp.float64(2.0) * walls.surface.rounding[wall]
-                    found = wp.mesh_query_point_no_sign(walls.mesh[m], p, wp.float32(wp.min(within, wp.float64(FAR))))
+                    found = wp.mesh_query_point_no_sign(walls.trees.tree[m], p, wp.float32(wp.min(within, wp.float64(FAR))))
                     free = ahead
                     if found.result:
-                        point = wp.mesh_eval_position(walls.mesh[m], found.face, found.u, found.v)
+                        point = wp.mesh_eval_position(walls.trees.tree[m], found.face, found.u, found.v)
                         apart = body - wp.vec3d(wp.float64(point[0]), wp.float64(point[1]), wp.float64(point[2]))
                         rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + walls.surface.rounding[wall]
                         free = wp.length(apart) - need - rounding
@@ -303,8 +303,7 @@ def build(
                 time = wp.min(time, least_time(wp.float64(wp.static(0.2 * shortest)), speed, bent))
             if wp.static(meshes or shapes):
                 time = until_wall(f, k, x, v, radius, bent, base, time, dt, walls)
-            half = wp.float64(0.5) * others.skin
-            time = until_grain(f, x, speed, bent, base + half, time, others)
+            time = until_grain(f, x, speed, bent, base, time, others)
             go = wp.min(time / dt, wp.float64(steps - k))
             if go < wp.float64(1.0):
                 look = wp.static(LOOKS)

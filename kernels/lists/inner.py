@@ -3,10 +3,10 @@
 The phases are those of the launches of a graph (``warpdem.engine.program.ListBuild``), and their functions are the same:
 
     check            what has become of each grain (``displacement.check_lists``)
-    select           contacts and wall features within the inner skin (``neighbors.select_contacts``,
+    select           contacts and wall features within the share (``contact_batches.select_contacts``,
                      ``candidates.close_features``), added up by block of grains (``numbering.sum_blocks``)
     number           where those of each block and grain begin (``numbering.start_blocks``, ``start_grains``)
-    fill             contact batches with the contact history carried over (``neighbors.fill_contacts``); lanes without a
+    fill             contact batches with the contact history carried over (``contact_batches.fill_contacts``); lanes without a
                      contact (``clear_contacts``); reference positions (``displacement.save_reference``)
 
 Where only the inner list is out of date, check and build are one launch, and the host reads a few numbers of its report. It is
@@ -38,19 +38,20 @@ SPAN = 16  # numbers per thread in the report: a cache line, so that threads do 
 class Scratch:
     """What is kept of a build for the next one's memory only, and what the host reads."""
 
-    listed: wp.array(dtype=wp.int32)  # (entries,) of ``neighbors.select_contacts``
+    listed: wp.array(dtype=wp.int32)  # (entries,) of ``contact_batches.select_contacts``
     sums: wp.array(dtype=Sums)  # (blocks,) of ``numbering``
     found: wp.array(dtype=wp.int32)  # (n,) what was found of each grain
     report: wp.array(dtype=wp.int32)  # (SPAN * (1 + threads),) for the host, then what each thread found
 
 
 @functools.cache
-def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lanes: int, stages: int):
+def build(structs, ListedGrains, batches, displacement, walls, WallContacts, *, spins: bool, lanes: int, stages: int):
     """Return the kernel.
 
     Args:
         structs: of ``step.structs.build``.
-        lists: namespace of ``neighbors.build``.
+        ListedGrains: struct of ``neighbors.build``.
+        batches: namespace of ``contact_batches.build``.
         displacement: of ``displacement.build``.
         walls: of ``candidates.build``; None without walls.
         WallContacts: struct of the wall contacts.
@@ -59,7 +60,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         stages: force calls per step.
     """
     g = grain.build(spins)
-    ListedGrains, ListedContacts = lists.ListedGrains, lists.ListedContacts
+    ListedContacts = batches.ListedContacts
 
     @wp.struct
     class Work:
@@ -67,17 +68,17 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
 
         mode: wp.int32
         schedule_row: wp.int32  # of the present step
-        inner_skin: wp.float64  # [m]
+        inner_share: wp.float64  # of the allowances [-]
         unused_slot: wp.int32  # force slot that belongs to no grain, behind all others
-        near_feature: wp.array(dtype=wp.int32)  # (wall slots,) features closer than the skin
-        old_history: wp.array3d(dtype=lists.real)  # (batches, numbers, lanes) of the list before
+        near_feature: wp.array(dtype=wp.int32)  # (wall slots,) features within the allowance
+        old_history: wp.array3d(dtype=batches.real)  # (batches, numbers, lanes) of the list before
 
     @wp.func
     def clear_rest(begin: int, count: int, pair: wp.vec2i, unused_slot: int, contacts: ListedContacts):
         """Clear the lanes behind ``count`` contacts from lane ``begin`` on, up to the end of their last batch."""
         last = begin + (count + wp.static(lanes - 1)) // wp.static(lanes) * wp.static(lanes)
         for lane in range(begin + count, last):
-            lists.clear_lane(lane // wp.static(lanes), lane % wp.static(lanes), pair, unused_slot, contacts)
+            batches.clear_lane(lane // wp.static(lanes), lane % wp.static(lanes), pair, unused_slot, contacts)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     def build_inner(
@@ -110,7 +111,7 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         found = int(0)
         mode = work.mode
         schedule_row = work.schedule_row
-        inner_skin = work.inner_skin
+        inner_share = work.inner_share
         if mode & wp.static(CHECK):
             for i in range(first, last):
                 one = displacement.check_grain(
@@ -138,12 +139,12 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
         now = (schedule_row + 1) * wp.static(stages)
         for b in range(first_block, last_block):
             for i in range(b * wp.static(BLOCK), wp.min((b + 1) * wp.static(BLOCK), n)):
-                lists.select_row(
-                    i, grains, rows, work.old_history, inner_skin, references.flight, scratch.listed, counts
+                batches.select_row(
+                    i, grains, rows, work.old_history, inner_share, references.flight, scratch.listed, counts
                 )
                 if wp.static(walls is not None):
                     walls.select_features(
-                        i, grains.record[i], wp.float64(0.5) * inner_skin, model.surface, control.placement[now],
+                        i, grains.record[i], inner_share * rows.allowance[i], model.surface, control.placement[now],
                         work.near_feature, references.flight, wall_contacts,
                     )  # fmt: skip
             scratch.sums[b] = block_sums(b, wp.static(lanes), counts)
@@ -175,13 +176,13 @@ def build(structs, lists, displacement, walls, WallContacts, *, spins: bool, lan
             target += threads
             arrive_and_wait(steps.arrivals, target, control.wait_modes)
 
-        pair = lists.idle_pair(grains, rows)
+        pair = batches.idle_pair(grains, rows)
         for b in range(first_block, last_block):
             touching = int(0)
             near = int(0)
             end = wp.min((b + 1) * wp.static(BLOCK), n)
             for i in range(b * wp.static(BLOCK), end):
-                lists.fill_row(
+                batches.fill_row(
                     i, grains, model.materials, model.coefficients, rows, scratch.listed, starts, work.old_history, contacts
                 )
                 displacement.put_reference(

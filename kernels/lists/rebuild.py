@@ -64,6 +64,7 @@ def build(WallContacts, wetting=None):
         if i + 1 == rows.count.shape[0]:
             rows_out.start[i + 1] = rows.start[i + 1]
         rows_out.count[i] = rows.count[i]
+        rows_out.allowance[i] = rows.allowance[i]
         for e in range(rows.start[i], rows.start[i] + rows.count[i]):
             rows_out.slot[e] = rows.slot[e]
             rows_out.contact[e] = rows.contact[e]

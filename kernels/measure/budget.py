@@ -5,13 +5,15 @@ A kick changes the energy of motion by exactly the force times the velocity V_k 
     (1/2) m (V_k+1/2^2 - V_k-1/2^2) = dt F_k . V_k,     V_k = (V_k-1/2 + V_k+1/2) / 2
 
 and the same for spins. So the work of any part of a contact's force is known to round-off, whatever the order of the scheme:
-each contact leaves the parts of its force that are not elastic (``dissipation``), and every grain takes their power
 
-    P_i = F_part . (V_i - W_i x n arm_i) + M_part . W_i
+    P = F_part . (V_i - V_j - (W_i arm_i + W_j arm_j) x n) + M_part . (W_i - W_j)
 
-with its own V_k and W_k; in the sum over both grains only the relative motion stays. At a wall the power of the wall's own
-motion, F . v_wall + M . w_wall, is taken off and kept apart. Impulses are those of the same forces, about the laboratory's
-origin, in axes that turn with the frame.
+V_k is known when the forces of all contacts have been summed. A contact of grains therefore keeps the parts of its force that
+are not elastic (``dissipation``) until the next force call, where the velocities of its grains say what they were at the kick
+(of members of clumps to (W dt)^2/6), and adds what it has lost to sums of the whole run, which do not depend on the order
+(``window_sum``). What a grain gets at walls it takes the power of itself: there the power of the wall's own motion,
+F . v_wall + M . w_wall, is taken off and kept apart. Impulses are those of the same forces, about the laboratory's origin, in
+axes that turn with the frame.
 
 What does not close when all is added up is the error of the time integration.
 """
@@ -21,14 +23,14 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY_AT, with_losses
+from warpdem.kernels.contact.dissipation import LOSSES, with_losses
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.motion import joined
 from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes, frame_origin, frame_velocity, gravity
 
-ENERGIES = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling", "fields", "carried")
-"""What is added up per grain [J]: the first five are taken from the grains, the others given to them. The LOSSES of the normal
-law follow, which are taken from them too."""
+ENERGIES = (*LOSSES, "fields", "carried")
+"""What is added up per grain [J]: the first five are taken from it at walls, the others given to it. The LOSSES of the normal
+law follow, which are taken from it at walls too; "liquid" also by the power of viscous bridges."""
 MOMENTA = ("walls", "gravity", "fields", "carried")
 """Impulse [N s] and angular impulse about the laboratory's origin [N m s] given to a grain, six numbers each."""
 
@@ -50,7 +52,7 @@ WALL_ENTRY_AT = Columns(
         ("rescaled", 1),  # and by rescaling [J]
     )
 )
-"""Sums over the wall contact points of a grain; the LOSSES of the normal law follow [J]."""
+"""Sums over the wall contact points of a grain; the LOSSES of the normal law follow [J] (``wall_entry``)."""
 
 Momenta = wp.types.vector(MOMENTA_AT.width, wp.float64)
 
@@ -60,9 +62,10 @@ def energies_type(losses: tuple[str, ...]):
     return wp.types.vector(len(ENERGIES) + len(losses), wp.float64)
 
 
-def wall_entry_type(losses: tuple[str, ...]):
-    """Vector of WALL_ENTRY_AT and the LOSSES of the normal law."""
-    return with_losses(WALL_ENTRY_AT, losses).vector(wp.float64)
+def wall_entry(losses: tuple[str, ...]) -> Columns:
+    """WALL_ENTRY_AT and the LOSSES of the normal law; the torque of a drag [N m] and its power due to the walls' motion [W]."""
+    at = with_losses(WALL_ENTRY_AT, losses)
+    return at.and_(Columns((("drag_torque", 3), ("drag_power", 1)) if "drag" in at else ()))
 
 
 def _field_power(before, number: int, force, in_laboratory: bool, conservative: bool):
@@ -110,8 +113,13 @@ def build(
         losses: LOSSES of the normal law.
     """
     g = grain.build(spins)
-    Model, Grains, Entry = structs.Model, structs.Grains, structs.Entry
-    Energies, WallEntry = energies_type(losses), wall_entry_type(losses)
+    Model, Grains = structs.Model, structs.Grains
+    at_wall = wall_entry(losses)
+    Energies, WallEntry = energies_type(losses), at_wall.vector(wp.float64)
+    drags = "drag" in at_wall
+    of_wall_drag = (at_wall.drag, at_wall.drag_torque, at_wall.drag_power) if drags else (0, 0, 0)
+    wall_drag, wall_drag_torque, wall_drag_power = of_wall_drag
+    at_liquid = len(ENERGIES) + losses.index("liquid") if drags else 0
     Common = energies_type(())
     more = len(losses)
     vec6 = wp.types.vector(6, wp.float64)
@@ -121,71 +129,54 @@ def build(
         external = joined(external, number, force, in_laboratory)
         field_power = _field_power(field_power, number, force, in_laboratory, has_energy)
 
-    at_wall = WALL_ENTRY_AT
-
-    @wp.func
-    def of_entry(x: Entry, first: int) -> wp.vec3d:
-        return wp.vec3d(wp.float64(x[first]), wp.float64(x[first + 1]), wp.float64(x[first + 2]))
-
     @wp.func
     def of_wall(y: WallEntry, first: int) -> wp.vec3d:
         return wp.vec3d(y[first], y[first + 1], y[first + 2])
 
     @wp.func
-    def contact_energies(
-        i: int, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, grains: Grains, wall_contacts: WallContacts
-    ) -> Energies:  # fmt: skip
-        """Energies by contacts, powers times ``weight`` [s]; contacts in order of partner id."""
-        damping = wp.float64(0.0)
-        sticking = wp.float64(0.0)
-        sliding = wp.float64(0.0)
-        rolling = wp.float64(0.0)
-        cut_spring = wp.float64(0.0)
-        cut_angle = wp.float64(0.0)
-        rescaled = wp.float64(0.0)
+    def contact_energies(i: int, v: wp.vec3d, w: wp.vec3d, weight: wp.float64, wall_contacts: WallContacts) -> Energies:
+        """Energies by contacts with walls, powers times ``weight`` [s]."""
         out = Energies()
-        for e in range(grains.row_start[i], grains.row_start[i + 1]):
-            x = grains.entry[e]
-            n = of_entry(x, wp.static(ENTRY_AT.normal))
-            tangential = of_entry(x, wp.static(ENTRY_AT.tangential))
-            power = wp.dot(tangential, v - wp.cross(w, n) * wp.float64(x[wp.static(ENTRY_AT.arm)]))
-            slides = wp.float64(x[wp.static(ENTRY_AT.slides)])
-            damping -= wp.float64(x[wp.static(ENTRY_AT.damping)]) * wp.dot(n, v)
-            sliding -= slides * power
-            sticking -= (wp.float64(1.0) - slides) * power
-            rolling -= wp.dot(of_entry(x, wp.static(ENTRY_AT.rolling)), w)
-            cut_spring += wp.float64(x[wp.static(ENTRY_AT.cut_spring)])
-            cut_angle += wp.float64(x[wp.static(ENTRY_AT.cut_angle)])
-            rescaled += wp.float64(x[wp.static(ENTRY_AT.rescaled)])
-            for f in range(wp.static(more)):
-                out[wp.static(len(ENERGIES)) + f] += wp.float64(x[wp.static(ENTRY_AT.width) + f])
         if wp.static(walls):
             if wall_contacts.candidates[i] > 0:
                 y = wall_contacts.entry[i]
-                damping += y[wp.static(at_wall.damping_power)] - wp.dot(of_wall(y, wp.static(at_wall.damping)), v)
-                sticking += (
+                damping = y[wp.static(at_wall.damping_power)] - wp.dot(of_wall(y, wp.static(at_wall.damping)), v)
+                sticking = (
                     y[wp.static(at_wall.sticking_power)]
                     - wp.dot(of_wall(y, wp.static(at_wall.sticking)), v)
                     - wp.dot(of_wall(y, wp.static(at_wall.sticking_torque)), w)
                 )
-                sliding += (
+                sliding = (
                     y[wp.static(at_wall.sliding_power)]
                     - wp.dot(of_wall(y, wp.static(at_wall.sliding)), v)
                     - wp.dot(of_wall(y, wp.static(at_wall.sliding_torque)), w)
                 )
-                rolling += y[wp.static(at_wall.rolling_power)] - wp.dot(of_wall(y, wp.static(at_wall.rolling)), w)
-                cut_spring += y[wp.static(at_wall.cut_spring)]
-                cut_angle += y[wp.static(at_wall.cut_angle)]
-                rescaled += y[wp.static(at_wall.rescaled)]
+                rolling = y[wp.static(at_wall.rolling_power)] - wp.dot(of_wall(y, wp.static(at_wall.rolling)), w)
+                common = Common(
+                    damping * weight, sticking * weight, sliding * weight + y[wp.static(at_wall.cut_spring)],
+                    rolling * weight + y[wp.static(at_wall.cut_angle)], y[wp.static(at_wall.rescaled)],
+                    wp.float64(0.0), wp.float64(0.0),
+                )  # fmt: skip
+                for f in range(wp.static(len(ENERGIES))):
+                    out[f] = common[f]
                 for f in range(wp.static(more)):
-                    out[wp.static(len(ENERGIES)) + f] += y[wp.static(at_wall.width) + f]
-        common = Common(
-            damping * weight, sticking * weight, sliding * weight + cut_spring, rolling * weight + cut_angle, rescaled,
-            wp.float64(0.0), wp.float64(0.0),
-        )  # fmt: skip
-        for f in range(wp.static(len(ENERGIES))):
-            out[f] = common[f]
+                    out[wp.static(len(ENERGIES)) + f] = y[wp.static(WALL_ENTRY_AT.width) + f]
+                if wp.static(drags):
+                    drag = (
+                        y[wp.static(wall_drag_power)]
+                        - wp.dot(of_wall(y, wp.static(wall_drag)), v)
+                        - wp.dot(of_wall(y, wp.static(wall_drag_torque)), w)
+                    )
+                    out[wp.static(at_liquid)] += drag * weight
         return out
+
+    @wp.func
+    def acts(i: int, wall_contacts: WallContacts) -> bool:
+        """Whether anything but its contacts with grains may change the energy of grain ``i``."""
+        there = bool(wp.static(field_power is not None))
+        if wp.static(walls and field_power is None):
+            there = wall_contacts.candidates[i] > 0
+        return there
 
     @wp.func
     def field_energies(
@@ -206,7 +197,7 @@ def build(
         wall_contacts: WallContacts, control: Control,
     ) -> Energies:  # fmt: skip
         """Energies at the call in row ``at``, powers times ``weight`` [s]."""
-        found = contact_energies(i, v, w, weight, grains, wall_contacts)
+        found = contact_energies(i, v, w, weight, wall_contacts)
         return field_energies(state, v, wp.float64(1.0) / grains.inverse[i][0], weight, at, model, control, found)
 
     @wp.func
@@ -311,7 +302,7 @@ def build(
                 work_out[i, wall] = work_out[i, wall] + wall_contacts.power[i, wall] * weight
 
     return KernelSet(
-        contact_energies=contact_energies, field_energies=field_energies, energies=energies,
+        acts=acts, contact_energies=contact_energies, field_energies=field_energies, energies=energies,
         contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, turned=turned, lifted=lifted,
         shifted=shifted, wall_works=wall_works,
         energy=energy, momentum=momentum,

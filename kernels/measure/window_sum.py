@@ -11,6 +11,7 @@ tenth of the memory of ``exact_sum``, which takes every float64.
 
 import numpy as np
 import warp as wp
+from warpdem.kernels.simd.lane_types import INLINE
 
 DIGITS = 4
 NOT_FINITE = DIGITS
@@ -21,6 +22,54 @@ BASE = 4294967296.0  # 2^32
 LOW = 0xFFFFFFFF
 FULL = 1 << 62
 """Size of a whole number from which on it is carried: as far from an overflow as 2^30 additions of other GPU threads."""
+ROUNDING = tuple(1.5 * 2.0 ** (52 - 32 * k) for k in range(1, DIGITS))
+"""A number that is added to one much smaller, and taken off again, to round it to multiples of 2^-32, 2^-64, 2^-96."""
+BATCH = 1 << 20
+"""Numbers below 1 that ``lanes`` adds up in the 53 binary digits of a register before it gives them to the sums."""
+
+
+def lanes(lanes: int, columns: int) -> str:
+    """C++ members of a local struct with ``LANES`` lanes: ``add_lost`` and ``give_lost``, sums of registers.
+
+    A number is divided among three registers, the multiples of 2^-32, 2^-64 and 2^-96 in it, each of which adds up exactly.
+    """
+    split = "".join(
+        f"                {{ const f64 part = (x + {unit.hex()}) - {unit.hex()}; x -= part; sums[3 * c + {k}] += part; }}\n"
+        for k, unit in enumerate(ROUNDING)
+    )
+    return f"""
+        // beyond the registers: to the sums at once, as ``window_sum.add``
+        static __attribute__((noinline)) double whole_part(double x, wp::int64* digits) {{
+            if (!(x < {LARGEST.hex()} && x > -{LARGEST.hex()})) {{ digits[{NOT_FINITE}] += 1; return 0.0; }}
+            const wp::int64 part = (wp::int64)x;
+            digits[0] += part;
+            if (digits[0] > {FULL}ll || digits[0] < -{FULL}ll) digits[{NOT_FINITE}] += 1;
+            return x - (double)part;
+        }}
+        // numbers of ``columns`` sums, one column after the other, to registers ``sums`` [3 * columns]
+        {INLINE} void add_lost(const f64* value, f64* sums, wp::int64* digits) {{
+            for (int c = 0; c < {columns}; ++c) {{
+                f64 x = value[c];
+                if (__builtin_reduce_or(~((x < 1.0) & (x > -1.0)))) {{
+                    for (int k = 0; k < {lanes}; ++k)
+                        if (!(x[k] < 1.0 && x[k] > -1.0)) x[k] = whole_part(x[k], digits + c * {WIDTH});
+                }}
+{split}            }}
+        }}
+        // the registers to the whole numbers of the sums, each of which is then carried
+        static __attribute__((noinline)) void give_lost(f64* sums, wp::int64* digits) {{
+            for (int c = 0; c < {columns}; ++c) {{
+                wp::int64* to = digits + c * {WIDTH};
+                for (int d = 3; d > 0; --d) {{
+                    const f64 part = sums[3 * c + d - 1] * (d == 1 ? {2.0**32} : d == 2 ? {2.0**64} : {2.0**96});
+                    for (int k = 0; k < {lanes}; ++k) to[d] += (wp::int64)part[k];
+                    to[d - 1] += to[d] >> 32;
+                    to[d] &= {LOW}ll;
+                    sums[3 * c + d - 1] = 0.0;
+                }}
+            }}
+        }}
+"""
 
 
 @wp.func
@@ -46,6 +95,17 @@ def add(value: wp.float64, row: int, column: int, sums_out: wp.array3d(dtype=wp.
                             wp.atomic_add(sums_out, row, column, k - 1, now >> wp.int64(32))
     else:
         wp.atomic_add(sums_out, row, column, wp.static(NOT_FINITE), wp.int64(1))
+
+
+@wp.func
+def add_rounded(value: wp.float64, row: int, column: int, sums_out: wp.array3d(dtype=wp.int64)):
+    """Add a number, rounded to the nearest multiple of 2^-96 first, to even in the middle: what ``lanes`` adds."""
+    near = value
+    if wp.abs(value) < wp.float64(wp.static(2.0**-32)):  # larger ones end before 2^-96
+        first = (value + wp.float64(wp.static(ROUNDING[1]))) - wp.float64(wp.static(ROUNDING[1]))
+        rest = value - first
+        near = first + ((rest + wp.float64(wp.static(ROUNDING[2]))) - wp.float64(wp.static(ROUNDING[2])))
+    add(near, row, column, sums_out)
 
 
 def carried(rows: np.ndarray) -> np.ndarray:

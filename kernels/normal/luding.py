@@ -21,7 +21,7 @@ contact is k2 (d - d0)^2/2; the rest of the work is lost, to plasticity while it
     adhesion from h on      (k_c/2)(1 + k_c/k2) d_c^2,     d_c = (k2 - k1) min(h, d_p)/(k2 + k_c) where the branch begins
 
 Without k_c an impact of speed v that stays below d_p gives back sqrt(k1/k2). Friction goes by F + k_c d, the pressure without
-the pull, and k_t is a fixed share of k1, at any overlap. Source: Luding 2008, 10.1007/s10035-008-0099-x.
+the pull, and k_t is a fixed fraction of k1, at any overlap. Source: Luding 2008, 10.1007/s10035-008-0099-x.
 """
 
 import functools

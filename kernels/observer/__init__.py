@@ -5,7 +5,7 @@ A file states ``UNIT``, the unit of its number as the header of a column shows i
 
     observe(q, v, w, mass, radius, time, p) -> value     [m], [m/s], [rad/s], [kg], [m], [s], Numbers -> [UNIT]
 
-q, v and w are position, velocity and spin at the present instant in the axes of the observer: absolute in laboratory axes,
+q, v and w are position, velocity and spin at the present time in the axes of the observer: absolute in laboratory axes,
 or in frame axes with v and w relative to the frame. p holds the parameters one after the other, in SI units. It writes
 nothing, so that what is observed never changes the run.
 """

@@ -37,7 +37,7 @@ def build(real):
     @wp.func
     def torque(
         spin: vec3,
-        spin_predicted: vec3,  # relative spin at the instant of the force [rad/s]
+        spin_predicted: vec3,  # relative spin at the time of the force [rad/s]
         angle: vec3,  # rolling spring with this step's increment [rad]
         limit: real,  # mu_r R* max(F_n, 0) [N m]
         spring: real,  # k_n (mu_r R*)^2 [N m]
@@ -48,9 +48,9 @@ def build(real):
         """Torque on i [N m] and the rolling spring [rad] cut to its limit."""
         stiffness = real(wp.static(STIFFNESS)) * spring
         size = stiffness * wp.sqrt(wp.dot(angle, angle) + real(wp.static(small)))
-        share = limit / (size + real(wp.static(small)))
-        kept = share if share < real(1.0) else real(1.0)
-        viscous = real(0.0) if share < real(1.0) else real(2.0) * damping * wp.sqrt(inertia * stiffness)
+        fraction = limit / (size + real(wp.static(small)))
+        kept = fraction if fraction < real(1.0) else real(1.0)
+        viscous = real(0.0) if fraction < real(1.0) else real(2.0) * damping * wp.sqrt(inertia * stiffness)
         held = angle * kept
         return held * (-stiffness) - spin_predicted * viscous, held
 

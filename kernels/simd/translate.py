@@ -5,7 +5,8 @@
 
 Everything that does not depend on a contact is evaluated now: ``wp.static``, names of the function's surroundings, loops over
 a known range, an ``if`` on a known value. An ``if`` on data becomes assignments that only its lanes take part in. Functions of
-a number that are no machine instruction (``wp.exp``) are called lane by lane.
+a number that are no machine instruction (``wp.exp``) are called lane by lane. A native function may give its own C++ in lanes
+(``values.in_lanes``).
 
 Refused, with file and line (``NotStraight``): loops over data, ``while``, return before the end, arrays, structs, integers
 that depend on data, indices that do, numbers without a type beside float64.
@@ -13,7 +14,7 @@ that depend on data, indices that do, numbers without a type beside float64.
 
 from typing import Any
 
-from warpdem.kernels.simd.lane_types import INLINE
+from warpdem.kernels.simd.lane_types import INLINE, Kind
 from warpdem.kernels.simd.statements import Source
 from warpdem.kernels.simd.values import Function
 
@@ -41,8 +42,17 @@ class Translator:
         if function not in self._functions:
             self._count += 1
             name = f"{getattr(getattr(function, 'func', None), '__name__', 'function')}_{self._count}"
-            self._functions[function] = Source(self, function, name).translated()
+            native = hasattr(function, "in_lanes")
+            self._functions[function] = self._native(function, name) if native else Source(self, function, name).translated()
         return self._functions[function]
+
+    def _native(self, function: Any, name: str) -> Function:
+        """A function that says itself what it is in lanes (``values.in_lanes``)."""
+        real, body = function.in_lanes
+        number, names = Kind(real), list(function.input_types)
+        head = ", ".join(f"{number.text} {argument}_" for argument in names)
+        self.put(f"        {INLINE} {number.text} {name}({head}) {{{body}        }}\n")
+        return Function(name, (number,) * len(names), number)
 
     def put(self, text: str) -> None:
         """Add the text of a member."""

@@ -16,6 +16,11 @@ def only_where_needed(function: Any) -> Any:
     return function
 
 
+def in_lanes(function: Any, real: Any, text: str) -> None:
+    """Give a native Warp function of numbers ``real`` to a number its C++ in lanes, where arguments are ``name_``."""
+    function.in_lanes = real, text
+
+
 class NotStraight(ValueError):
     """A function is not straight-line; the message says where."""
 

@@ -52,7 +52,7 @@ def build(
     ) -> Energies:  # fmt: skip
         """Energies of member ``i`` of clump ``c`` over ``weight`` [s]."""
         v, w = clumps.member_motion(i, rotation_matrix(grains.clumps.turn[c]), motion, grains.clumps)
-        found = budget.contact_energies(i, v, w, weight, grains, wall_contacts)
+        found = budget.contact_energies(i, v, w, weight, wall_contacts)
         if i == grains.clumps.first[c]:
             velocity = wp.vec3d(motion[0], motion[1], motion[2])
             mass = wp.float64(1.0) / grains.clumps.rate[c][0]
@@ -153,7 +153,7 @@ def build(
 
     @wp.func
     def watch(
-        c: int, s: int, model: Model, grains: Grains, control: Control, max_displacement: wp.float64
+        c: int, s: int, model: Model, grains: Grains, control: Control, inner_share: wp.float64
     ) -> int:  # fmt: skip
         """Turn the marks of the members of clump ``c`` after the step; BEYOND of ``motion``, of all of them together."""
         first = grains.clumps.first[c]
@@ -163,7 +163,8 @@ def build(
             if wp.static(orientation is not None):
                 grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), control.row[s], model.dt)
             moved = moved | travel.displaced(
-                i, state, grains.reference, grains.flight, control.placement, control.origin, s + 2, model.dt, max_displacement
+                i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
+                control.origin, s + 2, model.dt,
             )
         return moved
 

@@ -17,7 +17,7 @@ from warpdem.kernels.simd.rows import gathered, same
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.clumps import what_drives, with_member
 from warpdem.kernels.step.free_rotation import rotation_matrix
-from warpdem.kernels.step.motion import sum_of
+from warpdem.kernels.step.motion import sum_source
 from warpdem.kernels.step.schedule import Row
 
 BLOCK = 64  # clumps between two looks at whether a member has moved too far
@@ -65,12 +65,14 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         distance = law.add(travel.squared_distance).name
         check = f"""
             wp::vec_t<3, f64> place, from;
+            f64 allowed;
+            for (int k = 0; k < {lanes}; ++k) allowed[k] = inner_share * grains.allowance.data[at[k]];
             for (int f = 0; f < 3; ++f) {{
                 place.c[f] = w.r0.c[f];
                 for (int k = 0; k < {lanes}; ++k) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
             }}
             const f64 square = batch::{distance}(place, from);
-            strayed |= __builtin_reduce_or(~(square <= f64(max_displacement * max_displacement))) != 0;
+            strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
 """
     return f"""{declarations(lanes)}
     struct batch {{
@@ -80,7 +82,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     const auto& row = grains.row;
     const auto& wall_load = wall_contacts.load;
     const auto sum = [&](wp::int32 first, wp::int32 last, wp::vec_t<6, double> total) {{
-{sum_of(real, True)}    }};
+{sum_source(real, list(range(6)))}    }};
 {same("step", Row, "step_row.c")}    bool strayed = {"false" if check else "true"};
     for (wp::int32 c = begin; c < end;) {{
         wp::int32 of[{lanes}], first[{lanes}], count[{lanes}], most = 0, lane = 0;
@@ -137,7 +139,7 @@ def build(structs, WallContacts, clumps, travel, lanes: int, *, walls: bool, lea
 
     @wp.func_native(source(clumps, travel, lanes, real=real, walls=walls, leave=leave, driven=driven))
     def sweep(
-        begin: int, end: int, step_row: Row, dt: wp.float64, max_displacement: wp.float64, wall_contacts: WallContacts,
+        begin: int, end: int, step_row: Row, dt: wp.float64, inner_share: wp.float64, wall_contacts: WallContacts,
         grains: Grains,
     ) -> int:  # fmt: skip
         """Move clumps ``begin`` to ``end`` and write their members; 1 where one of these may have moved too far, else 0."""

@@ -55,6 +55,7 @@ from warpdem.kernels.step.schedule import (
     turned,
     wall_spin,
 )
+from warpdem.kernels.wall.mobility import MOBILITY, Mobility
 from warpdem.kernels.wall.record import RESULT
 
 NUMBERS = Columns(
@@ -83,6 +84,7 @@ STATE = Columns(
         ("correction", 1),  # work on the grains beyond that of the predicted velocity [J]
         ("driven", 1),  # work of drive and motor on the wall [J]
         ("lost", 1),  # to the damper and the ends of the range [J]
+        ("held", 1),  # 1 if it did not move by the load in the last step: held, or on the end of its range
     )
 )
 """What changes."""
@@ -112,6 +114,8 @@ class DynamicWalls:
     """``free_bodies.MOTION`` of each."""
     sums: wp.array3d(dtype=wp.int64)
     """Exact sums of each thread, SUMS of one wall after the other."""
+    mobility: wp.array(dtype=Mobility)
+    """How contacts see walls yield, by placement; of size 0 where all are servos."""
 
 
 @wp.func
@@ -293,6 +297,7 @@ def build(one, WallContacts, bodies: bool):
             position = walls.state[d, wp.static(STATE.position)]
             rate = wp.float64(0.0)
             predicted = wp.float64(0.0)
+            held = wp.float64(1.0)
             if not wp.isnan(drive):
                 spring = walls.numbers[d, wp.static(NUMBERS.stiffness)] * (
                     walls.numbers[d, wp.static(NUMBERS.rest)] - position
@@ -306,6 +311,7 @@ def build(one, WallContacts, bodies: bool):
                 predicted = wp.clamp(rate + wp.float64(0.5) * dt * ((rate - before) / kick), -most, most)
                 end = position + dt * rate
                 stops = end < low or end > high
+                held = wp.where(stops, wp.float64(1.0), wp.float64(0.0))
                 if stops:
                     rate = (wp.clamp(end, low, high) - position) / dt
                     predicted = rate
@@ -324,6 +330,11 @@ def build(one, WallContacts, bodies: bool):
             walls.state[d, wp.static(STATE.position)] = position
             walls.state[d, wp.static(STATE.rate)] = rate
             walls.state[d, wp.static(STATE.predicted)] = predicted
+            walls.state[d, wp.static(STATE.held)] = held
+            if wp.static(one.yielding):
+                mobility = walls.mobility[motion]
+                mobility[wp.static(MOBILITY.yields)] = wp.float64(1.0) - held
+                walls.mobility[motion] = mobility
             placements[k + 2, motion] = displaced(placements[k + 2, motion], turns, axis, origin, position, predicted)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)

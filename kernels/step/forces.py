@@ -4,8 +4,8 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet
-from warpdem.kernels.step.schedule import Row, past_turn, slip_time
-from warpdem.kernels.step.structs import CONTACTS, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
+from warpdem.kernels.step.schedule import Row, kick_time, past_turn, slip_time
+from warpdem.kernels.step.structs import CONTACTS, SPAN, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
 
 
 @wp.func_native("return false;")
@@ -50,7 +50,10 @@ def build(
         approach = report.extreme[part.slot + 1]
         for p in range(part.first, part.last, part.stride):
             for k in range(wp.static(lanes)):
-                a, b = evaluate_lane(p, k, turn, slip_time(row), model, grains, contacts, history_out)
+                a, b = evaluate_lane(
+                    p, k, turn, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.losses,
+                    part.slot // wp.static(SPAN),
+                )  # fmt: skip
                 overlap_ratio = wp.max(overlap_ratio, a)
                 approach = wp.max(approach, b)
         report.extreme[part.slot] = overlap_ratio
@@ -64,17 +67,20 @@ def build(
         row = control.row[call.row]
         if wp.static(films is not None):
             for p in range(part.first, part.last, part.stride):
-                for k in range(wp.static(lanes)):
-                    films.settle(
-                        p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
-                        model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
-                    )  # fmt: skip
+                if films.asks(p, contacts.history):
+                    for k in range(wp.static(lanes)):
+                        films.settle(
+                            p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
+                            model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+                        )  # fmt: skip
         history_out = contacts.history
         if call.stage > 0:
             history_out = contacts.trial
         if wp.static(sweep is not None):
             turn = pairs.cast_rotation(past_turn(row))
-            sweep(part, turn, slip_time(row), model, grains, contacts, history_out, report.extreme)
+            sweep(
+                part, turn, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.extreme, report.losses
+            )
             if never():
                 pair_phase_by_lane(part, row, history_out, model, grains, contacts, report)
         else:

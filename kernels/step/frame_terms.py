@@ -27,12 +27,12 @@ def build(moving_frame: bool):
 
     @wp.func
     def spin_before(f: FrameRow) -> wp.vec3d:
-        """Angular velocity of the frame just before the instant [rad/s]."""
+        """Angular velocity of the frame just before this time [rad/s]."""
         return frame_spin(f)
 
     @wp.func
     def spin_after(f: FrameRow) -> wp.vec3d:
-        """Angular velocity of the frame just after the instant [rad/s]."""
+        """Angular velocity of the frame just after this time [rad/s]."""
         return frame_spin(f) + spin_jump(f)
 
     @wp.func

@@ -37,7 +37,7 @@ from warpdem.kernels.step.clock import (
 )
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.step.schedule import Placement, past_turn, slip_time
+from warpdem.kernels.step.schedule import Placement, kick_time, past_turn, slip_time
 from warpdem.kernels.step.structs import Control, Report, build_call, one
 
 
@@ -51,7 +51,7 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 @functools.cache
 def build(
     structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int,
-    films=None,
+    films=None, dynamic=None,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -65,6 +65,7 @@ def build(
         stages: force calls per step.
         lanes: contacts per contact batch.
         films: of ``contact.films.build``; None for a law without bridges.
+        dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
     """
     real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -87,8 +88,8 @@ def build(
         if stage > 0:
             history_out = contacts.trial
         overlap_ratio, approach = evaluate(
-            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), model, grains,
-            contacts, history_out,
+            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), kick_time(row),
+            model, grains, contacts, history_out, report.losses, t % wp.max(report.losses.shape[0], 1),
         )  # fmt: skip
         raise_to(report.extreme, 0, overlap_ratio)
         raise_to(report.extreme, 1, approach)
@@ -108,12 +109,45 @@ def build(
         raise_to(report.extreme, 2, overlap_ratio)
         raise_to(report.extreme, 3, approach)
 
+    add_wall_loads = advance_walls = None
+    if dynamic is not None:
+
+        @wp.func
+        def is_taken(ahead: int, control: Control, report: Report, clock: wp.array(dtype=wp.int32)) -> bool:
+            """Whether the step that begins ``ahead`` steps from now is taken, as ``move`` decides."""
+            return (
+                ahead < clock[STEPS_LEFT] and clock[MOVED_AT] == 0 and clock[DEEP_AT] == 0
+                and not too_deep(report.extreme, 0, control.max_overlap)
+            )
+
+        @kernel
+        def add_wall_loads(
+            first: int, ahead: int, control: Control, grains: structs.Grains, wall_contacts: WallContacts, report: Report,
+            clock: wp.array(dtype=wp.int32),
+        ):  # fmt: skip
+            r = first + wp.tid()
+            if r < clock[WALL_GRAINS] and is_taken(ahead, control, report, clock):
+                dynamic.add_loads(
+                    0, r, r + 1, grains.record, grains.inverse, wall_contacts, control.placement,
+                    clock[SCHEDULE_ROW] + ahead + 1, (clock[PARITY] + ahead) & 1, control.dynamic,
+                )  # fmt: skip
+
+        @kernel
+        def advance_walls(
+            ahead: int, model: structs.Model, control: Control, report: Report, clock: wp.array(dtype=wp.int32)
+        ):  # fmt: skip
+            """One thread."""
+            if is_taken(ahead, control, report, clock):
+                dynamic.advance(
+                    1, clock[SCHEDULE_ROW] + ahead, control.row, control.placement, model.dt, control.dynamic
+                )
+
     @kernel
     def move(
         first: int, ahead: int, stage: int, model: structs.Model, control: Control, grains: structs.Grains,
-        wall_contacts: WallContacts, report: Report, clock_out: wp.array(dtype=wp.int32), max_displacement: wp.float64,
+        wall_contacts: WallContacts, report: Report, clock_out: wp.array(dtype=wp.int32), inner_share: wp.float64,
     ):  # fmt: skip
-        # a thread of this very launch may have found its grain beyond max_displacement already
+        # a thread of this very launch may have found its grain beyond what it is allowed already
         if ahead >= clock_out[STEPS_LEFT] or (clock_out[MOVED_AT] != 0 and clock_out[MOVED_AT] <= ahead):
             return
         if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
@@ -123,7 +157,7 @@ def build(
             return
         s = clock_out[SCHEDULE_ROW] + ahead
         moved = move_phase(
-            one(first + wp.tid()), s, stage, model, grains, wall_contacts, control, report, max_displacement
+            one(first + wp.tid()), s, stage, model, grains, wall_contacts, control, report, inner_share
         )
         if moved > 0:
             clock_out[MOVED_AT] = ahead + 1
@@ -190,5 +224,6 @@ def build(
 
     return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
-        check_capacity=check_capacity, adopt_history=adopt_history,
+        check_capacity=check_capacity, adopt_history=adopt_history, add_wall_loads=add_wall_loads,
+        advance_walls=advance_walls,
     )  # fmt: skip

@@ -10,7 +10,8 @@ batches.
 
 In a run over several processes (ranks) thread 0 calls the host after each stage, between two meetings of the threads: there the
 grains that other ranks own and this one sees (ghosts) get their new state, and all ranks agree on whether to stop
-(``step/exchange.py``). So they stop after the same step.
+(``step/exchange.py``). So they stop after the same step. Loads on walls that move by them are added up over all ranks before,
+exactly, so that each rank moves these walls alike.
 """
 
 import functools
@@ -18,7 +19,7 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
-from warpdem.kernels.step.exchange import TOO_DEEP, exchange
+from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS, exchange
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.structs import GRAINS, SPAN, WALL_GRAINS, Control, Report, Steps, build_call, every, range_of
 
@@ -59,10 +60,12 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
 
     @wp.func
     def wall_motion_phase(
-        thread: int, threads: int, target: int, s: int, parity: int, model: Model, grains: Grains,
+        thread: int, threads: int, target: int, k: int, steps: Steps, model: Model, grains: Grains,
         wall_contacts: WallContacts, control: Control, report: Report,
     ) -> int:  # fmt: skip
-        """Walls that move by the load on them, over the step in row ``s``; returns as ``wait_for_all``."""
+        """Walls that move by the load on them, over the ``k``-th step; returns as ``wait_for_all``."""
+        s = steps.row + k - 1
+        parity = (steps.parity + k - 1) & 1
         part = range_of(thread, wp.static(WALL_GRAINS), control)
         dynamic.add_loads(
             thread, part.first, part.last, grains.record, grains.inverse, wall_contacts, control.placement, s + 1, parity,
@@ -70,6 +73,8 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
         )  # fmt: skip
         added = wait_for_all(target, threads, control, report)
         if thread == 0:
+            if wp.static(ranks):
+                exchange(steps.exchange, k, wp.static(WALL_LOADS), 0)
             dynamic.advance(threads, s, control.row, control.placement, model.dt, control.dynamic)
         return wait_for_all(added, threads, control, report)
 
@@ -97,14 +102,13 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                     s = steps.row + k - 1
                     if wp.static(dynamic is not None):
                         target = wall_motion_phase(
-                            thread, threads, target, s, (steps.parity + k - 1) & 1, model, grains, wall_contacts, control,
-                            report,
+                            thread, threads, target, k, steps, model, grains, wall_contacts, control, report
                         )  # fmt: skip
                     moved = int(0)
                     for stage in range(wp.static(stages)):
                         moved = move_phase(
                             range_of(thread, wp.static(GRAINS), control), s, stage, model, grains, wall_contacts, control,
-                            report, steps.max_displacement,
+                            report, steps.inner_share,
                         )  # fmt: skip
                         if wp.static(stages > 1):
                             if stage < wp.static(stages - 1):
@@ -160,11 +164,11 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
     @kernel
     def move(
         stride: int, last: int, s: int, stage: int, model: Model, control: Control, grains: Grains,
-        wall_contacts: WallContacts, report: Report, max_displacement: wp.float64,
+        wall_contacts: WallContacts, report: Report, inner_share: wp.float64,
     ):  # fmt: skip
         part = every(stride, last, wp.tid())
         report.moved[part.slot] = move_phase(
-            part, s, stage, model, grains, wall_contacts, control, report, max_displacement
+            part, s, stage, model, grains, wall_contacts, control, report, inner_share
         )
 
     return KernelSet(run=run, pair_forces=pair_forces, wall_forces=wall_forces, move=move)

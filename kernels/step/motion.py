@@ -18,6 +18,8 @@ from warpdem.kernels.step.schedule import (
     FrameRow,
     Placement,
     Row,
+    drift_shift,
+    drift_turn,
     frame_axes,
     frame_origin,
     frame_velocity,
@@ -28,38 +30,38 @@ from warpdem.kernels.step.schedule import (
 
 BEYOND, LEFT = 1, 2  # what is said of a grain: beyond what the lists allow, in an outlet
 vec6 = wp.types.vector(6, wp.float64)
+vec8 = wp.types.vector(8, wp.float64)
 
 
-# Sum over ``row``, number by number in its order: the bits of the plain loop, in two registers (19 -> 14 ns per grain and step)
+# Sum over ``row``, number by number in its order: the bits of the plain loop, in few registers (19 -> 14 ns per grain and step)
 SUM = """
 #if defined(__CUDA_ARCH__)
-    for (wp::int32 e = first; e < last; ++e)
-        for (int k = 0; k < {width}; ++k) total.c[k] += wp::float64(row.data[e].c[k]);
-#else
-    typedef {number} stored_head __attribute__((ext_vector_type({head}), aligned(sizeof({number})), may_alias));
-    typedef {number} stored_tail __attribute__((ext_vector_type({tail}), aligned(sizeof({number})), may_alias));
-    typedef wp::float64 sum_head __attribute__((ext_vector_type({head})));
-    typedef wp::float64 sum_tail __attribute__((ext_vector_type({tail})));
-    sum_head head = 0.0;
-    sum_tail tail = 0.0;
     for (wp::int32 e = first; e < last; ++e) {{
+{plain}    }}
+#else
+{types}    for (wp::int32 e = first; e < last; ++e) {{
         const {number}* force = row.data[e].c;
-        head += __builtin_convertvector(*(const stored_head*)force, sum_head);
-        tail += __builtin_convertvector(*(const stored_tail*)(force + {head}), sum_tail);
-    }}
-    for (int k = 0; k < {head}; ++k) total.c[k] = head[k];
-    for (int k = 0; k < {tail}; ++k) total.c[{head} + k] = tail[k];
-#endif
+{adds}    }}
+{gives}#endif
     return total;
 """
 NUMBER = {wp.float64: "wp::float64", wp.float32: "wp::float32"}
 
 
-def sum_of(real, spins: bool) -> str:
-    """C++ that returns ``total`` and the pair forces ``first`` to ``last`` of ``row``."""
-    width = force_width(spins)
-    head = width - width % 4 or 2  # registers of 4 and 2 numbers, or of 2 and 1
-    return SUM.format(width=width, number=NUMBER[real], head=head, tail=width - head)
+def sum_source(real, columns: list[int]) -> str:
+    """C++ of a sum over ``row``, whose numbers are added up to the numbers ``columns`` of the total."""
+    width, number = len(columns), NUMBER[real]
+    first = width - width % 4 or 2  # registers of 4 and 2 numbers, or of 2 and 1
+    starts = [*range(0, first, min(first, 4)), *([first] if first < width else [])]
+    types = adds = gives = ""
+    for k, (at, end) in enumerate(zip(starts, [*starts[1:], width], strict=True)):
+        vector = f"__attribute__((ext_vector_type({end - at})"
+        types += f"    typedef {number} stored{k} {vector}, aligned(sizeof({number})), may_alias));\n"
+        types += f"    typedef wp::float64 sum{k} {vector}));\n    sum{k} part{k} = 0.0;\n"
+        adds += f"        part{k} += __builtin_convertvector(*(const stored{k}*)(force + {at}), sum{k});\n"
+        gives += "".join(f"    total.c[{columns[n]}] = part{k}[{n - at}];\n" for n in range(at, end))
+    plain = "".join(f"        total.c[{to}] += wp::float64(row.data[e].c[{n}]);\n" for n, to in enumerate(columns))
+    return SUM.format(plain=plain, number=number, types=types, adds=adds, gives=gives)
 
 
 @functools.cache
@@ -70,7 +72,7 @@ def build_load(real, *, spins: bool, walls: bool, wet: bool = False):
     """
     PairForce = wp.types.vector(pair_force_width(spins, wet), real)
 
-    @wp.func_native(sum_of(real, spins))
+    @wp.func_native(sum_source(real, list(range(force_width(spins)))))
     def sum_of_pairs(first: int, last: int, row: wp.array(dtype=PairForce), total: vec6) -> vec6:
         """Add pair forces ``first`` to ``last`` to ``total``, which is zero."""
         ...
@@ -89,6 +91,26 @@ def build_load(real, *, spins: bool, walls: bool, wet: bool = False):
             if candidates[i] > 0:
                 total += wall_load[i]
         return total
+
+    return load
+
+
+@functools.cache
+def build_wet_load(real, *, spins: bool):
+    """Return ``load``: as of ``build_load`` without walls, beside it the sum of wishes and gifts (``contact.films``)."""
+    width = force_width(spins)
+    PairForce = wp.types.vector(pair_force_width(spins, True), real)
+
+    @wp.func_native(sum_source(real, [*range(width), 6, 7]))
+    def sum_of_pairs(first: int, last: int, row: wp.array(dtype=PairForce), total: vec8) -> vec8:
+        """Add pair forces ``first`` to ``last`` to ``total``, which is zero; wishes [m] and gifts [counts] are the last two."""
+        ...
+
+    @wp.func
+    def load(i: int, row_start: wp.array(dtype=wp.int32), row: wp.array(dtype=PairForce)):
+        """Force [N] and torque [N m] of pairs on grain ``i``, and a number that is zero where it has no wish and no gift."""
+        total = sum_of_pairs(row_start[i], row_start[i + 1], row, vec8())
+        return vec6(total[0], total[1], total[2], total[3], total[4], total[5]), total[6] + total[7]
 
     return load
 
@@ -220,16 +242,35 @@ def build_travel(
         return now <= path[11] and wp.dot(displacement, displacement) <= left * left
 
     @wp.func
+    def distance_ahead(
+        state: g.Record, row: Row, placements: wp.array2d(dtype=Placement), before: int, after: int, dt: wp.float64
+    ) -> wp.float64:  # fmt: skip
+        """Distance [m] that a grain will go in the next step, the largest in the axes that count.
+
+        ``row`` of the schedule at present; ``before``, ``after``: rows of the placements at present and after the step.
+        """
+        q = g.position(state)
+        ahead = q + g.velocity(state) * dt
+        ahead = ahead + drift_turn(row) * ahead + drift_shift(row)
+        distance = wp.float64(0.0)
+        if wp.static(in_frame):
+            distance = wp.length(ahead - q)
+        if wp.static(moving > 0):
+            for m in range(wp.static(moving)):
+                distance = wp.max(distance, wp.length(local(placements[after, m], ahead) - local(placements[before, m], q)))
+        return distance
+
+    @wp.func
     def displaced(
         i: int,
         state: g.Record,
         reference: wp.array2d(dtype=wp.vec3d),
+        max_displacement: wp.float64,
         flight: wp.array(dtype=Flight),
         placements: wp.array2d(dtype=Placement),
         origin: wp.array(dtype=wp.int32),  # step of the first row of the schedule
         next_row: int,
         dt: wp.float64,
-        max_displacement: wp.float64,
     ) -> int:
         """BEYOND when the grain is further than ``max_displacement`` [m] from its reference, or off its path, or not finite."""
         left = allowed_displacement(state, max_displacement, dt)
@@ -253,6 +294,6 @@ def build_travel(
 
     return KernelSet(
         displaced=displaced, left=left, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
-        squared_displacement=squared_displacement, squared_distance=squared_distance, holds=holds,
-        in_frame_alone=in_frame and moving == 0 and ahead == 0.0,
+        squared_displacement=squared_displacement, squared_distance=squared_distance, distance_ahead=distance_ahead,
+        holds=holds, in_frame_alone=in_frame and moving == 0 and ahead == 0.0,
     )  # fmt: skip

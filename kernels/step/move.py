@@ -8,6 +8,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
+from warpdem.kernels.contact.films import FILM_AT
 from warpdem.kernels.step.clump_sweep import BLOCK
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
@@ -19,7 +20,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, clumps=None, *,
-    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None,
+    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None, wet_load=None,
 ):  # fmt: skip
     """Return ``move_phase``.
 
@@ -38,7 +39,8 @@ def build(
         spins: grains spin.
         walls: there are walls.
         leave: grains may leave the domain.
-        films: of ``contact.films.build``, and ``wetting`` of ``wall.films.build``; None for a law without bridges.
+        films: of ``contact.films.build``, ``wetting`` of ``wall.films.build`` and ``wet_load`` of ``motion.build_wet_load``;
+            None for a law without bridges.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -53,9 +55,10 @@ def build(
         row = control.row[at]
         weight = kick_time(row)
         if wp.static(budget.energy):
-            grains.energies[i] = grains.energies[i] + budget.energies(
-                i, state, v, w, weight, at, model, grains, wall_contacts, control
-            )
+            if budget.acts(i, wall_contacts):
+                grains.energies[i] = grains.energies[i] + budget.energies(
+                    i, state, v, w, weight, at, model, grains, wall_contacts, control
+                )
             if wp.static(walls):
                 budget.wall_works(i, weight, wall_contacts, grains.wall_work)
         if wp.static(budget.momentum):
@@ -124,12 +127,12 @@ def build(
     @wp.func
     def settle(
         c: int, far: int, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report,
-        max_displacement: wp.float64,
+        inner_share: wp.float64,
     ) -> int:  # fmt: skip
         """After the motion of clump ``c``: as ``move_phase``. Where its centre is decides on outlets."""
         found = int(0)
         if far != 0:
-            found = clumps.watch(c, s, model, grains, control, max_displacement)
+            found = clumps.watch(c, s, model, grains, control, inner_share)
         if wp.static(leave):
             centre = g.position(grains.clumps.record[c])
             found = found | travel.left(centre, control.outlet, control.placement, s + 2)
@@ -143,7 +146,7 @@ def build(
     @wp.func
     def move_clumps(
         part: Range, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report,
-        max_displacement: wp.float64,
+        inner_share: wp.float64,
     ) -> int:  # fmt: skip
         """The clumps whose first member is among the grains ``part``: as ``move_phase``."""
         moved = int(0)
@@ -151,14 +154,14 @@ def build(
             end = clump.clumps_before(grains.clumps.first, part.last)
             for begin in range(clump.clumps_before(grains.clumps.first, part.first), end, wp.static(BLOCK)):
                 block_end = wp.min(begin + wp.static(BLOCK), end)
-                far = clumps.sweep(begin, block_end, control.row[s], model.dt, max_displacement, wall_contacts, grains)
+                far = clumps.sweep(begin, block_end, control.row[s], model.dt, inner_share, wall_contacts, grains)
                 if far != 0 or wp.static(leave or clumps.turns_marks):
                     if wp.static(clumps.turns_marks):
                         far = 1
                     for c in range(begin, block_end):
                         if leads_clump(grains.clumps.first[c], grains):
                             moved = moved | settle(
-                                c, far, s, model, grains, wall_contacts, control, report, max_displacement
+                                c, far, s, model, grains, wall_contacts, control, report, inner_share
                             )
         else:  # one loop after another: the long sums of several clumps overlap
             for i in range(part.first, part.last, part.stride):
@@ -168,13 +171,13 @@ def build(
                 if leads_clump(i, grains):
                     c = grains.clumps.of_grain[i]
                     clumps.write_members(c, grains, model.dt)
-                    moved = moved | settle(c, 1, s, model, grains, wall_contacts, control, report, max_displacement)
+                    moved = moved | settle(c, 1, s, model, grains, wall_contacts, control, report, inner_share)
         return moved
 
     @wp.func
     def move_phase(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
-        report: Report, max_displacement: wp.float64,
+        report: Report, inner_share: wp.float64,
     ) -> int:  # fmt: skip
         """Stage ``stage`` of the step in row ``s``; BEYOND and LEFT of ``motion``, of all its grains together."""
         at = s * wp.static(stages) + stage
@@ -182,13 +185,18 @@ def build(
         dt = model.dt
         moved = int(0)
         for i in range(part.first, part.last, part.stride):
+            total = vec6()
             if wp.static(films is not None):
-                films.exchange(
-                    i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
-                    grains.film,
-                )  # fmt: skip
+                total, asked = wet_load(i, grains.row_start, grains.row)
+                if asked > wp.float64(0.0) or grains.film[i, wp.static(FILM_AT.returned)] != wp.int64(0):
+                    films.exchange(
+                        i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
+                        grains.film,
+                    )  # fmt: skip
                 if wp.static(walls):
-                    wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
+                    if wall_contacts.candidates[i] > 0:
+                        total += wall_contacts.load[i]
+                        wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
             if wp.static(clumps is not None):
                 c = grains.clumps.of_grain[i]
                 if c != wp.static(clump.NONE):
@@ -199,7 +207,8 @@ def build(
             if wp.static(leave):
                 if g.is_removed(grains.record[i]):
                     continue
-            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+            if wp.static(films is None):
+                total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, at, dt, control.field)
             if wp.static(budget is not None):
@@ -232,7 +241,8 @@ def build(
             if stage == wp.static(stages - 1):
                 next_row = (s + 2) * wp.static(stages)
                 far = travel.displaced(
-                    i, state, grains.reference, grains.flight, control.placement, control.origin, next_row, dt, max_displacement
+                    i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
+                    control.origin, next_row, dt,
                 )
                 if wp.static(leave):
                     far = far | travel.left(g.position(state), control.outlet, control.placement, next_row)
@@ -241,7 +251,7 @@ def build(
                             far = 0
                 moved = moved | far
         if wp.static(clumps is not None):
-            moved = moved | move_clumps(part, s, model, grains, wall_contacts, control, report, max_displacement)
+            moved = moved | move_clumps(part, s, model, grains, wall_contacts, control, report, inner_share)
         return moved
 
     return KernelSet(move_phase=move_phase)

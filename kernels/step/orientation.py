@@ -1,10 +1,10 @@
-"""How grains are turned: the unit quaternion (w, x, y, z) that takes a grain's body axes to the frame axes.
+"""Orientation of grains: the unit quaternion (w, x, y, z) that takes a grain's body axes to the frame axes.
 
     p_grain = (cos h, sin h w/|w|),  h = |w| dt/2,     p_axes = quaternion of R,     p <- p_grain p_axes p
 
-w is the mean spin over the step as the integrator left it, in the axes of the step's end: it turns the grain exactly. R turns
-laboratory-fixed directions in frame axes over the step, for a scheme that holds absolute spins (the axes turn away under the
-grain); one that holds spins relative to the frame has no such factor. Both are applied as increments, with 1 - cos h
+w is the mean spin over the step as the integrator left it, in the axes of the step's end: it rotates the grain exactly. R
+rotates laboratory-fixed directions in frame axes over the step, for a scheme that holds absolute spins (the axes rotate away
+under the grain); one that holds spins relative to the frame has no such factor. Both are applied as increments, with 1 - cos h
 written as 2 sin^2(h/2) and p_axes taken from R - I, so that small angles keep all their digits; the length is put right after
 each step. A grain's quaternion is its own: its bits depend on nothing but its spins.
 """
@@ -49,7 +49,7 @@ def build(*, turning_axes: bool):
     """Return ``orientation(q, spin, row, dt)``: the quaternion at the end of the step.
 
     Args:
-        turning_axes: spins are absolute and the axes they are resolved in turn.
+        turning_axes: spins are absolute, and the axes that they are resolved in rotate.
     """
     with_axes = build_axes(turning_axes=turning_axes)
 
@@ -58,9 +58,9 @@ def build(*, turning_axes: bool):
         p = with_axes(q, row)
         rate = wp.length(spin)
         half = wp.float64(0.5) * dt
-        share = wp.sin(half * rate) / rate
+        fraction = wp.sin(half * rate) / rate
         sine = wp.sin(wp.float64(0.5) * half * rate)
-        p = turned(p, wp.float64(-2.0) * sine * sine, spin * (share if rate > wp.float64(0.0) else half))
+        p = turned(p, wp.float64(-2.0) * sine * sine, spin * (fraction if rate > wp.float64(0.0) else half))
         # |p|^2 - 1 is some roundings: one step of Newton's method for 1/|p| is exact
         return p * (wp.float64(1.5) - wp.float64(0.5) * wp.dot(p, p))
 

@@ -5,18 +5,23 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump
 from warpdem.kernels.measure.budget import Momenta
-from warpdem.kernels.step.schedule import kick_time
+from warpdem.kernels.measure.window_sum import add_rounded
+from warpdem.kernels.step.schedule import kick_time, past_turn, slip_time
 from warpdem.kernels.step.structs import Control
 
 vec6 = wp.types.vector(6, wp.float64)
 
 
 @functools.cache
-def build(structs, WallContacts, load, acceleration, reading, budget, clumps=None, *, stages: int, walls: bool):
-    """Return the kernels ``read`` and ``read_budget``; the latter is None without budgets.
+def build(
+    structs, pairs, WallContacts, load, acceleration, reading, budget, clumps=None, *, stages: int, walls: bool,
+    turning_frame: bool, ranks: bool = False,
+):  # fmt: skip
+    """Return the kernels ``read``, ``read_budget`` and those of ``losses``; the latter are None without budgets.
 
     Args:
         structs: namespace of ``structs.build``.
+        pairs: namespace of ``pairs.build``.
         WallContacts: of ``wall.evaluate.build``.
         load: sum over contacts, and ``acceleration``, of ``motion``.
         reading: velocities of the present time, of the integrator.
@@ -24,8 +29,10 @@ def build(structs, WallContacts, load, acceleration, reading, budget, clumps=Non
         clumps: of ``clump_phase.build``; None without clumps.
         stages: force calls per step.
         walls: there are walls.
+        turning_frame: the axes turn, and what contacts keep with them.
+        ranks: some grains belong to other processes.
     """
-    Model, Grains = structs.Model, structs.Grains
+    Model, Grains, ContactBatches = structs.Model, structs.Grains, structs.ContactBatches
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @kernel
@@ -101,4 +108,88 @@ def build(structs, WallContacts, load, acceleration, reading, budget, clumps=Non
                     i, state, total, half, s, model, grains, wall_contacts, control
                 )
 
-    return KernelSet(read=read, read_budget=read_budget)
+    settle_losses = None
+    read_losses = None
+    if pairs.has_parts:
+        g, real, at, width = pairs.grain, pairs.real, pairs.memory.impulses_at, pairs.memory.width - pairs.memory.impulses_at
+        Memory, Impulses = pairs.memory.Memory, pairs.memory.Impulses
+
+        @wp.func
+        def is_contact(p: int, k: int, grains: Grains, contacts: ContactBatches) -> bool:
+            return contacts.slot_i[p, k] + 1 < grains.row.shape[0]
+
+        @kernel
+        def settle_losses(
+            batches: int, s: int, model: Model, control: Control, grains: Grains, contacts: ContactBatches,
+            losses_out: wp.array3d(dtype=wp.int64),
+        ):  # fmt: skip
+            """Add up the work of the impulses of the last force call, one step before row ``s``; no contact keeps any then.
+
+            The next force call does the same: this is for contacts that it will not find, since a grain leaves.
+            """
+            t = wp.tid()
+            p = t % batches
+            k = t // batches
+            if not is_contact(p, k, grains, contacts):
+                return
+            memory = Memory()
+            there = bool(False)
+            for f in range(wp.static(at), wp.static(at + width)):
+                memory[f] = contacts.history[p, f, k]
+                there = there or memory[f] != real(0.0)
+                contacts.history[p, f, k] = real(0.0)
+            row = control.row[s]
+            if wp.static(turning_frame):
+                memory = pairs.memory.rotated(memory, pairs.cast_rotation(past_turn(row)))
+            i = contacts.owner[p, k]
+            if wp.static(ranks):
+                there = there and i < contacts.owned
+            if there:
+                gi = grains.record[i]
+                gj = grains.record[contacts.partner[p, k]]
+                lost = pairs.memory.of_impulses_only(
+                    pairs.memory.past_work(gi, gj, pairs.memory.impulses_of(memory), slip_time(row), model.dt)
+                )
+                for f in range(wp.static(pairs.memory.Losses._length_)):
+                    add_rounded(lost[f], t % losses_out.shape[0], f, losses_out)
+
+        @kernel
+        def read_losses(
+            batches: int, s: int, model: Model, control: Control, grains: Grains, contacts: ContactBatches,
+            velocity: wp.array(dtype=wp.vec3d), spin: wp.array(dtype=wp.vec3d),  # of ``read``
+            sums_out: wp.array3d(dtype=wp.int64),  # of ``window_sum``
+        ):  # fmt: skip
+            """Work of the impulses of the present force call up to the present time, the middle of their kick."""
+            t = wp.tid()
+            p = t % batches
+            k = t // batches
+            if not is_contact(p, k, grains, contacts):
+                return
+            kept = Impulses()
+            there = bool(False)
+            for f in range(wp.static(width)):
+                kept[f] = contacts.history[p, wp.static(at) + f, k]
+                there = there or kept[f] != real(0.0)
+            if not there:
+                return
+            kick = kick_time(control.row[s])
+            done = kick - wp.float64(0.5) * model.dt
+            i = contacts.owner[p, k]
+            j = contacts.partner[p, k]
+            gi = grains.record[i]
+            gj = grains.record[j]
+            across = pairs.border.nearest(g.position(gi) - g.position(gj))
+            distance = wp.sqrt(wp.dot(across, across))
+            depth = wp.float64(0.5) * (gi[3] + gj[3] - distance)
+            swept = wp.vec3d()
+            if wp.static(pairs.spins):
+                swept = spin[i] * (gi[3] - depth) + spin[j] * (gj[3] - depth)
+            lost = pairs.memory.of_impulses_only(
+                pairs.memory.work(
+                    kept, across * (wp.float64(1.0) / distance), velocity[i] - velocity[j], swept, spin[i] - spin[j]
+                )
+            )
+            for f in range(wp.static(pairs.memory.Losses._length_)):
+                add_rounded(lost[f] * (done / kick), t % sums_out.shape[0], f, sums_out)
+
+    return KernelSet(read=read, read_budget=read_budget, settle_losses=settle_losses, read_losses=read_losses)

@@ -49,20 +49,20 @@ def build(times: tuple[float, ...], weights: tuple[float, ...], *, spins: bool, 
             store[i, 5] = wp.vec3d()
         omega = frame.spin_after(f)
         full = a + frame.coriolis(omega, v) + frame.of_place(f, omega, q)
-        turn = b + frame.of_spin(f, omega, w)
+        change = b + frame.of_spin(f, omega, w)
         weight = wp.static(Weights(*weights))[stage]
         store[i, 3] = store[i, 3] + v * weight
         store[i, 4] = store[i, 4] + full * weight
-        store[i, 5] = store[i, 5] + turn * weight
+        store[i, 5] = store[i, 5] + change * weight
         span = wp.static(Nodes(*times, 1.0))[stage + 1] * dt
         mean_v = v  # over the way from the step's beginning to the next stage
         mean_w = w
         if stage == wp.static(len(times) - 1):
             mean_v = store[i, 3]
             full = store[i, 4]
-            turn = store[i, 5]
+            change = store[i, 5]
         end_v = store[i, 1] + full * span
-        end_w = store[i, 2] + turn * span
+        end_w = store[i, 2] + change * span
         if stage == wp.static(len(times) - 1):  # spins have no way of their own to sum up: the trapezoidal rule
             mean_w = (store[i, 2] + end_w) * wp.float64(0.5)
         rate = wp.float64(2.0) / dt  # the record's end velocity is mean + (dt/2) acceleration

@@ -1,7 +1,7 @@
 """What changes with time and is known beforehand: one row per force call, made on the host, read by every kernel.
 
 Row (29 numbers)                                     Placement of a wall motion (24 numbers)
-    0        slip time: dt, 0 at the first instant       0..8    A, body axes -> frame axes
+    0        slip time: dt, 0 at time 0              0..8    A, body axes -> frame axes
     1        kick time: dt, dt/2 at the first            9..11   t: x_frame = A x_body + t        [m]
     2..4     gravity in frame axes       [m/s2]          12..14  angular velocity                 [rad/s]
     5..13    R - I of the drift from t_k to t_k+1        15..17  velocity of the body's point at
@@ -14,7 +14,7 @@ Row (29 numbers)                                     Placement of a wall motion 
 The surface of a wall may move along itself relative to the wall: by V - n (n . V) + a x n, n the normal to the grain.
 
 A point fixed in the laboratory goes from x to x + (R - I) x + shift in frame axes. Vectors are resolved in the axes of their
-own instant.
+own time.
 
 FrameRow (31 numbers), only for what needs the frame itself: schemes with frame-relative velocities, external fields
     0..8     A, frame axes -> laboratory axes
@@ -44,7 +44,7 @@ def slip_time(row: Row) -> wp.float64:
 
 @wp.func
 def kick_time(row: Row) -> wp.float64:
-    """Time over which this instant's acceleration kicks [s]."""
+    """Time over which this acceleration kicks [s]."""
     return row[1]
 
 
@@ -104,13 +104,13 @@ def frame_velocity(f: FrameRow, q: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def spin_jump(f: FrameRow) -> wp.vec3d:
-    """Jump of the frame's angular velocity at this instant [rad/s]."""
+    """Jump of the frame's angular velocity at this time [rad/s]."""
     return wp.vec3d(f[18] - f[12], f[19] - f[13], f[20] - f[14])
 
 
 @wp.func
 def velocity_jump(f: FrameRow, q: wp.vec3d) -> wp.vec3d:
-    """Jump of the velocity of the frame's point ``q`` at this instant [m/s]."""
+    """Jump of the velocity of the frame's point ``q`` at this time [m/s]."""
     return wp.vec3d(f[21] - f[15], f[22] - f[16], f[23] - f[17]) + wp.cross(spin_jump(f), q)
 
 

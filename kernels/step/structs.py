@@ -56,6 +56,7 @@ class Report:
     moved: wp.array(dtype=wp.int32)  # (threads * SPAN,) per thread: BEYOND, LEFT of its grains, of ``motion``
     extreme: wp.array(dtype=wp.float64)  # (threads * SPAN,) per thread: overlap ratio [-], approach speed [m/s], pairs, walls
     wear: wp.array3d(dtype=wp.int64)  # (threads, sums of the features, digits) what wears walls, of ``measure.wear``
+    losses: wp.array3d(dtype=wp.int64)  # (rows, losses, digits) of contacts between grains, rows of ``measure.window_sum``
     done: wp.array(dtype=wp.int32)  # (1,) steps
     removed: wp.array(dtype=wp.int32)  # (1,) 1 when a step removed a grain
     arrivals: wp.array(dtype=wp.int32)  # (barrier.LENGTH,) arrivals at the barrier
@@ -70,7 +71,7 @@ class Steps:
     forces_first: wp.int32  # 1: evaluate the forces of the present positions first
     hold: wp.int32  # 1: leave the forces after the last step to the next launch
     parity: wp.int32  # of the number of the first step
-    max_displacement: wp.float64  # up to which the inner list holds [m]
+    inner_share: wp.float64  # of its allowance, that a grain may move while the inner list holds [-]
     exchange: wp.uint64  # function of the host that ``exchange.exchange`` calls; 0 in a run of one process
 
 
@@ -186,6 +187,7 @@ def build(pairs):
         inverse: wp.array(dtype=Inverse)  # (n,) 1/m [1/kg], 1/I [1/(kg m2)]; of members of clumps written in the step
         material: wp.array(dtype=wp.int32)  # (n,)
         reference: wp.array2d(dtype=wp.vec3d)  # (n, 1 + motions) of the inner list, of ``displacement``
+        allowance: wp.array(dtype=wp.float64)  # (n,) of the outer list, of ``neighbors`` [m]
         row_start: wp.array(dtype=wp.int32)  # (n + 1,) first force slot of each
         # written by the integrator
         record: wp.array(dtype=g.Record)  # (n,)
@@ -197,9 +199,8 @@ def build(pairs):
         film: wp.array2d(dtype=wp.int64)  # (n, 3) of ``contact.films.FILM_AT``; of a law with bridges
         # written by the contacts
         row: wp.array(dtype=pairs.PairForce)  # (force slots + 1,)
-        entry: wp.array(dtype=pairs.Entry)  # beside ``row`` when energies are added up
         # added up
-        energies: wp.array(dtype=Energies)  # (n,)
+        energies: wp.array(dtype=Energies)  # (n,) by walls, fields and what is carried
         momenta: wp.array(dtype=Momenta)  # (n,)
         wall_work: wp.array2d(dtype=wp.float64)  # (n, walls) [J]
         flow: wp.array2d(dtype=wp.float64)  # (n, 2 planes) mass [kg] and number through each
@@ -215,11 +216,11 @@ def build(pairs):
         constants: wp.array3d(dtype=real)  # (batches, numbers, lanes)
         slot_i: wp.array2d(dtype=wp.int32)  # (batches, lanes) force slot of the owner
         slot_j: wp.array2d(dtype=wp.int32)  # and of the partner
+        owned: wp.int32  # grains before this slot belong to this process; in a run over several
         # written
-        history: wp.array3d(dtype=real)  # (batches, numbers, lanes)
+        history: wp.array3d(dtype=real)  # (batches, numbers, lanes) ``Memory`` of each
         trial: wp.array3d(dtype=real)  # history after a stage within the step; it is discarded
 
     return KernelSet(
-        Model=Model, Grains=Grains, ContactBatches=ContactBatches, Entry=pairs.Entry, PairForce=pairs.PairForce,
-        Energies=Energies,
+        Model=Model, Grains=Grains, ContactBatches=ContactBatches, PairForce=pairs.PairForce, Energies=Energies,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 r"""Mindlin's tangential spring kept as a force and rescaled on unloading: it never creates energy.
 
     on loading   F_t <- F_t - k_t(d) ds                     (what was stored stays, new slip meets the new stiffness)
-    on unloading F_t <- F_t k_t(d)/k_t(d') - k_t(d) ds      (a shrinking contact gives up its share)
+    on unloading F_t <- F_t k_t(d)/k_t(d') - k_t(d) ds      (a shrinking contact gives up part of it)
 
 With F_t = -k_t(d) s and k_t proportional to sqrt(d), as with Hertz, both are one rule for the stored spring s [m]:
 
@@ -27,7 +27,7 @@ PASSIVE = True
 
 @functools.cache
 def build(real):
-    """Return the share of the stored spring that is kept over one step, for ``real``."""
+    """Return the fraction of the stored spring that is kept over one step, for ``real``."""
 
     @wp.func
     def kept(overlap: real, overlap_before: real) -> real:

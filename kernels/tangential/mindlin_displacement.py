@@ -18,7 +18,7 @@ SUMMARY = "displacement history"
 
 @functools.cache
 def build(real):
-    """Return the share of the stored spring that is kept over one step (all of it), for ``real``."""
+    """Return the fraction of the stored spring that is kept over one step (all of it), for ``real``."""
 
     @wp.func
     def kept(overlap: real, overlap_before: real) -> real:

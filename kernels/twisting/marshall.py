@@ -11,7 +11,7 @@ A disc on which each point slips as the surface does has (2/3) a mu L where it s
 tangential springs spread over the disc; half spaces that stick together have (8/3) G a^3 (Reissner and Sagoci 1944), 2.3 times
 as much at Poisson's ratio 0.3. It keeps Marshall's name and form: 10.1016/j.jcp.2008.10.035.
 
-As the contact shrinks the spring keeps its twist; as it grows it keeps the share (d'/d)^(3/2) of it, under every normal law.
+As the contact shrinks the spring keeps its twist; as it grows it keeps the fraction (d'/d)^(3/2) of it, under every normal law.
 With Hertz, k_q being proportional to d^(3/2), that is its torque; with ``hooke`` and ``luding``, k_q being proportional to d,
 the torque falls by sqrt(d'/d). So it never returns more than was put in. With ``tangential = "mindlin_displacement"`` it keeps
 the twist either way. Spring and dashpot are cut as those of friction. The torque is far below what limits the time step: its
@@ -35,7 +35,7 @@ def build(real):
     @wp.func
     def torque(
         angle: real,  # q with this step's increment [rad]
-        rate: real,  # w at the instant of the force [rad/s]
+        rate: real,  # w at the time of the force [rad/s]
         radius: real,  # a [m]
         stiffness: real,  # k_t [N/m]
         damping: real,  # gamma_t [N s/m]
@@ -46,8 +46,8 @@ def build(real):
         k_q = stiffness * half_area
         limit = real(wp.static(2.0 / 3.0)) * radius * load
         size = k_q * wp.abs(angle) + real(wp.static(small))
-        share = limit / size
-        held = angle * (share if share < real(1.0) else real(1.0))
+        fraction = limit / size
+        held = angle * (fraction if fraction < real(1.0) else real(1.0))
         trial = held * (-k_q) - rate * (damping * half_area)
         cap = limit / (wp.abs(trial) + real(wp.static(small)))
         return trial * (cap if cap < real(1.0) else real(1.0)), held

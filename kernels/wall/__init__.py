@@ -8,6 +8,7 @@
     contact                    one contact point: its force, by the law of ``kernels.contact.law``
     evaluate                   the contact points of a grain: search, history of the step before, sum of the forces
     sweep                      the contact points of many grains, side by side in the lanes of a CPU's registers
+    mobility                   how a free wall yields where it is pushed
     record                     what a wall contact remembers, and what the last force call made of it
     images                     walls at their periodic images
     distance                   signed distance to a mesh

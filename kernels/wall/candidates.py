@@ -1,8 +1,8 @@
 """Which features of the walls a grain may touch.
 
 ``wp.Mesh`` is float32 and only finds triangles: boxes are asked for with a slack for its rounding, in the body axes of the
-wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64. ``travel``
-is how far a grain may go, in the wall's body axes, before the list is rebuilt. What a candidate is, ``images`` says.
+wall, so the tree of a moving mesh is never rebuilt. The distance that decides is computed in float64. How far a
+grain may go, in the wall's body axes, before the list is rebuilt, its allowance says. What a candidate is, ``images`` says.
 """
 
 import functools
@@ -11,17 +11,17 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, KernelSet, grain
 from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.schedule import Placement, local
-from warpdem.kernels.wall.surface import Surface
+from warpdem.kernels.wall.surface import MeshTrees, Surface
 
 
 @functools.cache
-def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool,
+def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool,
           apart: bool = False, wetting=None):  # fmt: skip
     """Return the kernels for walls with ``meshes`` and with analytic ``shapes``.
 
-    ``around``: of ``images.build``; ``border``: of ``border.build``; ``gap`` as in ``pairs.build``. Where grains may ``leave``
-    the domain, those that have are beside no wall; ``apart``: some materials pass through each other; ``wetting``: of
-    ``films.build``, None for a law without bridges.
+    ``around``: of ``images.build``; ``border``: of ``border.build``; ``ListedGrains``: of ``neighbors.build``; ``gap`` as in
+    ``pairs.build``. Where grains may ``leave`` the domain, those that have are beside no wall; ``apart``: some materials pass
+    through each other; ``wetting``: of ``films.build``, None for a law without bridges.
     """
     g = grain.build(spins)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -41,40 +41,40 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
     def near_features(
         first: int,
         fill: int,  # 0 counts, 1 fills
-        grains: wp.array(dtype=g.Record),
-        material: wp.array(dtype=wp.int32),
-        through: wp.array2d(dtype=wp.int32),  # as of ``neighbors.find_neighbors``
-        travel: wp.float64,
+        grains: ListedGrains,
+        allowance: wp.array(dtype=wp.float64),  # (n,) how far each grain may go [m]
         surface: Surface,
-        mesh: wp.array(dtype=wp.uint64),
-        mesh_wall: wp.array(dtype=wp.int32),
-        mesh_first: wp.array(dtype=wp.int32),  # number of the mesh's first triangle
+        trees: MeshTrees,
         placements: wp.array(dtype=Placement),
         start: wp.array(dtype=wp.int32),
         count_out: wp.array(dtype=wp.int32),
         feature_out: wp.array(dtype=wp.int32),
     ):
         i = first + wp.tid()
-        state = grains[i]
+        state = grains.record[i]
+        if fill == 1 and count_out[i] == 0:
+            return
         if wp.static(leave):
             if g.is_removed(state):
                 count_out[i] = 0
                 return
         q = g.position(state)
         radius = state[3]
+        travel = allowance[i]
         reach = radius + wp.float64(wp.static(gap)) + travel
         n = int(0)
         at = int(0)
         if fill == 1:
             at = start[i]
         if wp.static(meshes):
-            for m in range(mesh.shape[0]):
+            for m in range(trees.tree.shape[0]):
+                wall = trees.wall[m]
                 if wp.static(apart):
-                    if through[material[i], surface.material[mesh_wall[m]]] == 1:
+                    if grains.through[grains.material[i], surface.material[wall]] == 1:
                         continue
-                placement = placements[surface.motion[mesh_wall[m]]]
+                placement = placements[surface.motion[wall]]
                 for image in range(wp.static(around.images)):
-                    if around.counts(surface, mesh_wall[m], image):
+                    if around.counts(surface, wall, image):
                         # where the grain is, and where it may come round to
                         for place in range(wp.static(around.images)):
                             near = bool(True)
@@ -86,10 +86,10 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                                 largest = wp.max(wp.abs(centre[0]), wp.max(wp.abs(centre[1]), wp.abs(centre[2])))
                                 half = float(reach) * 1.0001 + largest * 1.0e-6
                                 box = wp.vec3(half, half, half)
-                                query = wp.mesh_query_aabb(mesh[m], centre - box, centre + box)
+                                query = wp.mesh_query_aabb(trees.tree[m], centre - box, centre + box)
                                 t = int(0)
                                 while wp.mesh_query_aabb_next(query, t):
-                                    c = around.candidate_of(surface, mesh_first[m] + t, image)
+                                    c = around.candidate_of(surface, trees.first[m] + t, image)
                                     # a large triangle may be met from several of these places
                                     if around.reached(surface, placement, c, q, radius, reach, travel) == place:
                                         n = add(c, fill, at, n, feature_out)
@@ -98,7 +98,7 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
                 f = surface.triangles + k
                 wall = surface.wall[f]
                 if wp.static(apart):
-                    if through[material[i], surface.material[wall]] == 1:
+                    if grains.through[grains.material[i], surface.material[wall]] == 1:
                         continue
                 placement = placements[surface.motion[wall]]
                 for image in range(wp.static(around.images)):
@@ -142,19 +142,20 @@ def build(around, border, WallContacts, *, spins: bool, meshes: bool, shapes: bo
     def close_features(
         first: int,
         grains: wp.array(dtype=g.Record),
-        travel: wp.float64,
+        share: wp.float64,
+        allowance: wp.array(dtype=wp.float64),
         surface: Surface,
         placements: wp.array(dtype=Placement),
         near_feature: wp.array(dtype=wp.int32),
         flight: wp.array(dtype=Flight),
         wall_contacts: WallContacts,
     ):
-        """Candidates that a grain can reach within ``travel`` [m], at the start of its slots; with none, no contact points.
+        """Candidates within ``share`` of the allowance, at the start of a grain's slots; with none, no contact points.
 
         All that are near one in flight.
         """
         i = first + wp.tid()
-        select_features(i, grains[i], travel, surface, placements, near_feature, flight, wall_contacts)
+        select_features(i, grains[i], share * allowance[i], surface, placements, near_feature, flight, wall_contacts)
 
     @kernel
     def carry_wall_contacts(

@@ -15,7 +15,7 @@ import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.dissipation import PARTS_AT, with_losses
 from warpdem.kernels.contact.films import RELEASED
-from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry_type
+from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
@@ -32,6 +32,8 @@ from warpdem.kernels.step.schedule import (
 )
 from warpdem.kernels.wall import record
 from warpdem.kernels.wall.contact_points import Hit, direction_of, point_of
+from warpdem.kernels.wall.mobility import Mobility
+from warpdem.kernels.wall.mobility import inverse_mass as inverse_mass_of_wall
 
 vec6 = wp.types.vector(6, wp.float64)
 
@@ -40,6 +42,7 @@ vec6 = wp.types.vector(6, wp.float64)
 def build(
     law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
     inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False, clumps: bool = False,
+    yielding: bool = False,
 ):  # fmt: skip
     """Return ``contact``, the types of what it is given and gives, and readers of what a contact point remembers.
 
@@ -57,6 +60,7 @@ def build(
         conveying: surfaces move along themselves.
         wear: what wears walls is added up, from results that hold the wall's velocity.
         clumps: there are clumps.
+        yielding: some walls are free: dashpots go by what grain and wall weigh together.
     """
     g = grain.build(spins)
     of_clumps = clump.build(clumps)
@@ -68,8 +72,11 @@ def build(
     Rest = wp.types.vector(max(record.result_width(rolling, wear) - record.FRICTION, 3), wp.float64)
     wet, bridge_at = law.bridge_at is not None, law.bridge_at or 0
     losses = len(law.losses)
-    Parts, WallEntry = with_losses(PARTS_AT, law.losses).vector(wp.float64), wall_entry_type(law.losses)
-    Common = wall_entry_type(())
+    at_parts, at_entry = with_losses(PARTS_AT, law.losses), wall_entry(law.losses)
+    Parts, WallEntry, Common = (c.vector(wp.float64) for c in (at_parts, at_entry, WALL_ENTRY_AT))
+    drags = "drag" in at_parts
+    drag_at = (at_parts.drag, at_entry.drag, at_entry.drag_torque, at_entry.drag_power) if drags else (0, 0, 0, 0)
+    at_drag, drag_in, torque_in, power_in = drag_at
     parts, stored = dissipation or (None, None)
 
     @wp.func
@@ -116,7 +123,7 @@ def build(
         return inertia
 
     @wp.func
-    def wall_entry(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
+    def entry_of(n: wp.vec3d, distance: wp.float64, u: wp.vec3d, w: wp.vec3d, p: Parts) -> WallEntry:
         """Energy entry of a full contact with a wall whose material moves at ``u`` [m/s] and turns at ``w`` [rad/s]."""
         normal_force = n * p[wp.static(PARTS_AT.damping)]
         tangential_force = wp.vec3d(
@@ -145,6 +152,13 @@ def build(
             out[f] = common[f]
         for f in range(wp.static(losses)):
             out[wp.static(WALL_ENTRY_AT.width) + f] = p[wp.static(PARTS_AT.width) + f]
+        if wp.static(drags):
+            drag = wp.vec3d(p[wp.static(at_drag)], p[wp.static(at_drag + 1)], p[wp.static(at_drag + 2)])
+            turning = wp.cross(drag, n) * distance
+            for d in range(3):
+                out[wp.static(drag_in) + d] = drag[d]
+                out[wp.static(torque_in) + d] = turning[d]
+            out[wp.static(power_in)] = wp.dot(drag, u)
         return out
 
     @wp.func
@@ -164,6 +178,7 @@ def build(
         before: WallHistory,
         now: Placement,  # of the wall
         then: Placement,  # where springs slip from
+        mobility: Mobility,  # of the wall, where some are ``yielding``
         c: Coefficients,
         row: Row,
         dt: wp.float64,
@@ -185,7 +200,8 @@ def build(
         w_predicted = w + g.angular_acceleration(state) * half
         distance = hit[0]
         body_point = point_of(hit)
-        n = direction_of(hit)
+        body_normal = direction_of(hit)
+        n = body_normal
         point = body_point
         if wp.static(moving > 0):
             n = turned(now, n)
@@ -235,7 +251,10 @@ def build(
         if wp.static(conveying):
             v_wall = v_wall + surface_velocity(surface_vector(now), surface_circulation(now), n)
         velocity = v_predicted - wp.cross(w_predicted, n) * distance - v_wall
-        numbers = law.constants(c, radius, wp.float64(1.0) / of_clumps.inverse_mass(inv, n), wp.float64(0.0))
+        inverse_mass = of_clumps.inverse_mass(inv, n)
+        if wp.static(yielding):
+            inverse_mass = inverse_mass + inverse_mass_of_wall(mobility, body_normal, body_point)
+        numbers = law.constants(c, radius, wp.float64(1.0) / inverse_mass, wp.float64(0.0))
         inertia = inertia_of(inv)
         turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
@@ -250,7 +269,7 @@ def build(
                 n, n_before, overlap, overlap_before, velocity, slip, turning, w - w_wall, dt, numbers, radius, inertia, c,
                 history, full_force, full_moment, history_now,
             )  # fmt: skip
-            entry = wall_entry(n, distance, v_wall, w_wall, force_parts) * weight
+            entry = entry_of(n, distance, v_wall, w_wall, force_parts) * weight
             power = weight * (wp.dot(full_force, v_wall) + wp.dot(full_moment, w_wall))
         force = full_force * weight
         moment = full_moment * weight
@@ -288,7 +307,7 @@ def build(
         contact=contact, in_springs=in_springs if stored and remembers else None, point_in=point_in,
         normal_in=normal_in, force_in=force_in, at=at,
         has_parts=parts is not None, spins=spins, rolling=rolling, moving=moving, WallHistory=WallHistory,
-        looks_back=moving > 0 or conveying,
+        looks_back=moving > 0 or conveying, yielding=yielding,
         Result=Result, Coefficients=Coefficients, Record=g.Record, Inverse=Inverse,
         WallEntry=WallEntry,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """The wall contacts of a grain: one per contact point, however the wall is divided into triangles.
 
-A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features within the inner
-skin) and its contact points are at the start of that range. Each step, for the grains that have candidates:
+A grain near a wall owns a range of slots, one per feature of its near list; its candidates (the features listed in the
+inner list) and its contact points are at the start of that range. Each step, for the grains that have candidates:
 
 1. ``search``: the closest points of its candidates are reduced to contact points (``contact_points``), and each takes the
    history of the nearest one of the step before on that wall (in body axes: it is kept across triangle borders);
@@ -19,12 +19,16 @@ from warpdem.kernels.step.structs import ForceCall
 from warpdem.kernels.wall import contact_points, films
 from warpdem.kernels.wall.contact import vec6
 from warpdem.kernels.wall.contact_points import SHARED, TAKEN, Hit, point_of
+from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.record import FOUND, FRICTION, Found
 from warpdem.kernels.wall.surface import Surface
 
 
 @functools.cache
-def build(structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None):
+def build(
+    structs, one, closest_on_feature, border, around, *, table: bool, meshes: bool, gap: float, of_films=None,
+    force_gap: float = 0.0,
+):  # fmt: skip
     """Return the struct of wall contacts, and the functions of a grain's.
 
     Args:
@@ -37,6 +41,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         meshes: some walls are meshes.
         gap: as in ``pairs.build``.
         of_films: of ``contact.films.build``; None for a law without bridges.
+        force_gap: how far beyond contact the normal law itself acts [m]; with bridges.
     """
     g, at = grain.build(one.spins), one.at
     WallHistory, Result, WallEntry = one.WallHistory, one.Result, one.WallEntry
@@ -165,6 +170,11 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
                     if wp.static(table):
                         row = grains.material[i] * model.materials + model.surface.material[wall]
                     before = remembered(i, c, hits == 1, wall, radius, call.old_generation, model.surface, wall_contacts)
+                    if wp.static(wetting is not None):  # out of reach of the normal law only a bridge acts
+                        distance = wall_contacts.hit[c][0]
+                        if distance > radius + wp.float64(wp.static(force_gap)):
+                            if not wetting.acts(before, call.old_generation, wall_contacts):
+                                continue
                     wall_contacts.found[n] = Found(i, c, before, slot, f, wall, model.surface.motion[wall], row)
                     n += 1
                     slot += 1
@@ -192,6 +202,9 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
         then = now
         if wp.static(one.looks_back):
             then = placements[call.before, motion]
+        mobility = Mobility()
+        if wp.static(one.yielding):
+            mobility = model.surface.mobility[motion]
         before = WallHistory()
         known = wp.float64(0.0)
         if found[wp.static(FOUND.before)] >= 0:
@@ -199,7 +212,7 @@ def build(structs, one, closest_on_feature, border, around, *, table: bool, mesh
             known = wp.float64(1.0)
         memory, load, rest, overlap_ratio, approach, entry, power = one.contact(
             grains.record[i], grains.inverse[i], wall_contacts.hit[found[wp.static(FOUND.hit)]],
-            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then,
+            wp.float64(found[wp.static(FOUND.wall)]), known, before, now, then, mobility,
             model.coefficients[found[wp.static(FOUND.coefficients)]], row, model.dt,
         )  # fmt: skip
         wall_contacts.point[call.new_generation, slot] = memory

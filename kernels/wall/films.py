@@ -68,6 +68,14 @@ def build(WallContacts, Model, films, at, *, table: bool):
                 of.point[generation, s] = point
 
     @wp.func
+    def acts(before: int, generation: int, wall_contacts: WallContacts) -> bool:
+        """Whether contact point ``before`` of a generation, -1 for none, holds liquid or has asked for it."""
+        counts = f64(0.0)
+        if before >= 0:
+            counts = wall_contacts.point[generation, before][wp.static(bridge)]
+        return counts > f64(0.0) or counts == f64(wp.static(liquid.PENDING))
+
+    @wp.func
     def exchange(
         i: int, radius: f64, old: int, listed: int, end: int, material: int, model: Model, wall_contacts: WallContacts
     ):  # fmt: skip
@@ -86,9 +94,11 @@ def build(WallContacts, Model, films, at, *, table: bool):
                     if heirs > 1 and counts > f64(0.0):
                         found[wp.static(FOUND.before)] = -1
                         wall_contacts.found[e] = found
+            if counts > f64(0.0) and heirs > 0:  # a bridge that goes on
+                continue
             wall = int(point[wp.static(wall_at)])
             held = counts_in(counts)
-            if held > wp.int64(0) and (heirs == 0 or counts < f64(0.0)):
+            if held > wp.int64(0):
                 give_back(i, held, wall, wall_contacts)
                 point[wp.static(bridge)] = f64(0.0)
             elif counts == f64(wp.static(liquid.PENDING)) and heirs > 0:
@@ -111,12 +121,7 @@ def build(WallContacts, Model, films, at, *, table: bool):
 
     @wp.func
     def forget(i: int, generation: int, wall_contacts: WallContacts):
-        """Contact points of a generation that has passed its bridges on hold none."""
-        first = wall_contacts.first[i]
-        for s in range(first, first + wall_contacts.point_count[generation, i]):
-            point = wall_contacts.point[generation, s]
-            if point[wp.static(bridge)] != f64(0.0):
-                point[wp.static(bridge)] = f64(0.0)
-                wall_contacts.point[generation, s] = point
+        """A generation that has passed its bridges on has no contact points: what is there holds no liquid any more."""
+        wall_contacts.point_count[generation, i] = 0
 
-    return KernelSet(exchange=exchange, give_all_back=give_all_back, forget=forget)
+    return KernelSet(acts=acts, exchange=exchange, give_all_back=give_all_back, forget=forget)

@@ -1,4 +1,4 @@
-"""Cylinder or cone: a straight line, the generatrix, turned about an axis.
+"""Cylinder or cone: a straight line, the generatrix, rotated about an axis.
 
 Numbers: 0..2 point of the axis [m], 3..5 its unit direction, 6, 7 a point of the generatrix (height along the axis, distance
 from it) [m], 8, 9 its unit direction in the same two coordinates, 10, 11 where it begins and ends [m] (may be infinite),

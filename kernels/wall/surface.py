@@ -1,6 +1,7 @@
 """The walls of a scene as the kernels see them: triangles of meshes first, then analytic shapes, one numbering for all."""
 
 import warp as wp
+from warpdem.kernels.wall.mobility import Mobility
 
 Revolved = wp.types.vector(13, wp.float64)
 Ball = wp.types.vector(5, wp.float64)
@@ -34,12 +35,26 @@ class Surface:
     """Wall of each feature."""
     motion: wp.array(dtype=wp.int32)
     """Placement of each wall."""
+    mobility: wp.array(dtype=Mobility)
+    """How walls yield, by placement; of size 0 where none is free."""
     images: wp.array(dtype=wp.int32)
     """Images of a grain from which each wall is seen, a bit for each number; see ``images``."""
     material: wp.array(dtype=wp.int32)
     """Material of each wall."""
     rounding: wp.array(dtype=wp.float64)
     """How far corners of each wall's file are off the planes they belong to [m]."""
+
+
+@wp.struct
+class MeshTrees:
+    """Search trees of the mesh walls, in the body axes of their wall."""
+
+    tree: wp.array(dtype=wp.uint64)
+    """``wp.Mesh`` of each, shape (meshes,)."""
+    wall: wp.array(dtype=wp.int32)
+    """Its wall."""
+    first: wp.array(dtype=wp.int32)
+    """Number of its first triangle."""
 
 
 @wp.func

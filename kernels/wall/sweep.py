@@ -15,6 +15,7 @@ from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.step.structs import ForceCall, Range
 from warpdem.kernels.wall.contact_points import Hit
+from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.record import FOUND, FRICTION
 
 BLOCK = 64  # grains searched before their contact points are evaluated, while what the search has read is in the caches
@@ -35,6 +36,9 @@ def source(one, lanes: int, table: bool) -> str:
     c_of_all = "" if table else same("c", one.Coefficients, "model.coefficients.data[0].c")
     c_of_each = gathered("c", one.Coefficients, "model.coefficients.data[0].c", "coefficients_of", lanes) if table else ""
     then = gathered("then", Placement, placement("before"), "motion_of", lanes) if one.looks_back else ""
+    mobility = f"        wp::vec_t<{Mobility._length_}, f64> mobility;\n"  # read by nobody where no wall is free
+    if one.yielding:
+        mobility = gathered("mobility", Mobility, "model.surface.mobility.data[0].c", "motion_of", lanes)
     given = [
         ("wp::address(wall_contacts.point, call.new_generation, slot_of[k])->c", [f"o.r0.c[{f}]" for f in range(memory)]),
         ("wall_contacts.result.data[slot_of[k]].c", ["feature", *(f"o.r1.c[{f}]" for f in range(3)),
@@ -66,9 +70,10 @@ def source(one, lanes: int, table: bool) -> str:
 {gathered("inv", one.Inverse, "grains.inverse.data[0].c", "grain_of", lanes)}\
 {gathered("point", Hit, "wall_contacts.hit.data[0].c", "hit_of", lanes)}\
 {gathered("before", one.WallHistory, "wp::address(wall_contacts.point, call.old_generation, 0)->c", "before_of", lanes)}\
-{gathered("now", Placement, placement("now"), "motion_of", lanes)}{then}{c_of_each}\
+{gathered("now", Placement, placement("now"), "motion_of", lanes)}{then}{mobility}{c_of_each}\
         const auto o = batch::{contact}(
-            state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, c, step, f64(model.dt));
+            state, inv, point, wall, known, before, now, {"then" if one.looks_back else "now"}, mobility, c, step,
+            f64(model.dt));
         deepest = deepest < o.r3 ? o.r3 : deepest;
         fastest = fastest < o.r4 ? o.r4 : fastest;
         double loads[{lanes}][6]{f", entries[{lanes}][{entry}]" if one.has_parts else ""};

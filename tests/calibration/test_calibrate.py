@@ -8,6 +8,7 @@ import math
 import pytest
 from rich.console import Console
 
+from browser import check_access
 from page_check import check_html
 from scene_text import GLASS
 from stub_executor import StubExecutor
@@ -99,7 +100,14 @@ def test_it_finds_the_values_and_leaves_tables_scenes_and_a_page(file):
     assert best.pairs[0].friction == pytest.approx(friction["value"]) and best.time.end == 2
     assert best.materials["glass"].young_modulus == pytest.approx(1e6 * stiffness["value"])
     check_html(folder / "calibration.html")
+    assert (folder / "calibration.html").stat().st_size < 5_000_000
     assert "friction" in said and "95 % interval" in said and "round 1: 9 runs" in said
+
+
+def test_in_a_browser_nothing_of_the_page_is_out_of_reach_of_people_who_see_or_point_otherwise(file):
+    run(file, StubExecutor(respond))
+    for dark in (False, True):
+        check_access(file.parent / "out" / "calibration.html", dark)
 
 
 def test_what_was_cut_short_goes_on_to_the_same_table(file):

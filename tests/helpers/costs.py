@@ -5,13 +5,20 @@ cache of kernels most of a file's time is compiling, which goes to the first tes
 """
 
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import pytest
 from warp._src import build
 
 NAME = "costs"
 LINES = 40
+LONGEST = (
+    "tests/test_laws_anywhere.py", "tests/test_outlets.py", "tests/test_servo.py", "tests/verification/test_clumps.py",
+    "tests/test_liquid.py", "tests/test_free_walls.py", "tests/kernels/measure/test_wear.py", "tests/test_streams.py",
+    "tests/verification/test_adhesion.py", "tests/scenes/test_gallery.py", "tests/verification/test_mesh_walls.py",
+    "tests/ranks/test_bits.py", "tests/test_resident.py", "tests/kernels/contact/test_sweep.py",
+)  # fmt: skip
+"""Files that cost most, by what the option says: workers begin with them, so that none is left alone with one at the end."""
 
 
 class Costs:
@@ -52,6 +59,17 @@ class Costs:
         reports = [report for group in terminalreporter.stats.values() for report in group]
         for line in table(reports):
             terminalreporter.write_line(line)
+
+
+def longest_first(items: list) -> None:
+    """Put tests in the order in which workers are to take their files: ``LONGEST``, then those with most tests.
+
+    A worker takes whole files (``--dist loadfile``); by the number of tests alone a file of few long ones would come last.
+    """
+    files = [item.nodeid.split("::")[0] for item in items]
+    count, first = Counter(files), {file: place for place, file in enumerate(LONGEST)}
+    order = sorted(range(len(items)), key=lambda k: (first.get(files[k], len(first)), -count[files[k]], files[k]))
+    items[:] = [items[k] for k in order]
 
 
 def table(reports) -> list[str]:

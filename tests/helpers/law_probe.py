@@ -26,7 +26,7 @@ def _kernels(module, real):
         out: wp.array2d(dtype=real), now: wp.array(dtype=of.History), losses: wp.array2d(dtype=real),
     ):  # fmt: skip
         t = wp.tid()
-        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, own, drag = of.force(
+        f_n, load, dashpot, k_n, gamma_t, depth, depth_before, own, squeezed, drag = of.force(
             overlap[t], before[t], speed[t], k[t], c[t], history[t], real(0.0)
         )
         out[t, 0] = f_n
@@ -35,7 +35,8 @@ def _kernels(module, real):
         out[t, 3] = k_n
         out[t, 4] = depth
         out[t, 5] = depth_before
-        out[t, 6] = drag
+        out[t, 6] = squeezed
+        out[t, 7] = drag
         now[t] = own
         lost = of.lost(overlap[t], before[t], k[t], history[t], own)
         for f in range(wp.static(len(of.losses))):
@@ -89,9 +90,9 @@ class Contacts:
             self._array(np.tile(self._row, (n, 1)), self._of.Coefficients),
             self._array(past, self._of.History),
         ]
-        out, now = wp.zeros((n, 7), dtype=self._real, device="cpu"), wp.zeros(n, dtype=self._of.History, device="cpu")
+        out, now = wp.zeros((n, 8), dtype=self._real, device="cpu"), wp.zeros(n, dtype=self._of.History, device="cpu")
         lost = wp.zeros((n, len(self._of.losses)), dtype=self._real, device="cpu")
         wp.launch(self._force, dim=n, inputs=[*inputs, out, now, lost], device="cpu")
-        names = ("force", "load", "dashpot", "k_n", "depth", "depth_before", "drag")
+        names = ("force", "load", "dashpot", "k_n", "depth", "depth_before", "squeezed", "drag")
         found = zip((*names, *self._of.losses), np.hstack([out.numpy(), lost.numpy()]).astype(float).T, strict=True)
         return dict(found) | {"history": now.numpy().astype(float)}

@@ -1,7 +1,8 @@
 """Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE ...``.
 
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
-half, and three resume it. Cuts are moved at random at every outer list, so that many grains change hands.
+half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
+change hands.
 """
 
 import sys
@@ -11,12 +12,12 @@ import numpy as np
 from mpi4py import MPI
 
 from rank_scenes import SCENES
+from warpdem.app.phases import run
 from warpdem.ranks import rank
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.follower import serve
 from warpdem.ranks.front import leading
 from warpdem.ranks.world import World
-from warpdem.runner import run_scene
 
 
 def main() -> None:
@@ -36,16 +37,15 @@ def main() -> None:
             some = MPI.COMM_WORLD.Split(int(here))
             if not here:
                 continue
-            world = World(some)
-            if world.rank:
+            world = World(some) if size > 1 else None
+            if world is not None and world.rank:
                 if serve(world):
                     sys.exit(1)  # rank 0 has failed, and will not come to the next scene
                 continue
-            until = scene.time.end * (part + 1) / len(each)
+            end = sum(scene.phase(k).time.end for k in range(len(scene.phases))) or scene.time.end
+            until = end * (part + 1) / len(each)
             with leading(world):
-                run_scene(
-                    scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0
-                )
+                run(scene, folder / task, quiet=True, picture=False, threads=1 + int(size == 2), until=until, resume=part > 0)
 
 
 if __name__ == "__main__":

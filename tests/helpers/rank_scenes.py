@@ -1,8 +1,15 @@
 """Small scenes that are run over several ranks, each with many of the features that meet there."""
 
+from pathlib import Path
+
 import numpy as np
 
 from warpdem import Scene
+
+PACKAGE = Path(__file__).resolve().parents[2]
+OWN = PACKAGE / "kernels"
+"""Models of the package given by their files are models of one's own."""
+BOX_MESH = PACKAGE / "scenes" / "meshes" / "box.stl"
 
 RADIUS = 1.0e-3
 MATERIALS = {"a": {"density": 2500, "young_modulus": 4e6, "poisson_ratio": 0.3},
@@ -86,4 +93,77 @@ def drained() -> Scene:
     return poured(title="drained", measures=measures, pairs=sticky, contact={"normal": "jkr", "rolling": "constant"})
 
 
-SCENES = {one.__name__: one for one in (stirred, sizes, few, poured, drained)}
+def milled() -> Scene:
+    """A mesh that moves through the grains and wears; laws, a field and observers in files of one's own; all measures."""
+    walls = [{"name": f"p{k}", "material": "a", "plane": {"point": p, "normal": n}} for k, (p, n) in enumerate(BOX)]
+    walls.append({"name": "blade", "material": "b", "mesh": BOX_MESH, "scale": [1e-3, 9e-3, 4e-3],
+                  "translate": [-6e-3, -4.5e-3, 0.5e-3],
+                  "motion": {"velocity": [0.4, 0, 0.3]}})  # fmt: skip
+    box = {"min": [-6e-3, -6e-3, 0], "max": [6e-3, 6e-3, 8e-3]}
+    measures = {
+        "energy": True, "momentum": True,
+        "flow": [{"name": "disk", "point": [0, 0, 6e-3], "normal": [0, 0, 1], "radius": 4e-3}],
+        "regions": [{"name": "ball", "sphere": {"centre": [0, 0, 6e-3], "radius": 5e-3}, "fabric": True},
+                    {"name": "all", "of": {"material": "b"}}],
+        "profiles": [{"name": "height", "box": box, "along": "z", "slices": 3, "fixed_to": "laboratory"}],
+        "mixing": [{"name": "sides", "by": "x", "cell": 4e-3}, {"name": "size", "by": "size", "cell": 4e-3}],
+        "wear": {"archard": {"coefficient": 1e-4, "hardness": "1 GPa"}, "finnie": {"pressure": "1 GPa"}},
+        "grid": {"box": box, "cell": 4e-3},
+    }  # fmt: skip
+    pairs = [{"materials": list(pair), "stiffness": 300, **NUMBERS} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
+    grains = [{"material": "a", **lattice((5, 5, 5), 2.2e-3, (-3.3e-3, -4.4e-3, 5.8e-3), 6)}]
+    contact = {"normal": OWN / "normal" / "hooke.py", "tangential": OWN / "tangential" / "mindlin.py", "rolling": "spring"}
+    observers = [{"name": "fast", "model": OWN / "observer" / "speed.py", "reduce": ["sum", "mean", "min", "max"]},
+                 {"name": "here", "model": "speed", "axes": "frame", "reduce": ["max"]}]  # fmt: skip
+    fields = [{"model": OWN / "field" / "drag.py", "parameters": {"coefficient": 1e-5, "flow": [1, 0, 0]}}]
+    return scene("milled", frame={"axis": [0, 1, 0.2], "rate": 20}, walls=walls, grains=grains, measures=measures, pairs=pairs,
+                 contact=contact, observers=observers, fields=fields,
+                 engine={"skin": 0.4 * RADIUS, "max_overlap": 0.4},
+                 output={"interval": 1e-3, "history_interval": 5e-4, "formats": ["vtk", "vtkhdf", "usd"], "contacts": True,
+                         "orientation": True})  # fmt: skip
+
+
+def belted() -> Scene:
+    """A law of springs that yield and stick by their history, twisting, a belt; speeds are held relative to axes that turn."""
+    walls = [{"name": "belt", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
+              "surface_velocity": [0.5, 0, 0]}]  # fmt: skip
+    numbers = {**NUMBERS, "stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100}
+    pairs = [{"materials": list(pair), **numbers} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
+    grains = [{"material": "a", **lattice((6, 5, 4), 2.0e-3, (-5e-3, -4e-3, 1e-3), 7)}]
+    frame = {"axis": [0, 1, 0.2], "schedule": [{"until": 1e-3, "rate": [0, 40]}, {"rate": 40}]}
+    return scene("belted", frame=frame, walls=walls, grains=grains, pairs=pairs,
+                 contact={"normal": "luding", "rolling": "constant", "twisting": "marshall"},
+                 engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5, "integrator": "velocity_verlet"})  # fmt: skip
+
+
+def pressed(cells: dict | None = None) -> Scene:
+    """A lid that a servo presses, a free body between grains; both budgets."""
+    walls = [{"name": f"p{k}", "material": "a", "plane": {"point": p, "normal": n}} for k, (p, n) in enumerate(BOX)]
+    walls += [
+        {"name": "lid", "material": "b", "plane": {"point": [0, 0, 12e-3], "normal": [0, 0, -1]},
+         "servo": {"axis": [0, 0, -1], "force": 0.5, "max_speed": 0.5}},
+        {"name": "ball", "material": "b", "sphere": {"centre": [0, 0, 5.5e-3], "radius": 2.5e-3, "inside": False},
+         "free": {"joint": "none", "centre": [0, 0, 5.5e-3], "mass": "20 g", "inertia": [1e-6, 1e-6, 1e-6],
+                  "velocity": [0.2, 0, 0]}},
+    ]  # fmt: skip
+    if cells is None:
+        cells = lattice((6, 6, 5), 2.2e-3, (-5.5e-3, -5.5e-3, 1.1e-3), 8)
+    far = np.linalg.norm(cells["positions"] - [0, 0, 5.5e-3], axis=1) > 3.6e-3
+    return scene("pressed", walls=walls, grains=[{"material": "a", **{name: values[far] for name, values in cells.items()}}],
+                 measures={"energy": True, "momentum": True})  # fmt: skip
+
+
+def held() -> Scene:
+    """The same with three grains, so that some ranks have none and move the walls all the same."""
+    cells = {"positions": np.array([[-3.7e-3, 0, 5.5e-3], [4.6e-3, 0, 5.5e-3], [0, 0, 10.8e-3]]), "radii": np.full(3, RADIUS)}
+    return pressed({**cells, "velocities": np.array([[0.5, 0, 0], [-0.5, 0, 0], [0, 0, 0.3]])})
+
+
+def phased() -> Scene:
+    """A stream whose second phase starts from the state that the first one left, other gravity and a stream that goes on."""
+    first = {"name": "fill", "time": {"end": 2e-3, "step": 2e-5, "max_speed": 1}}
+    second = {"name": "tilt", "gravity": [-40, 0, -40]}
+    return poured(title="phased", phases=[first, second])
+
+
+SCENES = {one.__name__: one for one in (stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased)}

@@ -50,7 +50,8 @@ class StubExecutor:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "history.csv").open("w", newline="") as file:
             csv.writer(file).writerows([["time [s]", *values], [0, *[0] * len(values)], [1, *values.values()]])
-        (folder / "run.json").write_text(json.dumps({"status": "done", "seconds": {"total": 0.1}, "state_hash": "h"}))
+        record = {"status": "done", "seconds": {"total": 0.1, "steps": 0.08}, "state_hash": "h"}
+        (folder / "run.json").write_text(json.dumps(record))
         write_result(folder, 0, "")
         future.set_result(0)
         return future

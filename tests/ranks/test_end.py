@@ -13,7 +13,9 @@ import pytest
 pytest.importorskip("mpi4py")
 
 from warpdem.ranks import launcher
+from warpdem.state import checkpoint_file
 
+FAILURES = Path(__file__).parents[1] / "helpers" / "rank_failures.py"
 SCENE = """
 gravity = [9, 0, -9]
 [materials.a]
@@ -63,6 +65,28 @@ def test_an_error_is_told_once_and_ends_all(tmp_path):
     assert said[0] == said[1]
 
 
+@pytest.mark.parametrize(
+    ("how", "rank", "code", "said"),
+    [
+        ("disk", 0, 3, "File too large"),
+        ("bug", 1, 1, "ZeroDivisionError: a bug on one rank"),
+        pytest.param("bug", 0, 1, "ZeroDivisionError('a bug on one rank')", marks=pytest.mark.slow),
+        pytest.param("memory", 1, 3, "out of memory (no more on one rank)", marks=pytest.mark.slow),
+    ],
+)
+def test_a_rank_that_fails_ends_all(tmp_path, how, rank, code, said):
+    """Within seconds, with one message, and the last good checkpoint is whole."""
+    (tmp_path / "scene.toml").write_text(SCENE.replace("END", "100").replace("end = 2\n", "end = 0.2\n"))
+    given = command(tmp_path, 2)
+    at = given.index("run")
+    failing = [*given[: at - 2], str(FAILURES), how, str(rank), *given[at:]]
+    done = subprocess.run(failing, env=environment(), capture_output=True, text=True, timeout=300)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert done.stderr.count("error:") == 1
+    assert checkpoint_file.read(tmp_path / "out" / "checkpoint.h5")["step"] >= 0
+
+
 def last_rank(folder: Path, launched: int) -> int:
     """Process of a rank that runs the scene in ``folder``, which the process ``launched`` has started."""
     pattern = f"python.*-m warpdem run {folder}"
@@ -70,25 +94,26 @@ def last_rank(folder: Path, launched: int) -> int:
     return max(int(number) for number in found if int(number) != launched)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("how", ["Ctrl-C", "killed rank"])
+@pytest.mark.parametrize("how", [pytest.param("Ctrl-C", marks=pytest.mark.slow), "killed rank"])
 def test_what_ends_before_its_end_can_go_on(tmp_path, how):
+    """To a little after the last checkpoint, with the bits of a run that nobody has cut."""
     (tmp_path / "scene.toml").write_text(SCENE.replace("END", "100"))
     process = subprocess.Popen(command(tmp_path, 2), env=environment(), stderr=subprocess.PIPE, text=True)
     saved = tmp_path / "out" / "checkpoint.h5"
     begin = time.monotonic()
-    while not saved.exists() or time.time() - saved.stat().st_mtime > 1.0:
+    while not saved.exists() or not checkpoint_file.read(saved)["step"]:
         assert process.poll() is None and time.monotonic() - begin < 120
         time.sleep(0.2)
-    time.sleep(1.0)
     if how == "Ctrl-C":
         process.send_signal(signal.SIGINT)
     else:
         os.kill(last_rank(tmp_path, process.pid), signal.SIGKILL)
     code = process.wait(30)
     assert code == 130 if how == "Ctrl-C" else code != 0
-    went_on = subprocess.run(command(tmp_path, 1, "--resume"), env=environment(), timeout=300)
-    assert went_on.returncode == 0
-    resumed = json.loads((tmp_path / "out" / "run.json").read_text())
-    assert subprocess.run(command(tmp_path, 1, "--overwrite"), timeout=300).returncode == 0
-    assert json.loads((tmp_path / "out" / "run.json").read_text())["state_hash"] == resumed["state_hash"]
+    state = checkpoint_file.read(saved)
+    hashes = []
+    for how_to_go_on in ("--resume", "--overwrite"):
+        again = command(tmp_path, 1, how_to_go_on, f"--until={(state['step'] + 50) * state['dt']!r}")
+        assert subprocess.run(again, env=environment(), timeout=300).returncode == 0
+        hashes.append(json.loads((tmp_path / "out" / "run.json").read_text())["state_hash"])
+    assert hashes[0] == hashes[1]

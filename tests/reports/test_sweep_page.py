@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from browser import check_access
 from page_check import check_html
 from warpdem.reports.sweep_page import write_sweep_page
 
@@ -30,3 +31,8 @@ def test_rows_and_charts(page):
 
 def test_it_is_html_without_a_fault(page):
     check_html(page)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_in_a_browser_nothing_is_out_of_reach_of_people_who_see_or_point_otherwise(page, dark):
+    check_access(page, dark)

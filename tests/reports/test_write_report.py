@@ -2,13 +2,12 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
 import twelve_grains
-from browser import evaluated
-from page_check import check_html, library
+from browser import check_access, evaluated
+from page_check import check_html
 from warpdem import WarpdemError, report
 from warpdem.app import cli
 from warpdem.reports import pictures
@@ -89,17 +88,7 @@ def test_in_a_browser_curves_tell_their_values_and_a_title_stays_text(page):
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_in_a_browser_nothing_is_out_of_reach_of_people_who_see_or_point_otherwise(page, dark):
-    """By the rules of axe-core."""
-    axe = (Path(library("axe_core_python").__path__[0]) / "axe.min.js").read_text(encoding="utf-8")
-    found = evaluated(page, f"""
-        document.documentElement.dataset.theme = "{"dark" if dark else "light"}";
-        for (const details of document.querySelectorAll("details")) details.open = true;
-        const result = await axe.run();
-        const wrong = result.violations.map((v) => [v.id, v.nodes.map((n) => n.html.slice(0, 200))]);
-        return {{passes: result.passes.length, wrong}};
-    """, (axe,))  # fmt: skip
-    assert found["wrong"] == []
-    assert found["passes"] > 20
+    check_access(page, dark)
 
 
 def test_a_narrow_window_scrolls_down_only(page):

@@ -43,6 +43,16 @@ def test_differences_within_the_scatter_of_twins_are_chance():
     assert runs_needed(0.02, 0.01) == 16 and runs_needed(1e-9, 1.0) == 1
 
 
+def test_of_more_steps_the_finest_that_are_no_chance_tell_the_order():
+    steps = tuple(4e-5 * 0.5**k for k in range(6))
+    exact = [2.0 + 0.3 * (step / steps[0]) ** 2 for step in steps]
+    noisy = [value + 2e-3 * (-1) ** k * (k > 2) for k, value in enumerate(exact)]  # differences below 0.017 are chance
+    found = step_error(steps, noisy, 6e-3)
+    assert found.known and found.told == 1 and found.order == pytest.approx(2.0) and found.limit == pytest.approx(2.0)
+    assert found.error(steps[0]) == pytest.approx(0.3)
+    assert step_error(steps, exact, None).told == 4
+
+
 def test_values_that_do_not_differ_have_no_error():
     found = step_error(STEPS, [3.0, 3.0, 3.0], None)
     assert found.error(STEPS[0]) == 0.0 and found.limit == 3.0

@@ -44,7 +44,7 @@ def least_bytes(sim: warpdem.Simulation) -> dict[str, float]:
     number = 4 if plan.backend.precision == "mixed" else 8
     record = 8 * (16 if plan.contact.spins else 10)
     shares = 2 * pair_force_width(plan.contact.spins) * number * contacts
-    per_contact = 16 + number * 2 * plan.contact.memory + 4 * plan.contact.table
+    per_contact = 16 + number * 2 * plan.memory + 4 * plan.contact.table
     return {
         "pair_forces": n * (record + 16) + contacts * per_contact + shares,
         "move": shares + n * (2 * record + 16 + 24 * (1 + plan.walls.moving) + 4),

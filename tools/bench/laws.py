@@ -1,4 +1,4 @@
-"""What a normal law costs over Hertz: `python tools/bench/laws.py --help`; how to read it: README.md.
+"""What a normal law, or liquid beside Hertz, costs over Hertz: `python tools/bench/laws.py --help`; how to read it: README.md.
 
 All laws start from one settled bed, each as strong as the weight of a grain, so that they have the same contacts. Their windows
 take turns, processor time counts (of all threads), and the least of each: on a busy machine too the ratio says something. The
@@ -23,11 +23,14 @@ import warpdem
 from bench.states import DIAMETER, MATERIAL, MEAN_VOLUME, Model, Precision, Settings, Start, bed, scene_of
 from bench.walls import phases
 from bench.window import OtherLoad, commit, machine
+from warpdem.scene.models import model_names
 
-LAWS = ("hertz", "jkr", "dmt", "luding", "edinburgh")
+LAWS = ("hertz", "jkr", "dmt", "luding", "edinburgh", "bridge", "bridge_rabinovich")
 WEIGHT = 9.81 * MATERIAL.density * MEAN_VOLUME  # of a grain of mean volume [N]
 REDUCED_RADIUS = 0.125 * sum(DIAMETER)  # R* of two mean grains [m]
 SURFACE_ENERGY = WEIGHT / (1.5 * math.pi * REDUCED_RADIUS)  # pulls as strong as the weight of a grain [J/m2]
+SURFACE_TENSION = WEIGHT / (4.0 * math.pi * REDUCED_RADIUS)  # a bridge pulls as strong as the weight of a grain [N/m]
+LIQUID_CONTENT = 0.02  # of the grains under a law of bridges [-]
 STIFFNESS = 160.0  # Hertz's force over the overlap, summed over the bed [N/m]
 KEYS = {
     "jkr": {"surface_energy": SURFACE_ENERGY},
@@ -36,14 +39,20 @@ KEYS = {
     "sjkr": {"cohesion_energy_density": 1e4},
     "luding": {"stiffness": STIFFNESS, "unloading_stiffness": 1.2 * STIFFNESS, "adhesion_stiffness": 0.1 * STIFFNESS},
     "edinburgh": {"surface_energy": SURFACE_ENERGY, "pull_off_force": WEIGHT, "plasticity_ratio": 0.2},
+    "bridge": {"surface_tension": SURFACE_TENSION},
+    "bridge_rabinovich": {"surface_tension": SURFACE_TENSION},
 }
 """Keys of ``[[pairs]]`` that a law needs."""
 
 
 def simulation(law: str, start: Start, model: Model, settings: Settings) -> warpdem.Simulation:
-    """The bed under a law, after the warm-up steps."""
+    """The bed under a normal law, or under Hertz with liquid bridges, after the warm-up steps."""
     scene = json.loads(scene_of(start, model, settings).model_dump_json(exclude_unset=True))
-    scene["contact"]["normal"] = law
+    if law in model_names("liquid"):
+        scene["contact"]["liquid"] = law
+        scene["grains"][0]["liquid_content"] = LIQUID_CONTENT
+    else:
+        scene["contact"]["normal"] = law
     scene["pairs"][0] |= KEYS.get(law, {})
     sim = warpdem.Simulation(warpdem.Scene.model_validate(scene), device="cpu", threads=1, resident=settings.resident)
     sim.step(settings.warm)
@@ -62,6 +71,11 @@ def touching(sim: warpdem.Simulation) -> float:
     return float((sim.contacts().overlap > 0.0).sum()) / len(sim.state)
 
 
+def pulling(sim: warpdem.Simulation) -> float:
+    """Contacts that act per grain, pressed or held together by liquid, walls included [-]."""
+    return len(sim.contacts().i) / len(sim.state)
+
+
 def bench(
     laws: Sequence[str], model: Model, grains: int, settings: Settings, settle: int, work: Path, launches: int = 40
 ) -> dict:
@@ -73,7 +87,7 @@ def bench(
     for _ in range(settings.repeats):
         for law, sim in sims.items():
             seconds[law].append(timed(sim, settings.steps))
-    contacts = {law: touching(sim) for law, sim in sims.items()}
+    contacts = {law: (touching(sim), pulling(sim)) for law, sim in sims.items()}
     pairs = dict.fromkeys(sims, math.inf)  # of one instant, by turns as well
     for _ in range(settings.repeats):
         for law, sim in sims.items():
@@ -81,7 +95,8 @@ def bench(
     per_step = 1e9 / grains / settings.steps
     rows = [
         {
-            "law": law, "contacts_per_grain": contacts[law], "lanes": sim.plan.backend.lanes,
+            "law": law, "contacts_per_grain": contacts[law][0], "acting_per_grain": contacts[law][1],
+            "lanes": sim.plan.backend.lanes,
             "over_hertz": min(seconds[law]) / min(seconds["hertz"]),
             "ns_per_grain_step": {"min": per_step * min(seconds[law]), "all": [per_step * s for s in seconds[law]]},
             "pairs_ns": 1e3 * pairs[law] / grains, "pairs_over_hertz": pairs[law] / pairs["hertz"],
@@ -98,12 +113,13 @@ def print_report(report: dict, console: Console) -> None:
     """One line per law."""
     title = f"{report['grains']} grains, {report['model']}, {report['precision']}, windows of {report['steps']} steps"
     table = Table(box=SIMPLE, title=f"{title}; load of others {report['other_load_cores']:.1f} cores", title_justify="left")
-    for column in ("law", "contacts", "ns per step", "over Hertz", "pairs alone, ns", "over Hertz", "lanes"):
+    for column in ("law", "pressed", "acting", "ns per step", "over Hertz", "pairs alone, ns", "over Hertz", "lanes"):
         table.add_column(column, justify="left" if column == "law" else "right")
     for row in report["laws"]:
         table.add_row(
-            row["law"], f"{row['contacts_per_grain']:.3f}", f"{row['ns_per_grain_step']['min']:.1f}",
-            f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}", f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
+            row["law"], f"{row['contacts_per_grain']:.3f}", f"{row['acting_per_grain']:.3f}",
+            f"{row['ns_per_grain_step']['min']:.1f}", f"{row['over_hertz']:.2f}", f"{row['pairs_ns']:.1f}",
+            f"{row['pairs_over_hertz']:.2f}", str(row["lanes"]),
         )  # fmt: skip
     console.print(table)
 
@@ -129,7 +145,7 @@ def main(
     """Time a settled bed under each law and under Hertz.
 
     Args:
-        laws: Normal laws; Hertz is always among them.
+        laws: Normal laws, and laws of liquid bridges, which are joined to Hertz; Hertz is always among them.
         model: Full: tangential spring and rolling; no_rolling; frictionless: the normal law alone.
         grains: Grains of the bed.
         precision: Of the contact law.

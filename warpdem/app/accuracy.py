@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 from collections.abc import Sequence
@@ -13,12 +15,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from warpdem.app.summary import stepping
 from warpdem.app.twins import make_twins
 from warpdem.core.atomic_file import replaced
 from warpdem.core.cpu_cores import available_cores
+from warpdem.drawing.figure_file import DPI, require_drawable
+from warpdem.drawing.work_point import WorkPoint
 from warpdem.errors import SceneError
 from warpdem.runs import read
-from warpdem.runs.step_error import StepError, chosen_step, runs_needed, step_error
+from warpdem.runs.step_error import CHANCE, StepError, chosen_step, runs_needed, step_error
 from warpdem.scene.file import load_scene
 from warpdem.simulation import Simulation
 from warpdem.sweep.quantities import Quantity
@@ -27,8 +32,8 @@ from warpdem.sweep.sweep import Outcome, RowsFailed, Sweep, failed, run_sweep
 from warpdem.sweep.table import Row
 
 FILE = "accuracy.json"
-HALVES = 3
-"""Steps that are compared: that of the scene, half of it, a quarter of it."""
+STEPS = range(3, 9)
+"""Numbers of steps that may be compared: that of the scene, half of it, a quarter of it, and so on."""
 TWINS = 3
 """Perturbed twins of the first run."""
 
@@ -75,7 +80,7 @@ class Choice:
     precision: str
     """Precision that is chosen."""
     seconds: tuple[float, ...]
-    """Wall time of each run [s], that in mixed precision last."""
+    """Wall time of the steps of each run [s], that in mixed precision last."""
     notes: tuple[str, ...]
 
     @property
@@ -92,6 +97,15 @@ class Choice:
     def chaotic(self) -> bool:
         """Whether single runs scatter by more than the accuracy asked."""
         return self.found.scatter is not None and 1.96 * self.found.scatter > self.allowed
+
+    @property
+    def points(self) -> list[WorkPoint]:
+        """The runs as a work-precision diagram shows them."""
+        found, over = self.found, abs(self.found.limit) or 1.0
+        runs = [(step, "double", value) for step, value in zip(found.steps, found.values, strict=True)]
+        runs += [(found.steps[0], "mixed", self.mixed)] if self.mixed is not None else []
+        return [WorkPoint(step, precision, value, abs(value - found.limit) / over, wall)
+                for (step, precision, value), wall in zip(runs, self.seconds, strict=True)]  # fmt: skip
 
     @property
     def settings(self) -> list[str]:
@@ -143,32 +157,46 @@ class Source:
         return outcomes
 
 
-def choose(source: Source, wish: Wish, folder: Path, console: Console, twins: int = TWINS) -> Choice:
+def choose(
+    source: Source, wish: Wish, folder: Path, console: Console, twins: int = TWINS, count: int = STEPS[0]
+) -> Choice:
     """Find step and precision for a measure by runs in a folder; what is there is not run again.
 
+    Args:
+        source: the scene.
+        wish: what is asked for.
+        folder: of the runs.
+        console: where to print.
+        twins: perturbed twins of the first run.
+        count: steps that are compared, see `STEPS`.
+
     Raises:
-        SceneError: the scene or the measure is wrong.
+        SceneError: the scene, the measure or the number of steps is wrong.
         RowsFailed: a run has failed.
     """
+    if count not in STEPS:
+        raise SceneError(f"--accuracy-steps {count}: must be from {STEPS[0]} to {STEPS[-1]}")
     scene = source.load()
     if scene.phases:
         raise SceneError(f"{source.scene}: --accuracy: a scene with phases has a step in each; ask for one of them")
     first = float(Simulation(scene, device="cpu", threads=1).dt)
-    steps = tuple(first * 0.5**k for k in range(HALVES))
+    steps = tuple(first * 0.5**k for k in range(count))
     rows = [source.row(f"time.step={step!r}", "engine.precision=double") for step in steps]
-    rows.append(source.row(f"time.step={first!r}", "engine.precision=mixed"))
     mixed_there = _can_be_mixed(source, first)
-    rows = rows if mixed_there else rows[:-1]
+    if mixed_there:  # the second row, so that more steps are more rows at the end
+        rows.insert(1, source.row(f"time.step={first!r}", "engine.precision=mixed"))
     workers = min(available_cores(), len(rows))
     named = ", ".join(f"{step:.3g}" for step in steps)
     console.print(f"{wish.measure}: runs with steps of {named} s -> {folder}", markup=False)
     outcomes = source.run(rows, folder, wish.measure, workers)
+    if mixed_there:
+        outcomes.append(outcomes.pop(1))
     values = tuple(one.results[wish.measure] for one in outcomes)
     scatter, notes = _scatter(source, wish, folder, twins, console)
-    found = step_error(steps, values[:HALVES], scatter)
+    found = step_error(steps, values[:count], scatter)
     allowed = wish.share * abs(found.limit)
     step = chosen_step(found, allowed)
-    seconds = tuple(float(one.wall_seconds) for one in outcomes)
+    seconds = tuple(stepping(read(folder_of(folder, one.number)).last["seconds"]) for one in outcomes)
     mixed = values[-1] if mixed_there else None
     precision = "double"
     if mixed is not None and seconds[-1] < seconds[0]:
@@ -249,7 +277,7 @@ def print_choice(choice: Choice, console: Console) -> None:
     """What was found, for people."""
     found, limit = choice.found, abs(choice.found.limit)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for head in ("step [s]", "precision", choice.wish.measure, "error of the step", "wall time [s]"):
+    for head in ("step [s]", "precision", choice.wish.measure, "error of the step", "time of the steps [s]"):
         table.add_column(head, no_wrap=True)
     for step, value, wall in zip(found.steps, found.values, choice.seconds, strict=False):
         bound = "below " if found.chance else ""
@@ -295,15 +323,46 @@ class Trial:
     choice: Choice
 
     @classmethod
-    def of(cls, source: Source, wish: Wish, folder: Path, console: Console, twins: int = TWINS) -> Trial:
-        """Choose, and print what was found; raises as `choose`."""
-        choice = choose(source, wish, folder, console, twins)
+    def of(
+        cls, source: Source, wish: Wish, folder: Path, console: Console, twins: int = TWINS, count: int = STEPS[0],
+        diagram: Path | None = None
+    ) -> Trial:
+        """Choose, print what was found, and draw it to ``diagram`` if that is given; raises as `choose`."""
+        if diagram is not None:
+            require_drawable(diagram, DPI)
+        choice = choose(source, wish, folder, console, twins, count)
         print_choice(choice, console)
+        if diagram is not None:
+            table = write_diagram(choice, diagram)
+            console.print(f"wrote {diagram} and {table}", markup=False)
         return cls(source, choice)
 
     def verify(self, folder: Path, until: float | None, console: Console) -> None:
         """Hold a run that is done to what was asked, as the function of this name."""
         verify(replace(self.source, until=until), self.choice, folder, console)
+
+
+def write_diagram(choice: Choice, out: Path) -> Path:
+    """Draw the work-precision diagram of a choice; returns the table of its numbers, beside it with the suffix .csv."""
+    from warpdem.drawing.work_precision import draw_work_precision
+
+    found, over, table = choice.found, abs(choice.found.limit), out.with_suffix(".csv")
+    order = "differences of steps are chance" if found.chance else f"order {found.order:.2g}{'' if found.known else ' taken'}"
+    scatter = None if found.scatter is None else CHANCE * math.sqrt(2.0) * found.scatter / (over or 1.0)
+    asked = choice.wish.share if over else choice.allowed
+    draw_work_precision(
+        choice.points, out, measure=choice.wish.measure, relative=over > 0.0, asked=asked, scatter=scatter, order=order
+    )
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = "step [s]", "precision", choice.wish.measure, "error", "error of the step by its order", "time of the steps [s]"
+    writer.writerow(names)
+    for one in choice.points:
+        numbers = one.error, found.error(one.step) / (over or 1.0), one.seconds
+        writer.writerow([repr(one.step), one.precision, repr(one.value), *(f"{number:.4g}" for number in numbers)])
+    with replaced(table) as part:
+        part.write_text(text.getvalue(), encoding="utf-8")
+    return table
 
 
 def _write(path: Path, data: dict[str, Any]) -> None:

@@ -91,7 +91,7 @@ def write_page(folder: Path, made: Calibration, done: Calibrated) -> Path:
     """Write the page of a calibration that has ended."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     limits = [one.limits for one in made.parameters]
-    values = np.array([[one.number(share) for one, share in zip(limits, x, strict=True)] for x in done.found.x.tolist()])
+    values = np.array([[one.number(at) for one, at in zip(limits, x, strict=True)] for x in done.found.x.tolist()])
     scenes = [path.relative_to(folder).as_posix() for path in done.scenes]
     return write_calibration_page(folder, made.title or "Calibration", result, values, done.found.y, scenes)
 

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from warpdem.app import scene_warnings, summary
+from warpdem.app import scene_warnings, step_limits, summary
 from warpdem.app.clump_rows import clump_lines, clump_rows
 from warpdem.app.liquid_lines import bridge_lines
 from warpdem.app.outputs import Outputs, output_schedule
@@ -61,7 +61,7 @@ def describe(sim: Simulation, probe: bool = True, later: Sequence[str] = (), con
         "largest_rates": rates,
         "time_step": sim.dt,
         "time_step_from": found.binding if scene.time.step == "auto" else "time.step",
-        "limits": scene_warnings.limit_rows(sim),
+        "limits": step_limits.limit_rows(sim),
         "max_speed": found.max_speed,
         "steps_per_contact": found.damped_contact / sim.dt if found.max_speed > 0 and len(sim.state) else None,
         "expected_overlap": found.overlap,

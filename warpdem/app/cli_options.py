@@ -36,5 +36,9 @@ class AccuracyOptions:
     """End the runs that choose at this time [s] instead of the scene's."""
     twins: Annotated[int, Parameter("--accuracy-twins")] = 3
     """Perturbed twins of the first of these runs, which tell chance from error; 0 for none."""
+    steps: Annotated[int, Parameter("--accuracy-steps")] = 3
+    """Steps that these runs take: the scene's, half of it, a quarter of it ...; from 3 to 8."""
+    diagram: Path | None = None
+    """Draw their work-precision diagram, error against run time: .png, .svg or .pdf, with the numbers beside it as .csv."""
     trials: Path | None = None
     """Folder of these runs; out/NAME-accuracy in the present folder if not given; what is done there is not run again."""

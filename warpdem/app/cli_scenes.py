@@ -3,6 +3,7 @@
 import json
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -108,16 +109,20 @@ def _held(
 ) -> "Trial | None":
     """Step and precision for the accuracy asked; None where none is asked."""
     if held.accuracy is None:
-        if held.measure is not None:
-            raise SceneError("--measure: belongs to --accuracy")
+        for name, given in (("--measure", held.measure), ("--diagram", held.diagram)):
+            if given is not None:
+                raise SceneError(f"{name}: belongs to --accuracy")
         return None
     from warpdem.app.accuracy import Source, Trial, Wish
+    from warpdem.core.file_names import require_usable
 
     wish = Wish.of(held.accuracy, held.measure)
     if at is not None:
         raise SceneError("--accuracy: not with --at: a scene that starts from a frame of results has no scene file to repeat")
     source = Source(scene, changes, until=held.short, **how)
-    return Trial.of(source, wish, held.trials or Path("out") / f"{scene.stem}-accuracy", console, held.twins)
+    require_usable("--diagram", held.diagram)
+    folder = held.trials or Path("out") / f"{scene.stem}-accuracy"
+    return Trial.of(source, wish, folder, console, held.twins, held.steps, held.diagram)
 
 
 def _ranks(asked: int | None) -> "World | None":
@@ -259,10 +264,12 @@ def demo(
     set_: Settings = [],  # noqa: B006
     picture: Picture = None,
     quiet: bool = False,
+    held: Annotated[AccuracyOptions, Parameter(name="*")] = AccuracyOptions(),  # noqa: B008
 ) -> None:
     """List the scenes that come with warpdem, or copy one to a folder of its own and run it there.
 
-    The copy and its results stay together, in NAME/NAME.toml and NAME/results; run puts its results in out/NAME.
+    The copy and its results stay together, in NAME/NAME.toml and NAME/results; run puts its results in out/NAME. With
+    --accuracy the copy is not run as it is: runs with several steps make its work-precision diagram, in NAME.
 
     Args:
         name: Scene to copy and run; lists them all if not given.
@@ -273,8 +280,10 @@ def demo(
         precision: As in run.
         until: As in run.
         quiet: As in run.
+        held: As in check; --measure is what the scene's own Measure says (--about), --diagram NAME/work_precision.png, and
+            the folder of the runs NAME/accuracy, if not given.
     """
-    from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome
+    from warpdem.app.demo import RESULTS, copy, print_about, print_gallery, print_outcome, scene_named
     from warpdem.core.file_names import require_usable
     from warpdem.core.start_warp import start_warp
 
@@ -289,6 +298,12 @@ def demo(
     folder = out or Path(name)
     start_warp()  # what cannot run at all leaves no copy
     scene = copy(name, folder)
+    if held.accuracy is not None:
+        held = replace(held, measure=held.measure or scene_named(name).measure, trials=held.trials or folder / "accuracy",
+                       diagram=held.diagram or folder / "work_precision.png")  # fmt: skip
+    changes = [*([f"engine.precision={precision}"] if precision else []), *set_]
+    if _held(held, scene, changes, None, Console(highlight=False, quiet=quiet), device=device, threads=threads) is not None:
+        return
     run(scene, out=folder / RESULTS, device=device, threads=threads, precision=precision, until=until, set_=set_,
         picture=picture, quiet=quiet)  # fmt: skip
     if not quiet:

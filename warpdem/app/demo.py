@@ -1,7 +1,7 @@
 """The gallery: scenes that are installed with the package, what each says of itself, and copies of them to run.
 
 A scene of the gallery begins with comment lines: a sentence, then what is shown, what must come out, in which results that is
-seen, and how long it takes.
+seen, a measure of it, and how long it takes.
 """
 
 import errno
@@ -24,7 +24,7 @@ from warpdem.errors import OutputError, SceneError
 from warpdem.scene.file import load_scene
 from warpdem.scene.model import Scene
 
-PARTS = ("Shown", "Must come out", "Seen in", "Takes")
+PARTS = ("Shown", "Must come out", "Seen in", "Measure", "Takes")
 """Words that begin a part of a scene's first comment."""
 RESULTS = "results"
 """Folder of what comes out, beside the copied scene."""
@@ -45,6 +45,8 @@ class Demo:
     """What must come out."""
     seen: str
     """Which of the results tell what came out."""
+    measure: str
+    """A number of a run, as a result of a sweep: what its accuracy is judged by."""
     takes: str
     """Wall time of a run on two cores, in words."""
 
@@ -75,8 +77,8 @@ def described(file: Path) -> Demo:
             raise SceneError(f'{file}: its first comment has no part "{part}: ..."')
         found[part] = match[1]
     words = {key: " ".join(value.split()) for key, value in found.items()}
-    takes = words["Takes"].rstrip(".")
-    return Demo(file.stem, file, words["about"], words["Shown"], words["Must come out"], words["Seen in"], takes)
+    shown, outcome, seen, measure, takes = (words[part] for part in PARTS)
+    return Demo(file.stem, file, words["about"], shown, outcome, seen, measure, takes.rstrip("."))
 
 
 def scene_named(name: str) -> Demo:
@@ -161,7 +163,7 @@ def print_about(name: str, console: Console) -> None:
     """
     scene = scene_named(name)
     console.print(f"{scene.name}: {scene.about}", style="bold", markup=False)
-    for part, words in zip(PARTS, (scene.shown, scene.outcome, scene.seen, f"{scene.takes}."), strict=True):
+    for part, words in zip(PARTS, (scene.shown, scene.outcome, scene.seen, scene.measure, f"{scene.takes}."), strict=True):
         console.print(f"{part}: {words}", markup=False)
 
 

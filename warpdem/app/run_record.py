@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpdem.app import scene_warnings, summary
+from warpdem.app import scene_warnings, step_limits, summary
 from warpdem.measure.dimensionless import Turning
 from warpdem.model import digests
 from warpdem.ranks.front import Front
@@ -44,7 +44,7 @@ def record(sim: Simulation, status: str, wall_seconds: float, turning: Turning |
         "steps": sim.step_number,
         "time_step": {"used": sim.dt, "candidates": sim.limits.candidates, "binding": sim.limits.binding,
                       "stability_limit": sim.limits.stable, "max_speed": sim.limits.max_speed},
-        "limits": scene_warnings.limit_rows(sim),
+        "limits": step_limits.limit_rows(sim),
         "models": _models(sim),
         "pair_keys": pair_keys.read_by(sim.scene.contact, sim.scene.pairs, sim.scene.located),
         "diameters": _diameters(sim),

@@ -1,7 +1,7 @@
 """What a run reports before it begins and at its end."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,11 @@ def warning_text(message: str) -> Text:
     return Text.assemble(("warning", "bold red"), f" {message}")
 
 
+def stepping(seconds: Mapping[str, float]) -> float:
+    """Wall time of the steps [s], without set-up and results, of that of each stage."""
+    return sum(seconds.get(stage, 0.0) for stage in ("steps", "lists", "refresh", "schedule"))
+
+
 def speed_text(seconds_per_step: float, grains: int) -> str:
     """Wall time [s] of a step in the unit to compare: per grain, but as it is where a step costs the same for fewer grains."""
     few = grains < FEW
@@ -126,10 +131,10 @@ def print_summary(sim: Simulation, console: Console, wall_seconds: float, folder
     """Time per stage, speed, lists, extremes, and the numbers of the turning if something turned."""
     table = Table("", Column(overflow="fold"), title="summary", show_header=False, title_justify="left")
     n, steps = len(sim.state), sim.loop.steps_done
-    stepping = sum(sim.seconds.get(k, 0.0) for k in ("steps", "lists", "refresh", "schedule"))
+    of_steps = stepping(sim.seconds)
     table.add_row("simulated", f"{sim.time:.6g} s in {sim.step_number} steps of {sim.dt:.4g} s, {n} grains")
     if n and steps:
-        table.add_row("speed", f"{speed_text(stepping / steps, n)} on {sim.threads.count} threads")
+        table.add_row("speed", f"{speed_text(of_steps / steps, n)} on {sim.threads.count} threads")
     longest = sorted(sim.seconds.items(), key=lambda i: -i[1])
     stages = "; ".join(f"{STAGES.get(k, k)} {v:.2f} s" for k, v in longest if v >= 0.005)
     table.add_row("wall time", f"{wall_seconds:.1f} s: {stages}")

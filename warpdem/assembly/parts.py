@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from warpdem.core.device import pick_device
 from warpdem.core.threads import Threads, run_threads
 from warpdem.core.timers import Timers
@@ -95,7 +97,13 @@ class Parts:
             loop.rank.notice = guards.notice
         if totals is not None:
             budget = Budget(view)
-            engine.leavers.before_leaving, loop.after_insertion = budget.left, budget.inserted
+            loop.after_insertion = budget.inserted
+
+            def before_leaving(slots: np.ndarray) -> None:
+                engine.settle_losses()
+                budget.left(slots)
+
+            engine.leavers.before_leaving = before_leaving
         if past is not None:
             take_over(past, state, engine.lists, streams)
         loop.insert()

@@ -114,7 +114,7 @@ def _write_table(experiments: Experiments, found: Found) -> None:
     writer.writerow(["run", "round", *(one.name for one in made.parameters), *titles, *states])
     rounds = np.repeat(np.arange(1, len(found.rounds) + 1), found.rounds)
     for k, (x, y) in enumerate(zip(found.x.tolist(), found.y.tolist(), strict=True)):
-        values = [one.limits.value(share).strip('"') for one, share in zip(made.parameters, x, strict=True)]
+        values = [one.limits.value(at).strip('"') for one, at in zip(made.parameters, x, strict=True)]
         numbers = ["" if number != number else repr(number) for number in y]
         status = [outcomes[k].status for outcomes in experiments.outcomes]
         writer.writerow([k + 1, int(rounds[k]), *values, *numbers, *status])

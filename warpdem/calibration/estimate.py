@@ -23,9 +23,9 @@ from warpdem.calibration.surface import Surface, features, slopes, terms
 from warpdem.errors import SceneError
 
 UNKNOWN = 0.2
-"""Standard deviation of a combination of parameters, as a share of their ranges, from which on the targets do not tell it."""
+"""Standard deviation of a combination of parameters, as a fraction of their ranges, above which the targets do not tell it."""
 PRIOR = 1.0
-"""Standard deviation, as a share of the ranges, of a weak pull to the middle: it decides where nothing else does [-]."""
+"""Standard deviation, as a fraction of the ranges, of a weak pull to the middle: it decides where nothing else does [-]."""
 STARTS = 8
 """Starts of the search for the best values, beside the middle."""
 ROUNDS = 3
@@ -35,7 +35,7 @@ DRAWN = 400
 TINY = 1e-300
 """Keeps a variance of none from dividing none."""
 EDGE = 1e-6
-"""Distance of starts from the ends of the ranges, as a share of these."""
+"""Distance of starts from the ends of the ranges, as a fraction of these."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Best values and their errors, as shares of the ranges."""
+    """Best values and their errors, as fractions of the ranges."""
 
     best: np.ndarray
     """x, shape (p,)."""

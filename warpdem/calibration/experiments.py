@@ -94,7 +94,7 @@ class Experiments:
         """Run all points so far, those that are done excepted.
 
         Args:
-            points: shares of the ranges, shape (n, p).
+            points: fractions of the ranges, shape (n, p).
 
         Returns:
             Measures of all targets, one experiment after the other, shape (n, targets); nan for none.
@@ -134,5 +134,5 @@ class Experiments:
     def values(self, experiment: Experiment, point: np.ndarray) -> Row:
         """Values of the parameters at a point, by the keys of the experiment's scene."""
         made = self.calibration
-        return {key: parameter.limits.value(share) for parameter, share in zip(made.parameters, point.tolist(), strict=True)
+        return {key: parameter.limits.value(x) for parameter, x in zip(made.parameters, point.tolist(), strict=True)
                 for key in made.keys(parameter, experiment)}  # fmt: skip

@@ -19,18 +19,18 @@ from warpdem.errors import WarpdemError
 from warpdem.sweep.table import latin_hypercube
 
 LEAST = 0.02
-"""Least half width of the box, as a share of the ranges."""
+"""Least half width of the box, as a fraction of the ranges."""
 REACH = 2.5
 """Half width of the box in standard errors."""
 SHRINK = 0.5
 """Least factor by which the box shrinks in a round."""
 ENOUGH = 0.1
-"""Share of the variances that the chance in the runs may make at the end [-]."""
+"""Fraction of the variances that the chance in the runs may make at the end [-]."""
 TRIED = 40
 """Random hypercubes of which a round takes the one that keeps farthest from the points that there are."""
 
 Run = Callable[[np.ndarray], np.ndarray]
-"""Runs points of shape (n, p), shares of the ranges, and gives the targets' measures, shape (n, targets); nan for none."""
+"""Runs points of shape (n, p), fractions of the ranges, and gives the targets' measures, shape (n, targets); nan for none."""
 
 
 class NoFit(WarpdemError):

@@ -1,6 +1,6 @@
 """Response surfaces: what runs measure as a smooth function of the parameters, fitted to runs that scatter.
 
-Parameters are shares x of their ranges, from 0 to 1. Within a box of half widths h around a centre c, with z = (x - c) / h, a
+Parameters are fractions x of their ranges, from 0 to 1. Within a box of half widths h around a centre c, with z = (x - c)/h, a
 measure is fitted by weighted least squares with
 
     g(x) = b . f(z),      f = 1, z_a, and z_a z_b where there are runs enough
@@ -35,7 +35,7 @@ class Box:
     """Region of the parameters that surfaces describe: x with abs(x - centre) <= half."""
 
     centre: np.ndarray
-    """Centre, as shares of the ranges, shape (p,)."""
+    """Centre, as fractions of the ranges, shape (p,)."""
     half: np.ndarray
     """Half widths, shape (p,)."""
 

@@ -14,7 +14,7 @@ from warpdem.calibration.search import Found, Request
 LEVEL = 0.01
 """Probability below which no values of the parameters meet the targets."""
 EDGE = 0.01
-"""Distance from an end of its range, as a share of it, at which a value is said to lie there."""
+"""Distance from an end of its range, as a fraction of it, at which a value is said to lie there."""
 PART = 0.3
 """Least component of a combination that is named [-]."""
 LIKE = 0.95

@@ -178,17 +178,17 @@ def in_laboratory(snapshot: Snapshot) -> Snapshot:
         velocity   R (v + u + w x q),     spin   R (s + w)
     """
     frame, contacts = snapshot.frame, snapshot.contacts
-    turn = frame.rotation.T
+    to_laboratory = frame.rotation.T
     if contacts is not None:
         names = ("force", "friction_force", *(("damping_force",) if contacts.damping_force is not None else ()))
-        vectors = {name: getattr(contacts, name) @ turn for name in names}
+        vectors = {name: getattr(contacts, name) @ to_laboratory for name in names}
         places = {name: frame.to_laboratory(getattr(contacts, name)) for name in ("start", "end")}
         contacts = replace(contacts, **vectors, **places)
     return replace(
         snapshot,
         position=frame.to_laboratory(snapshot.position),
-        velocity=(snapshot.velocity + frame.velocity_at(snapshot.position)) @ turn,
-        spin=(snapshot.spin + frame.spin) @ turn,
-        force=snapshot.force @ turn,
+        velocity=(snapshot.velocity + frame.velocity_at(snapshot.position)) @ to_laboratory,
+        spin=(snapshot.spin + frame.spin) @ to_laboratory,
+        force=snapshot.force @ to_laboratory,
         contacts=contacts,
     )

@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from warpdem.core.atomic_file import replaced
+from warpdem.drawing.figure_file import DPI, require_drawable, write_figure
 from warpdem.errors import WarpdemError
 from warpdem.runs import History, read
 from warpdem.runs.names import run_names
 
-SUFFIXES = (".png", ".svg", ".pdf")
-NO_DATE = {"svg": "Date", "pdf": "CreationDate"}
 ENERGIES = ("kinetic", "rotational", "elastic", "potential")
 """Columns that are drawn if none are named."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -35,7 +32,7 @@ def plot(
     start: float | None = None,
     end: float | None = None,
     log: bool = False,
-    dpi: float = 150.0,
+    dpi: float = DPI,
 ) -> Path:
     """Draw columns of history.csv as curves.
 
@@ -59,22 +56,15 @@ def plot(
     out = Path(out)
     if not paths:
         raise WarpdemError("no folder of results is given")
-    if out.suffix.lower() not in SUFFIXES:
-        raise WarpdemError(f"{out}: suffix {out.suffix!r} cannot be drawn; allowed are {', '.join(SUFFIXES)}")
-    if not 20.0 <= dpi <= 1200.0:
-        raise WarpdemError(f"dpi {dpi:g} must be from 20 to 1200")
+    require_drawable(out, dpi)
     runs = {name: read(path).history for name, path in zip(run_names(paths), paths, strict=True)}
     first = next(iter(runs.values()))
     headers = first.matching(columns or ENERGIES)
     for history in runs.values():
         for name in headers:
             history.header(name)  # refuses what one of them lacks
-    figure = drawn(runs, headers, x, (-math.inf if start is None else start, math.inf if end is None else end), log)
-    kind = out.suffix[1:].lower()
-    # the same curves are the same bytes: no date and no random names; text stays text, to be searched and edited
-    with replaced(out) as part, rc_context({"svg.fonttype": "none", "svg.hashsalt": "warpdem"}):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(part, format=kind, dpi=dpi, metadata={} if kind == "png" else {NO_DATE[kind]: None})
+    between = -math.inf if start is None else start, math.inf if end is None else end
+    write_figure(drawn(runs, headers, x, between, log), out, dpi)
     return out
 
 

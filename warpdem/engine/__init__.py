@@ -21,8 +21,8 @@ Read ``program`` first: the step and the list build, every launch in its order, 
 
 A list build, from the step that asks for it:
 
-1. ``kernels/step/motion.py: travelled``: after the last drift of a step, a grain further from its reference than half the
-   inner skin, off its path, or in an outlet (where the step does not remove it itself) ends the batch (``cpu``), or the body
+1. ``kernels/step/motion.py: travelled``: after the last drift of a step, a grain further from its reference than the inner
+   list allows, off its path, or in an outlet (where the step does not remove it itself) ends the batch (``cpu``), or the body
    of the graph's loop.
 2. ``kernels/lists/displacement.py: check_lists``: what has become of each grain. Without a graph the next call of
    ``RunLoop.advance`` launches it (``NeighborLists.update``) and the host decides: grains that left are taken out; the lists
@@ -37,10 +37,10 @@ A list build, from the step that asks for it:
    again where rows were counted first, ``neighbors.carry_contacts`` where there is an old list, ``replace_outer``,
    ``near_features`` again, which writes, ``move_wall_contacts`` (by the host ``wall/candidates.carry_wall_contacts``, in a
    graph two kernels of ``lists/rebuild.py``), ``displacement.save_reference``.
-4. Inner list (``program.ListBuild.build_inner``): ``neighbors.select_contacts``, ``wall/candidates.close_features``,
-   ``numbering``; ``inner_fits``, as above; ``neighbors.clear_contacts``, ``fill_contacts``, which carries the contact history
-   over, ``adopt_history``, ``displacement.save_reference``. On a CPU all of it is ``kernels/lists/inner.py``, a launch per
-   thread, again with longer arrays where they were too short.
+4. Inner list (``program.ListBuild.build_inner``): ``contact_batches.select_contacts``, ``wall/candidates.close_features``,
+   ``numbering``; ``inner_fits``, as above; ``contact_batches.clear_contacts``, ``fill_contacts``, which carries the contact
+   history over, ``adopt_history``, ``displacement.save_reference``. On a CPU all of it is ``kernels/lists/inner.py``, a launch
+   per thread, again with longer arrays where they were too short.
 5. Forces of the present positions: in a graph within ``inner_fits``, else first thing in the next batch. The steps go on.
 
 Neither list changes a bit of the result: pairs are evaluated lower id first and summed in order of partner id.

@@ -22,10 +22,13 @@ from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.step.structs import SPAN, Control, Report
 from warpdem.kernels.wall.surface import Surface
 from warpdem.model.coefficients import field_numbers
+from warpdem.model.dynamic_walls import mobilities
 from warpdem.model.model import Model
 from warpdem.model.travel import max_travel
 from warpdem.scene.wear import Finnie
 from warpdem.state.clock import Clock
+
+LOSS_ROWS = 256  # rows of the sums of losses on a GPU, so that few threads meet in the same number
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Scratch:
     """Of each block of grains."""
     start: wp.array
     """(n + 1,) of the rows of an outer list that a graph builds."""
+    allowance: wp.array
+    """(n,) of the grains in such a list."""
     entries: wp.array
     """(3,), [1]: neighbors in an outer list."""
     slots: wp.array
@@ -48,7 +53,8 @@ class Scratch:
         """Scratch for ``n`` grains."""
         nothing, start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
         sums = wp.zeros(-(-n // numbering.BLOCK), dtype=numbering.Sums, device=device)
-        return cls(nothing, sums, start, entries, slots)
+        allowance = wp.zeros(n, dtype=wp.float64, device=device)
+        return cls(nothing, sums, start, allowance, entries, slots)
 
 
 class Batch:
@@ -96,6 +102,10 @@ class Batch:
             control.wear_from = wp.array([first], dtype=wp.int32, device=device)
             law = scene.measures.wear.finnie or Finnie(pressure=1.0)
             control.cutting = wp.array([law.force_ratio], dtype=wp.float64, device=device)
+        if model.features.measures.energy:
+            rows = LOSS_ROWS if device.is_cuda else threads
+            losses = len(model.features.measures.of_contacts)
+            report.losses = wp.zeros((rows, losses, window_sum.WIDTH), dtype=wp.int64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         report.done = wp.zeros(1, dtype=wp.int32, device=device)
         report.arrivals = wp.zeros(barrier.LENGTH, dtype=wp.int32, device=device)
@@ -151,6 +161,8 @@ class Batch:
         schedule, there = self._model.schedule, self.control.dynamic
         there.state.assign(np.stack([wall.state for wall in schedule.dynamic]))
         there.motions.assign(np.stack([wall.motion for wall in schedule.dynamic]))
+        if len(there.mobility):
+            there.mobility.assign(mobilities(schedule))
         drives = schedule.drives(first, ahead)
         if len(there.drive) == len(drives):
             there.drive.assign(drives)
@@ -210,6 +222,8 @@ def dynamic_walls(model: Model, threads: int) -> DynamicWalls:
     walls.bodies = wp.array(np.stack([wall.body for wall in schedule.dynamic]), dtype=wp.float64, device=device)
     walls.motions = wp.zeros((count, MOTION.width), dtype=wp.float64, device=device)
     walls.drive = wp.zeros((0, count), dtype=wp.float64, device=device)
+    assert model.walls is not None
+    walls.mobility = model.walls.surface.mobility
     walls.sums = wp.zeros((threads, count * SUMS.width, WIDTH), dtype=wp.int64, device=device)
     return walls
 

@@ -8,7 +8,7 @@ import warp as wp
 
 from warpdem.engine.buffers import BufferPool
 from warpdem.kernels.lists.path import Flight
-from warpdem.kernels.measure.budget import wall_entry_type
+from warpdem.kernels.measure.budget import wall_entry
 from warpdem.kernels.wall import record as wall_record
 from warpdem.kernels.wall.contact_points import Hit
 from warpdem.model.model import Model
@@ -18,7 +18,7 @@ from warpdem.state.particles import State
 
 
 class OuterList(NamedTuple):
-    """Pairs closer than the skin: of each grain a row of neighbors in ascending order of id."""
+    """Pairs closer than their allowances: of each grain a row of neighbors in ascending order of id."""
 
     start: wp.array
     """(n + 1,) first entry of each row, and the end of the last; rows may be longer than what they hold."""
@@ -28,6 +28,8 @@ class OuterList(NamedTuple):
     """(entries,) memory slot of the neighbor."""
     contact: wp.array
     """(entries,) number of the pair in the inner list, -1 where it is in none; kept in the row of the lower id."""
+    allowance: wp.array
+    """(n,) how far each grain may move while the list holds [m]."""
 
 
 @dataclass
@@ -38,6 +40,7 @@ class NewOuterList:
     count: wp.array
     slot: wp.array
     contact: wp.array
+    allowance: wp.array
     capacity_start: wp.array
     """(n + 1,) of the rows that a first search writes; of size 0: it only counts."""
     old_slot: wp.array
@@ -52,7 +55,7 @@ class NewOuterList:
     @property
     def rows(self) -> OuterList:
         """The list alone."""
-        return OuterList(self.start, self.count, self.slot, self.contact)
+        return OuterList(self.start, self.count, self.slot, self.contact, self.allowance)
 
 
 class ContactLists:
@@ -61,8 +64,10 @@ class ContactLists:
     Attributes:
         outer: the outer list; empty before the first.
         known: grains that the lists were built for, in the first memory slots.
-        skin: gap below which a pair is in the outer list [m].
-        inner_skin: gap below which it is in the inner list [m].
+        skin: gap below which a pair of slow grains is in the outer list [m].
+        inner_share: share of the allowances within which a pair is in the inner list [-].
+        horizon: steps that an outer list shall hold, for which fast grains are allowed to move further [-].
+        most_allowance: of a grain, at most [m]; half the skin is the least.
         rebuilds, inner_rebuilds: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
@@ -78,11 +83,10 @@ class ContactLists:
         listed: of each entry of the outer list: -1, or its number in the row and whether it touches (``select_contacts``).
         touching, near, width: (n,) contacts of either class that a grain owns, and its force slots.
         touching_start, near_start: (n,) where those contacts begin.
-        near_feature: wall features closer than the skin, in the wall slots of their grain.
+        near_feature: wall features within the allowance, in the wall slots of their grain.
         grids: cell grids of the grains.
         given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
         row: pair force on one grain in each force slot; the last belongs to no grain.
-        entry: energies beside ``row``.
     """
 
     # built by ``host_build``
@@ -106,14 +110,13 @@ class ContactLists:
     constants: wp.array
     trial: wp.array
     row: wp.array
-    entry: wp.array
     next_history: wp.array
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
         self.model, self.state, self.clock, self.pool = model, state, clock, pool
         self.real = model.features.backend.real
         n, axes = len(state), 1 + model.features.walls.moving
-        self.skin, self.inner_skin = skin, 0.2 * skin
+        self.skin, self.inner_share, self.horizon, self.most_allowance = skin, 0.2, 0.0, 0.5 * skin
         self.rebuilds = self.inner_rebuilds = self.version = 0
         self.known = n
         self.force_parity = 1
@@ -124,7 +127,7 @@ class ContactLists:
         self.contact_count = self.row_count = 0
         self.totals = [0, 0, 0]
         self.wall_contacts: Any = self.new_wall_contacts(n, 0) if model.features.walls.present else None
-        self.history = pool.zeros((0, max(model.features.contact.memory, 1), model.features.backend.lanes), self.real)
+        self.history = pool.zeros((0, max(model.features.memory, 1), model.features.backend.lanes), self.real)
 
     @property
     def built(self) -> bool:
@@ -133,7 +136,8 @@ class ContactLists:
 
     def forget_outer(self) -> None:
         """No outer list, and nothing to be carried over to the next."""
-        self.outer = OuterList(*(self.pool.zeros(0, wp.int32) for _ in range(4)))
+        start, count, slot, contact = (self.pool.zeros(0, wp.int32) for _ in range(4))
+        self.outer = OuterList(start, count, slot, contact, self.pool.zeros(0, wp.float64))
 
     @property
     def row_vectors(self) -> wp.array:
@@ -146,10 +150,10 @@ class ContactLists:
         return out
 
     @property
-    def max_displacement(self) -> float:
-        """Displacement of a grain up to which the inner list holds [m]."""
+    def share_that_holds(self) -> float:
+        """Share of its allowance that a grain may move while the inner list holds [-]."""
         alone = len(self.state) < 2 and not self.model.features.walls.present
-        return 1.0e300 if alone else 0.5 * self.inner_skin
+        return 1.0e300 if alone else self.inner_share
 
     def set_totals(self, totals: list[int]) -> None:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
@@ -162,7 +166,8 @@ class ContactLists:
 
     def set_outer(self, start: np.ndarray, count: np.ndarray, slot: np.ndarray, contact: np.ndarray) -> None:
         """Take over an outer list, for the next build to carry its contacts over; arguments as ``OuterList``."""
-        self.outer = OuterList(*(self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)))
+        rows = [self.pool.upload(a.astype(np.int32), wp.int32) for a in (start, count, slot, contact)]
+        self.outer = OuterList(rows[0], rows[1], rows[2], rows[3], self.pool.zeros(len(count), wp.float64))
         self.known = len(count)
 
     def new_wall_contacts(self, grains: int, slots: int) -> Any:
@@ -181,7 +186,7 @@ class ContactLists:
         generations = 2 if len(features.backend.scheme.STAGES) == 1 else 3
         contacts.point_count = wp.zeros((generations, grains), dtype=wp.int32, device=device)
         if features.measures.energy:
-            contacts.entry = wp.zeros(grains, dtype=wall_entry_type(features.measures.losses), device=device)
+            contacts.entry = wp.zeros(grains, dtype=wall_entry(features.measures.losses).vector(wp.float64), device=device)
             contacts.power = wp.zeros((grains, features.measures.scene_walls), dtype=wp.float64, device=device)
         if self.model.liquid is not None:
             contacts.film = self.state.film
@@ -212,7 +217,7 @@ class ContactLists:
 
     def view(self) -> ListedContacts:
         """The contacts of the inner list, to be read."""
-        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in (*CONTACT_ARRAYS, "entry")}
+        arrays: dict[str, Any] = {name: getattr(self, name, None) for name in CONTACT_ARRAYS}
         for name in ("owner", "partner", "slot_i", "slot_j", "history"):
             if arrays[name] is not None:  # before the first list there are none
                 arrays[name] = self._used(arrays[name])
@@ -230,11 +235,11 @@ class ContactLists:
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
-        lists, state, features = self.model.kernels.lists, self.state, self.model.features
+        batches, state, features = self.model.kernels.batches, self.state, self.model.features
         if self.constants.size:
             return self._used(self.constants)
         owner, partner, kind = (self._used(array) for array in (self.owner, self.partner, self.kind))
-        out = self.pool.zeros((owner.shape[0], lists.constants_width, features.backend.lanes), self.real)
+        out = self.pool.zeros((owner.shape[0], batches.constants_width, features.backend.lanes), self.real)
         inputs = [state.record, state.inverse, self.model.coefficients, owner, partner, kind, out]
-        wp.launch(lists.contact_constants, owner.size, inputs, device=self.model.device)
+        wp.launch(batches.contact_constants, owner.size, inputs, device=self.model.device)
         return out

@@ -109,7 +109,7 @@ class CpuExecutor:
         report.arrivals.numpy()[:] = 0
         moved[:] = 0
         steps.row, steps.count, steps.parity = batch.row()[0], count, self._clock.step_number & 1
-        steps.forces_first, steps.hold, steps.max_displacement = int(forces_first), int(hold), lists.max_displacement
+        steps.forces_first, steps.hold, steps.inner_share = int(forces_first), int(hold), lists.share_that_holds
         steps.exchange = self.exchange
 
         wall, used = time.perf_counter(), time.process_time()

@@ -37,16 +37,16 @@ class ThreadedBuild(HostBuild):
         self.size_by_grains()
         self.size_by_contacts()
 
-    def check(self, outer_limit: float, inner_skin: float | None = None) -> Found:
+    def check(self, outer_share: float, inner_share: float | None = None) -> Found:
         """As ``HostBuild``."""
         mode = CHECK
-        if inner_skin is not None:
+        if inner_share is not None:
             mode = CHECK | BUILD
             self._give_arrays_length()
-        self._run(mode, inner_skin or 0.0, outer_limit)
+        self._run(mode, inner_share or 0.0, outer_share)
         built = bool(self._read[CHOSEN])
         if built:
-            self._take_over(inner_skin or 0.0)
+            self._take_over(inner_share or 0.0)
         else:
             self.batch.set_time()  # for what the host launches next
         return Found(int(self._read[FOUND]), self._scratch.found.numpy(), built)
@@ -54,8 +54,8 @@ class ThreadedBuild(HostBuild):
     def inner(self) -> None:
         """As ``HostBuild``."""
         self._give_arrays_length()
-        self._run(BUILD, self.lists.inner_skin, 0.0)
-        self._take_over(self.lists.inner_skin)
+        self._run(BUILD, self.lists.inner_share, 0.0)
+        self._take_over(self.lists.inner_share)
 
     def _give_arrays_length(self) -> None:
         """Give the arrays their length where it is another than that of the list before."""
@@ -67,17 +67,17 @@ class ThreadedBuild(HostBuild):
         shape = a.owner.shape[0], a.next_history.shape[1], a.owner.shape[1]
         a.next_history = self.storage.next_history(shape, a.version, a.real)
 
-    def _run(self, mode: int, inner_skin: float, outer_limit: float) -> None:
+    def _run(self, mode: int, inner_share: float, outer_share: float) -> None:
         """Launch the kernel; arguments as there."""
         a, b, m, n, structs = self.lists, self.batch, self.model, self.state.slots, self.program.structs
         found = self.storage.pool.buffer("found", (n,), wp.int32)
         put(self._scratch, listed=a.listed, sums=b.scratch(n).sums, found=found, report=self._report)
         self._arrivals[:] = 0
         put(
-            self._work, mode=mode, schedule_row=b.row()[0], inner_skin=inner_skin, unused_slot=a.row.shape[0] - 1,
+            self._work, mode=mode, schedule_row=b.row()[0], inner_share=inner_share, unused_slot=a.row.shape[0] - 1,
             near_feature=a.near_feature, old_history=a.history,
         )  # fmt: skip
-        read = structs.grains(), structs.outer(), structs.references(a.max_displacement, outer_limit)
+        read = structs.grains(), structs.outer(), structs.references(outer_share)
         a.give_films_to_walls()
         walls = a.wall_contacts if a.wall_contacts is not None else self._no_wall_contacts
         self.launch.on_each(
@@ -85,13 +85,13 @@ class ThreadedBuild(HostBuild):
             self._scratch, structs.counts(), structs.starts(), structs.contacts(), walls,
         )  # fmt: skip
 
-    def _take_over(self, inner_skin: float) -> None:
+    def _take_over(self, inner_share: float) -> None:
         """Let the list that was built be the inner list; longer arrays first where those there were too short."""
         a = self.lists
         a.set_totals(self._read[TOTALS].tolist())
         if not self._read[FILLED]:  # too short
             self.size_by_contacts()
-            self._run(BUILD, inner_skin, 0.0)
+            self._run(BUILD, inner_share, 0.0)
         self.storage.adopt_history(a)
         a.inner_built()
 

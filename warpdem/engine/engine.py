@@ -1,5 +1,7 @@
 """The engine: owns the lists, the arrays of a batch of steps and the executor; knows nothing of guards, readers and writers."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import warp as wp
 
@@ -87,9 +89,9 @@ class Engine:
         """Whether some walls move by the load on them."""
         return bool(self._model.schedule.dynamic)
 
-    def advance_walls(self, count: int) -> None:
-        """Run ``count`` steps of a run without grains, in which only such walls move."""
-        base, _ = self.batch.row()
+    def advance_walls(self, count: int, first: int = 0) -> None:
+        """Run ``count`` steps of a run without grains, in which only such walls move, from ``first`` steps from now on."""
+        base = self.batch.row()[0] + first
         control = self.batch.control
         inputs = [base, count, control.row, control.placement, self._model.dt, control.dynamic]
         wp.launch(self._model.kernels.dynamic.advance_alone, dim=1, inputs=inputs, device=self._model.device)
@@ -126,12 +128,13 @@ class Engine:
         self.batch.forget_schedule()
         self.lists.flights.end_paths()
 
-    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
-        """Take over the extremes of a checkpoint and the digits of its wear; schedule and structs are made again."""
-        if wear_digits is not None:
-            digits = np.zeros(self.batch.report.wear.shape, dtype=np.int64)
-            digits[0] = wear_digits
-            self.batch.report.wear.assign(digits)
+    def restore(self, extreme: np.ndarray, digits: Mapping[str, np.ndarray]) -> None:
+        """Take over the extremes of a checkpoint and of its ``digits`` those that are there; all else is made again."""
+        for name in self._digits & digits.keys():
+            there = getattr(self.batch.report, name)
+            rows = np.zeros(there.shape, dtype=np.int64)
+            rows[0] = digits[name]
+            there.assign(rows)
         values = self.batch.report.extreme.numpy()
         values[:4] = extreme
         self.batch.report.extreme.assign(values)
@@ -160,15 +163,41 @@ class Engine:
         return load, velocity, spin
 
     @property
-    def wear_digits(self) -> np.ndarray:
-        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
-        if not self._model.features.measures.wear:
-            return np.zeros((0, window_sum.WIDTH), dtype=np.int64)
-        return window_sum.joined(self.batch.report.wear.numpy())
+    def _digits(self) -> set[str]:
+        """Arrays of the report that are sums of ``kernels.measure.window_sum``."""
+        measures = self._model.features.measures
+        return {name for name, there in (("wear", measures.wear), ("losses", measures.energy)) if there}
+
+    @property
+    def digits(self) -> dict[str, np.ndarray]:
+        """As ``StepReader.digits``."""
+        return {name: window_sum.joined(getattr(self.batch.report, name).numpy()) for name in sorted(self._digits)}
 
     def read_wear(self) -> np.ndarray:
         """What wears walls, added up to the last kick, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
-        return window_sum.rounded(self.wear_digits[None]).reshape(-1, wear.SUMS.width)
+        return window_sum.rounded(self.batch.report.wear.numpy()).reshape(-1, wear.SUMS.width)
+
+    def settle_losses(self) -> None:
+        """Before grains leave: what the last forces between grains take over their whole step is added up."""
+        if self._model.features.measures.energy and self.lists.contact_count:
+            self._of_contacts("settle_losses", self.batch.report.losses)
+
+    def read_losses(self) -> np.ndarray:
+        """As ``StepReader.read_losses``."""
+        there = self.batch.report.losses.numpy()
+        if not (self._state.slots and self.lists.contact_count):
+            return window_sum.rounded(there)
+        half = wp.zeros_like(self.batch.report.losses)
+        _, velocity, spin = self.read()
+        self._of_contacts("read_losses", velocity, spin, half)
+        return window_sum.rounded(np.concatenate([there, half.numpy()]))
+
+    def _of_contacts(self, kernel: str, *arrays: wp.array) -> None:
+        """Launch a kernel of ``model.kernels.read`` over the contacts between grains."""
+        model, (base, _), (grains, contacts, _walls) = self._model, self.batch.row(), self.structs.arguments()
+        lanes = self.lists.totals[0]
+        inputs = [lanes // model.features.backend.lanes, base, self.batch.model, self.batch.control, grains, contacts, *arrays]
+        wp.launch(getattr(model.kernels.read, kernel), dim=lanes, inputs=inputs, device=model.device)
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain up to the present time, in memory order."""

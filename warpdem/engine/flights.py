@@ -173,18 +173,18 @@ class Flights:
         longest, fastest = self._walls_ahead()
         others = put(
             kernels.OtherGrains(), record=record, reference=lists.outer_reference, flight=lists.flight, low=low, high=high,
-            rows=rows_of(lists.outer), skin=lists.skin,
+            rows=rows_of(lists.outer),
         )  # fmt: skip
         walls = put(
             kernels.WallsAhead(), placements=self.batch.control.placement, row=row, fastest=fastest, watched=self.batch.watched
         )
         if model.walls is not None:
-            mesh, mesh_wall = model.walls.mesh_arrays[:2]
-            put(walls, surface=model.walls.surface, mesh=mesh, mesh_wall=mesh_wall)
+            put(walls, surface=model.walls.surface, trees=model.walls.trees)
             put(walls, wall_contacts=lists.wall_contacts, near_feature=lists.near_feature)
 
         def steps_of(some: np.ndarray, flying: np.ndarray) -> np.ndarray:
-            self.launch(kernels.enclose, blocks, record, lists.outer_reference, lists.flight, low, high)
+            known = lists.outer_reference, lists.flight, lists.outer.allowance
+            self.launch(kernels.enclose, blocks, record, *known, low, high)
             slots, all_slots = (self.pool.upload(s.astype(np.int32), wp.int32) for s in (some, flying))
             steps = self.pool.zeros(len(some), wp.int32)
             put(others, flyer=all_slots, flight=lists.flight)

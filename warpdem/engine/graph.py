@@ -200,14 +200,15 @@ class Captured:
         self.launch = GraphLaunch(model.device)
         self.scratch = batch.scratch(state.slots)
         grains, self.contacts, wall_contacts = structs.arguments()
-        n, max_displacement = state.slots, lists.max_displacement
-        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, max_displacement, self.launch)
+        n, share = state.slots, lists.share_that_holds
+        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, share, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
         # while the outer list is built it is in arrays that the inner list, built next, writes again
         nothing = self.scratch.nothing
         lists.new = NewOuterList(
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
-            capacity_start=nothing, old_slot=nothing, old_id=state.id, feature_count=lists.near, first=lists.row_start,
+            allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id,
+            feature_count=lists.near, first=lists.row_start,
         )  # fmt: skip
 
     # -- the loop -------------------------------------------------------------------------------
@@ -230,7 +231,7 @@ class Captured:
         """The outer list, if it is out of date and may be built here, then the inner list, unless the host is asked."""
         lists, clock = self.lists, self.batch.clock
         self._settle_liquid()
-        self.build.check(self.scratch.nothing, 0.5 * lists.skin - lists.max_displacement)
+        self.build.check(self.scratch.nothing, 1.0 - lists.inner_share)
         self.launch.once(self.model.kernels.rebuild.ask_outer, clock)
         wp.capture_if(self._condition(BUILD_OUTER), self.build.build_outer)
         self.launch.once(self.model.kernels.graph.resume, clock)
@@ -283,7 +284,7 @@ class Captured:
 
     def adopt_history(self) -> None:
         """As ``program.Decisions``."""
-        if self.model.features.contact.memory:
+        if self.model.features.memory:
             kernel, new = self.model.kernels.graph.adopt_history, self.storage.scratch.history
             self.launch(kernel, self.contacts.owner.size, new, self.batch.clock, self.contacts.history)
 
@@ -295,19 +296,21 @@ class Captured:
         for owner in (lists, lists.outer, lists.new, self.state, self.scratch, self.batch):
             values = owner if isinstance(owner, tuple) else vars(owner).values()
             found += [value for value in values if isinstance(value, wp.array)]
-        structs = self.batch.control, self.batch.report, self.step.grains, self.step.wall_contacts, self.contacts, lists.grids
+        structs = [self.batch.control, self.batch.report, self.step.grains, self.step.wall_contacts, self.contacts, lists.grids]
+        if self.model.schedule.dynamic:
+            structs.append(self.batch.control.dynamic)
         return found + [x for one in structs for name in one._cls.vars if isinstance(x := getattr(one, name), wp.array)]
 
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.step.max_displacement, lists.skin, lists.inner_skin
+        numbers = self.state.slots, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
         return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         k = self.model.kernels
-        for group in (k.graph, k.rebuild, k.lists, k.displacement, k.walls, k.films, numbering):
+        for group in (k.graph, k.rebuild, k.neighbors, k.batches, k.displacement, k.walls, k.films, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=self.model.device)

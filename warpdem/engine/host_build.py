@@ -27,6 +27,10 @@ from warpdem.state.particles import State
 LEAST_CAPACITY = 12  # of a row of the outer list to begin with
 
 
+FAST = 0.1
+"""Share of the grains that are allowed to move by more than half the skin, about [-]."""
+LONGEST_HORIZON = 1200.0
+"""Steps that an outer list shall hold at most [-]."""
 BUILDS_IN_ORDER = 8
 """Outer lists that a CPU builds before it sorts the grains in memory again: until then they move by a few radii at most."""
 
@@ -125,19 +129,20 @@ class HostBuild:
         self._classes = np.zeros(0, dtype=np.int64)
         self._nothing = storage.pool.zeros(0, wp.int32)
         self._builds_in_order, self._side, self._entries = 0, 0, 0
+        self._grids_for = 0.0, 0.0  # skin and largest allowance
         self._capacity_start: wp.array | None = None
         self._old_wall_contacts: Any = None
 
-    def check(self, outer_limit: float, inner_skin: float | None = None) -> Found:
+    def check(self, outer_share: float, inner_share: float | None = None) -> Found:
         """What has become of each grain.
 
         Args:
-            outer_limit: displacement that the outer list allows [m].
-            inner_skin: skin of the inner list [m], if it may be built at once where it alone is out of date.
+            outer_share: of its allowance, that a grain may move while the outer list holds [-].
+            inner_share: of the inner list that may be built at once where it alone is out of date [-]; None for none.
         """
         found = self.storage.pool.buffer("found", (self.state.slots,), wp.int32)
         self.batch.set_time()
-        self.program.check(found, outer_limit)
+        self.program.check(found, outer_share)
         of_grain = found.numpy()
         return Found(int(np.bitwise_or.reduce(of_grain, initial=0)), of_grain)
 
@@ -156,7 +161,7 @@ class HostBuild:
         self._side = 1 - self._side
         a.rows_are_counted = self.storage.rows_are_counted
         same = state.slots == len(state) == known == len(self._classes)  # none has come or gone since they were sorted
-        stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER
+        stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER and self._grids_for == (a.skin, a.most_allowance)
         if sort or not stays or a.rows_are_counted:
             old_id = wp.clone(state.id)
             order = self._sort()
@@ -170,21 +175,31 @@ class HostBuild:
         a.known = n = len(order)
         nothing, counts = self._nothing, [self._array(name, n) for name in ("neighbors", "near features")]
         a.new = NewOuterList(
-            start=self._array("rows", n + 1), count=counts[0], slot=nothing, contact=nothing, capacity_start=nothing,
-            old_slot=old_slot, old_id=old_id, feature_count=counts[1], first=self._array("wall slots", n + 1),
+            start=self._array("rows", n + 1), count=counts[0], slot=nothing, contact=nothing,
+            allowance=self._array("allowances", n, wp.float64), capacity_start=nothing, old_slot=old_slot, old_id=old_id,
+            feature_count=counts[1], first=self._array("wall slots", n + 1),
         )  # fmt: skip
         if not a.rows_are_counted:
             self._give_rows_capacity()
+        self._look_ahead()
         self.program.build_outer()
         a.rebuilds += 1
         return order
 
-    def _array(self, name: str, size: int) -> wp.array:
+    def _look_ahead(self) -> None:
+        """Let ``lists.horizon`` be the steps in which all but the fast ones go no further than half the skin."""
+        a, least = self.lists, 0.5 * self.lists.skin
+        if a.most_allowance > least:
+            self.program.set_allowances(1.0, 0.0, np.inf)
+            distance = float(np.quantile(a.new.allowance.numpy(), 1.0 - FAST))
+            a.horizon = min(least / distance, LONGEST_HORIZON) if distance > 0.0 else LONGEST_HORIZON
+
+    def _array(self, name: str, size: int, dtype: type = wp.int32) -> wp.array:
         """Array of an outer list: on a CPU one of two, since the list before is still needed; else of its own."""
         pool = self.storage.pool
         if self.storage.rows_are_counted:
-            return pool.zeros(size, wp.int32)
-        return pool.buffer(f"{name} {self._side}", (size,), wp.int32)
+            return pool.zeros(size, dtype)
+        return pool.buffer(f"{name} {self._side}", (size,), dtype)
 
     def _sort(self) -> np.ndarray | None:
         """Sort the grains in memory, without those that have left, and make the cell grids; return as ``outer``."""
@@ -199,16 +214,18 @@ class HostBuild:
             return None
         position, radius = record[:, grain.POSITION][kept], record[:, grain.RADIUS][kept]
         places = position if state.clumps is None else state.places_to_sort_by(kept)
-        beyond = self.model.features.contact.gap + a.skin
+        gap = self.model.features.contact.gap
         classes = size_classes(radius)
         if a.given_order is not None:
             order, a.given_order = a.given_order, None
         else:
-            order = morton_order(places, finest_cell(radius, classes, beyond), self.model.device)
+            order = morton_order(places, finest_cell(radius, classes, gap + a.skin), self.model.device)
         position, radius, self._classes, order = position[order], radius[order], classes[order], kept[order]
         state.reorder(order)
         a.outer_reference = pool.buffer("outer reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
-        a.grids = grids_for(position, radius, self._classes, beyond, self.model.device)
+        widest = float(radius.max()) + a.most_allowance
+        a.grids = grids_for(position, radius + 0.5 * a.skin, self._classes, gap, self.model.device, widest)
+        self._grids_for = a.skin, a.most_allowance
         return order
 
     def _give_rows_capacity(self) -> None:
@@ -304,14 +321,13 @@ class HostBuild:
         a, features, pool = self.lists, self.model.features, self.storage.pool
         law, width = features.contact, features.backend.lanes
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
-        lanes, history = (batches, width), (batches, max(law.memory, 1), width)
+        lanes, history = (batches, width), (batches, max(features.memory, 1), width)
         a.row = self.storage.force_slots((slots + 1, law.pair_force_width), history, a.outer.slot.shape[0], a.real)
-        a.entry = pool.buffer("entry", (slots + 1 if features.measures.energy else 0, features.measures.entry_width), a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
         a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)
         a.trial = pool.buffer("trial", history if self.batch.stages > 1 else (0, 1, width), a.real)
-        kernels = self.model.kernels.lists
+        kernels = self.model.kernels.batches
         a.constants = pool.buffer(
             "constants", (batches if kernels.keeps_constants else 0, kernels.constants_width, width), a.real
         )

@@ -27,7 +27,7 @@ def put(struct: Any, **fields: Any) -> Any:
 def rows_of(rows: OuterList, struct: Any = None) -> Any:
     """``NeighborRows`` of an outer list, in ``struct`` if there is one."""
     struct = NeighborRows() if struct is None else struct
-    return put(struct, start=rows.start, count=rows.neighbors, slot=rows.slot, contact=rows.contact)
+    return put(struct, start=rows.start, count=rows.neighbors, slot=rows.slot, contact=rows.contact, allowance=rows.allowance)
 
 
 class ListStructs:
@@ -35,15 +35,16 @@ class ListStructs:
 
     def __init__(self, model: Model, state: State, lists: ContactLists) -> None:
         self._state, self._lists = state, lists
-        kernels, self._Clumps = model.kernels.lists, model.kernels.pairs.clumps.Clumps
-        self._grains, self._contacts = kernels.ListedGrains(), kernels.ListedContacts()
+        kernels, self._Clumps = model.kernels, model.kernels.pairs.clumps.Clumps
+        self._grains, self._contacts = kernels.neighbors.ListedGrains(), kernels.batches.ListedContacts()
+        self._grains.through = model.apart
         self._outer, self._new, self._references = NeighborRows(), NeighborRows(), References()
         self._counts, self._starts = Counts(), Starts()
 
     def grains(self) -> Any:
         """``ListedGrains``."""
         s = self._state
-        put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id)
+        put(self._grains, record=s.record, inverse=s.inverse, material=s.material, id=s.id, owned=s.owned)
         return put(self._grains, clumps=s.clumps.struct(self._Clumps)) if s.clumps is not None else self._grains
 
     def outer(self) -> Any:
@@ -54,12 +55,12 @@ class ListStructs:
         """``NeighborRows`` of the outer list that is being built."""
         return rows_of(self._lists.new.rows, self._new)
 
-    def references(self, inner_limit: float, outer_limit: float) -> Any:
-        """``References``; displacements that the lists allow [m]."""
+    def references(self, outer_share: float) -> Any:
+        """``References``; share of its allowance that a grain may move while the outer list holds [-]."""
         a = self._lists
         return put(
-            self._references, inner=a.reference, outer=a.outer_reference, flight=a.flight, inner_limit=inner_limit,
-            outer_limit=outer_limit,
+            self._references, inner=a.reference, outer=a.outer_reference, flight=a.flight, allowance=a.outer.allowance,
+            inner_share=a.share_that_holds, outer_share=outer_share,
         )  # fmt: skip
 
     def counts(self) -> Any:

@@ -1,7 +1,7 @@
 """When lists are built: a neighbor list is valid until a grain has moved too far, was inserted, or has left.
 
-Two lists: the outer one holds pairs closer than the skin, the inner one, which the forces go through, those of them that are
-closer than the inner skin. The launches of a build are in ``program``.
+Two lists: the outer one holds pairs closer than the allowances of both grains, the inner one, which the forces go through,
+those of them that are closer than a share of that. The launches of a build are in ``program``.
 """
 
 from collections.abc import Callable
@@ -27,9 +27,10 @@ from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State, changed
 
-INNER_STEPS = (30, 100)  # steps between two inner lists that the inner skin is steered to
+INNER_STEPS = (30, 100)  # steps between two inner lists that their share is steered to
 OUTER_STEPS = 120  # steps between two outer lists below which the skin grows (if it may)
-INNER_SKINS = (0.02, 0.5)  # bounds of the inner skin over the skin
+REACH = 0.5  # allowance of a grain beyond half the skin, at most, over the mean radius [-]
+INNER_SHARES = (0.02, 0.5)  # bounds of the share of the allowances that an inner list is built for
 KEPT_SHARE = 0.75  # of the slots in memory that hold a grain, at least: with fewer the lists are rebuilt without the others
 NO_SLOTS = np.zeros(0, dtype=np.int64)
 BUILDS = 64  # outer lists that a device builds at most before the grains are sorted in memory again
@@ -83,6 +84,7 @@ class NeighborLists(ContactLists):
     ) -> None:  # fmt: skip
         self._skin_bounds = skin_bounds(model)
         super().__init__(model, state, clock, pool, self._skin_bounds[0])
+        self._adapt_allowances()
         self._batch, self._timers, self._leavers = batch, timers, leavers
         self.build = list_build(self, batch)
         self.flights = Flights(self, batch, self.build.launch)
@@ -111,7 +113,7 @@ class NeighborLists(ContactLists):
         few_left = len(self.state) < KEPT_SHARE * self.state.slots
         # where grains may fly instead, or the arrays are made for others, the inner list has to wait for what is found
         at_once = pending & BEYOND and not (changed or few_left or steps < INNER_STEPS[0])
-        found = self._check(self.next_inner_skin if at_once else None)
+        found = self._check(self.next_inner_share if at_once else None)
         if found.inner_built:
             return
         if found.all & NOT_FINITE:
@@ -138,22 +140,22 @@ class NeighborLists(ContactLists):
                     return
                 force_rebuild = validity is Validity.OUTER_OUT_OF_DATE or (grown and not self._insert())
         if not grown and not force_rebuild:
-            self.inner_skin = self.next_inner_skin
+            self.inner_share = self.next_inner_share
         self._last_refresh = self.clock.step_number
         if force_rebuild:
             self._adapt_skin()
             self._rebuild_outer(fast)
         self._rebuild_inner()
 
-    def _check(self, inner_skin: float | None) -> Found:
-        """What has become of each grain; builds the inner list at once where it alone is out of date, if its skin is given."""
-        outer_limit = max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0)
+    def _check(self, inner_share: float | None) -> Found:
+        """What has become of each grain; builds the inner list at once where it alone is out of date, if its share is given."""
+        outer_share = 1.0 - max(self.inner_share, self.next_inner_share)
         with self._timers.measure("refresh"):
-            found = self.build.check(outer_limit, inner_skin)
+            found = self.build.check(outer_share, inner_share)
             if found.inner_built:
-                assert inner_skin is not None
+                assert inner_share is not None
                 self.force_parity = (self.clock.step_number - 1) & 1
-                self.inner_skin, self._last_refresh = inner_skin, self.clock.step_number
+                self.inner_share, self._last_refresh = inner_share, self.clock.step_number
                 self.flights.list_built()
                 self.flights.drop_reference()
         return found
@@ -222,14 +224,14 @@ class NeighborLists(ContactLists):
         return False
 
     @property
-    def next_inner_skin(self) -> float:
-        """Inner skin of the next inner list [m], steered by the steps since the last."""
+    def next_inner_share(self) -> float:
+        """``inner_share`` of the next inner list [-], steered by the steps since the last."""
         steps = self.clock.step_number - self._last_refresh
         if self.inner_rebuilds and steps < INNER_STEPS[0]:
-            return min(1.4 * self.inner_skin, INNER_SKINS[1] * self.skin)
+            return min(1.4 * self.inner_share, INNER_SHARES[1])
         if self.inner_rebuilds and steps > INNER_STEPS[1]:
-            return max(self.inner_skin / 1.4, INNER_SKINS[0] * self.skin)
-        return self.inner_skin
+            return max(self.inner_share / 1.4, INNER_SHARES[0])
+        return self.inner_share
 
     def _remove(self, gone: np.ndarray) -> None:
         """Grains in slots ``gone`` touch nothing any more; the lists stay valid for the others."""
@@ -270,6 +272,14 @@ class NeighborLists(ContactLists):
         self._device_builds = min(2 * self._device_builds, BUILDS) if wider == self.skin and self._device_builds else 1
         self.device_builds_left = self._device_builds
         self.skin, self._last_rebuild, self._rebuilds_then = wider, self.clock.step_number, self.rebuilds
+        self._adapt_allowances()
+
+    def _adapt_allowances(self) -> None:
+        """Set the bounds of how far a grain may move while the outer list holds."""
+        least, radius = 0.5 * self.skin, self.model.expected.radius
+        shortest = min((length for length in self.model.features.domain.period if length), default=np.inf)
+        mean = float(radius.mean()) if len(radius) else 0.0
+        self.most_allowance = max(least, min(least + REACH * mean, 0.225 * shortest))
 
     # -- built by a device ----------------------------------------------------------------------
 

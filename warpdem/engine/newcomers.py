@@ -11,6 +11,7 @@ import warp as wp
 
 from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists, OuterList
+from warpdem.engine.list_structs import ListStructs
 from warpdem.kernels import grain
 from warpdem.kernels.clump import NONE
 from warpdem.kernels.lists.numbering import starts
@@ -58,13 +59,14 @@ class Newcomers:
         record, known, n = state.record.numpy(), lists.known, state.slots
         if n == known:  # none was inserted: a rebuild was requested
             return False
-        pairs = self._neighbours(record, known)
-        start, count, slot, contact = lists.outer
+        new = np.arange(known, n)
+        allowance = self._allowances(new)
+        pairs = self._neighbours(record, allowance.numpy(), known)
+        start, count, slot, contact, _ = lists.outer
         partner, added = np.unique(pairs[pairs[:, 1] < known, 1], return_counts=True)
         room = np.diff(start.numpy())
         if (count.numpy()[partner] + added > room[partner]).any():
             return False
-        new = np.arange(known, n)
         rows = np.bincount(pairs[:, 0] - known, minlength=n - known)
         begin = start.numpy()[-1] + starts(rows + ROW)
         if begin[-1] > slot.shape[0]:
@@ -82,20 +84,33 @@ class Newcomers:
         for i in new:
             row = slice(first[i], first[i] + fill[i])
             entry[row] = entry[row][np.argsort(ids[entry[row]], kind="stable")]
-        lists.outer = OuterList(start, count, slot, contact)
+        lists.outer = OuterList(start, count, slot, contact, allowance)
         self._save_reference(new)
         if self.model.walls is not None:
             self._beside_walls(new)
         lists.known = n
         return True
 
-    def _neighbours(self, record: np.ndarray, known: int) -> np.ndarray:
+    def _allowances(self, new: np.ndarray) -> wp.array:
+        """How far each grain may move while the lists hold, the newcomers among them."""
+        lists, batch, n = self.lists, self.batch, int(new[-1]) + 1
+        out = grown(self._whole("allowances", lists.outer.allowance), n)
+        self._kept["allowances"], out = out, first_rows(out, n)
+        limits = lists.horizon, 0.5 * lists.skin, lists.most_allowance
+        self._launch_for(
+            new, self.model.kernels.displacement.set_allowances, self.state.record, batch.control, batch.clock,
+            self.model.dt, *limits, out,
+        )  # fmt: skip
+        return out
+
+    def _neighbours(self, record: np.ndarray, allowance: np.ndarray, known: int) -> np.ndarray:
         """Slots of newcomers and of all that are near each, shape (pairs, 2); two newcomers are named in both orders."""
-        model, here, beyond = self.model, self.state.here, self.model.features.contact.gap + self.lists.skin
+        model, here, beyond = self.model, self.state.here, self.model.features.contact.gap
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         new = np.arange(known, len(record))
         low, high = position[new].min(axis=0), position[new].max(axis=0)
-        middle, half = 0.5 * (low + high), 0.5 * (high - low) + (radius[new].max() + model.expected.radius.max() + beyond)
+        most = radius[new].max() + model.expected.radius.max() + beyond + allowance[known:].max() + allowance.max()
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) + most
         close = np.flatnonzero(here)
         for k in (2, 0, 1):
             separation = position[close, k] - middle[k]
@@ -108,7 +123,7 @@ class Newcomers:
         out = [np.zeros((0, 2), dtype=np.int64)]
         for i in new[here[new]]:
             separation = model.domain.nearest(position[i] - position[close])
-            far = (radius[i] + radius[close] + beyond) * (1.0 + 1.0e-12)
+            far = (radius[i] + radius[close] + beyond + allowance[i] + allowance[close]) * (1.0 + 1.0e-12)
             near = close[(np.einsum("ij,ij->i", separation, separation) < far * far) & (close != i)]
             if of is not None and of[i] != NONE:
                 near = near[of[near] != of[i]]
@@ -143,8 +158,8 @@ class Newcomers:
         assert walls is not None
         contacts, n, used = lists.wall_contacts, int(new[-1]) + 1, int(lists.wall_contacts.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
-        grains = self.state.record, self.state.material, self.model.apart
-        shared = *grains, 0.5 * lists.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        grains = ListStructs(self.model, self.state, lists).grains()
+        shared = grains, lists.outer.allowance, walls.surface, walls.trees, self.batch.placements
         count = self.pool.zeros(n, wp.int32)
         self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])

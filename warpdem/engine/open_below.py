@@ -15,7 +15,7 @@ def walls_open_below(scene: Scene, smallest: float) -> list[str]:
     """Names of the walls that a grain of diameter ``smallest`` [m] falls past, all of the scene; none if one of them holds it.
 
     Known are the walls that hold by themselves whatever falls: a plane that is no ceiling and no side wall, a sphere or a cone
-    round its grains, a bore that is closed at its lower end, by planes too. Not looked at: meshes, a frame that turns.
+    round its grains, a bore that is closed at its lower end, by planes too. Not looked at: meshes, a frame that rotates.
     """
     gravity = np.asarray(scene.gravity, float)
     pull = np.linalg.norm(gravity)

@@ -1,8 +1,9 @@
 """The step and the list build: every launch, in its order, written once.
 
     step                                   list build
-      for each stage of the integrator       check the lists
-        forces of the stage (not the 1st)    outer list, where it is out of date
+      walls that move by their load          check the lists
+      for each stage of the integrator       outer list, where it is out of date
+        forces of the stage (not the 1st)
         kick, drift, displacement check        grains onto the cell grids
       forces at the end of the step            neighbors of each grain and wall features near it, counted and numbered
                                                [do the arrays hold them?] written
@@ -67,13 +68,14 @@ class Decisions(Protocol):
 class Step:
     """The launches of a step, each phase with a thread per contact or grain."""
 
-    def __init__(self, model: Model, n: int, structs: tuple[Any, Any, Any], batch: Batch, max_displacement: float,
+    def __init__(self, model: Model, n: int, structs: tuple[Any, Any, Any], batch: Batch, inner_share: float,
                  launch: Launch) -> None:  # fmt: skip
-        self.model, self.n, self.batch, self.launch, self.max_displacement = model, n, batch, launch, max_displacement
+        self.model, self.n, self.batch, self.launch, self.inner_share = model, n, batch, launch, inner_share
         self.grains, self.contacts, self.wall_contacts = structs
 
     def __call__(self, ahead: int) -> None:
         """The step that begins ``ahead`` steps from now."""
+        self.walls_by_load(ahead)
         for stage in range(self.batch.stages):
             if stage > 0:
                 self.forces(ahead, stage)
@@ -98,10 +100,18 @@ class Step:
             shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock
             self.launch(self.model.kernels.graph.wall_forces, self.n, ahead, stage, *shared)
 
+    def walls_by_load(self, ahead: int) -> None:
+        """Kick and drift of the walls that move by the load on them."""
+        kernels, b = self.model.kernels.graph, self.batch
+        if self.model.schedule.dynamic:
+            shared = b.control, self.grains, self.wall_contacts, b.report, b.clock
+            self.launch(kernels.add_wall_loads, self.n, ahead, *shared)
+            self.launch.once(kernels.advance_walls, ahead, b.model, b.control, b.report, b.clock)
+
     def move(self, ahead: int, stage: int = 0) -> None:
         """Kick and drift, and whether grains have moved too far for the inner list."""
         b = self.batch
-        shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock, self.max_displacement
+        shared = b.model, b.control, self.grains, self.wall_contacts, b.report, b.clock, self.inner_share
         self.launch(self.model.kernels.graph.move, self.n, ahead, stage, *shared)
 
 
@@ -127,24 +137,25 @@ class ListBuild:
 
     # -- check ----------------------------------------------------------------------------------
 
-    def check(self, found: wp.array, outer_max_displacement: float) -> None:
+    def check(self, found: wp.array, outer_share: float) -> None:
         """How far grains have moved, and what else has become of them (``kernels.lists.displacement``).
 
         Args:
             found: what is found of each grain, shape (n,); of size 0 for the conditions of the clock only.
-            outer_max_displacement: displacement that the outer list allows [m].
+            outer_share: of its allowance, that a grain may move while the outer list holds [-].
         """
-        b, references = self.batch, self.structs.references(self.lists.max_displacement, outer_max_displacement)
+        b, references = self.batch, self.structs.references(outer_share)
         shared = self.state.record, self.structs.grains().clumps, references, b.control, b.watched, self.model.dt
         self.launch(self.kernels.displacement.check_lists, self.n, *shared, found, b.clock)
 
     # -- outer list -----------------------------------------------------------------------------
 
     def build_outer(self) -> None:
-        """Pairs and wall features closer than the skin, where the arrays hold them."""
-        a, k, scratch = self.lists, self.kernels.lists, self.batch.scratch(self.n)
+        """Pairs and wall features within the allowances, where the arrays hold them."""
+        a, k, scratch = self.lists, self.kernels.neighbors, self.batch.scratch(self.n)
+        self.set_allowances(a.horizon, 0.5 * a.skin, a.most_allowance)
         a.grids.head.zero_()
-        self.launch(k.insert_grains, self.n, a.grids, self.state.record, split=False)
+        self.launch(k.insert_grains, self.n, a.grids, self.state.record, a.new.allowance, split=False)
         self.find_neighbors(a.new.capacity_start)
         if a.rows_are_counted:
             self._number(a.new.count, scratch.entries, a.new.start)
@@ -154,7 +165,7 @@ class ListBuild:
         self.decide.outer_fits(self._write_outer)
 
     def _write_outer(self) -> None:
-        a, k = self.lists, self.kernels.lists
+        a, k = self.lists, self.kernels.neighbors
         if a.rows_are_counted:
             self.find_neighbors(a.new.start)
         if a.built:
@@ -166,13 +177,17 @@ class ListBuild:
             self.decide.move_wall_contacts()
         self._save_reference(a.outer_reference)
 
+    def set_allowances(self, horizon: float, least: float, most: float) -> None:
+        """How far each grain may move while the list holds that is built: as far as in ``horizon`` steps, within bounds [m]."""
+        a, b, kernel = self.lists, self.batch, self.kernels.displacement.set_allowances
+        limits = self.model.dt, horizon, least, most
+        self.launch(kernel, self.n, self.state.record, b.control, b.clock, *limits, a.new.allowance)
+
     def find_neighbors(self, start: wp.array) -> None:
         """Write the neighbors of each grain from ``start`` on, as far as there is capacity, and count them."""
-        a = self.lists
-        clump = self.state.clumps.of_grain if self.state.clumps is not None else self.batch.scratch(self.n).nothing
-        grains = self.state.record, self.state.id, clump, self.state.material
-        limits = self.model.apart, self.state.owned, a.skin
-        self.launch(self.kernels.lists.find_neighbors, self.n, a.grids, *grains, *limits, start, a.new.count, a.new.slot)
+        a, grains = self.lists, self.structs.grains()
+        written = a.new.count, a.new.slot
+        self.launch(self.kernels.neighbors.find_neighbors, self.n, a.grids, grains, a.new.allowance, start, *written)
 
     def _near_features(self, write: int) -> None:
         """Count the wall features near each grain, or write their numbers."""
@@ -181,27 +196,26 @@ class ListBuild:
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
         if self.state.ghosts:  # which are beside no wall here
             a.new.feature_count[self.state.owned :].zero_()
-        grains = self.state.record, self.state.material, self.model.apart
-        shared = *grains, 0.5 * a.skin, walls.surface, *walls.mesh_arrays, self.batch.placements
+        shared = self.structs.grains(), a.new.allowance, walls.surface, walls.trees, self.batch.placements
         self.launch(self.kernels.walls.near_features, self.state.owned, write, *shared, first, a.new.feature_count, feature)
 
     # -- inner list -----------------------------------------------------------------------------
 
     def build_inner(self) -> None:
-        """Pairs and wall features closer than the inner skin, where the arrays hold them."""
-        a, k, b, structs = self.lists, self.kernels.lists, self.batch, self.structs
+        """Pairs and wall features within a share of the allowances, where the arrays hold them."""
+        a, k, b, structs = self.lists, self.kernels.batches, self.batch, self.structs
         counts = structs.counts()
-        selected = structs.grains(), structs.outer(), a.history, a.inner_skin, a.flight, a.listed, counts
+        selected = structs.grains(), structs.outer(), a.history, a.inner_share, a.flight, a.listed, counts
         self.launch(k.select_contacts, self.n, *selected)
         if self.model.walls is not None:
             near = a.near_feature, a.flight, a.wall_contacts
-            shared = self.state.record, 0.5 * a.inner_skin, self.model.walls.surface, b.placements
+            shared = self.state.record, a.inner_share, a.outer.allowance, self.model.walls.surface, b.placements
             self.launch(self.kernels.walls.close_features, self.n, *shared, *near)
         self.number(counts, b.clock[TOTALS], structs.starts())
         self.decide.inner_fits(self._write_inner)
 
     def _write_inner(self) -> None:
-        a, k, m, structs = self.lists, self.kernels.lists, self.model, self.structs
+        a, k, m, structs = self.lists, self.kernels.batches, self.model, self.structs
         unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
         self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), structs.outer(), unused_slot, contacts)
         law = m.features.contact.materials, m.coefficients

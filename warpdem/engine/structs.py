@@ -50,8 +50,8 @@ class Structs:
         grains, n, device = self._grains, self._state.slots, self._model.device
         put(
             grains, record=state.record, inverse=state.inverse, material=state.material, reference=lists.reference,
-            row_start=lists.row_start, flight=lists.flight, row=self._view("row", lists.row, model.kernels.pairs.PairForce),
-            entry=self._view("entry", lists.entry, model.kernels.pairs.Entry),
+            allowance=lists.outer.allowance, row_start=lists.row_start, flight=lists.flight,
+            row=self._view("row", lists.row, model.kernels.pairs.PairForce),
         )  # fmt: skip
         if state.clumps is not None:
             put(grains, clumps=state.clumps.struct(model.kernels.pairs.clumps.Clumps))
@@ -75,6 +75,8 @@ class Structs:
         fields = {name: getattr(lists, name) for name in ("owner", "partner", "slot_i", "slot_j", "constants", "history")}
         trial = lists.trial if len(features.backend.scheme.STAGES) > 1 else lists.history
         put(self._contacts, **fields, trial=trial)
+        if features.backend.ranks:
+            self._contacts.owned = self._state.owned
         if features.contact.table:
             put(self._contacts, kind=lists.kind)
         return self._contacts

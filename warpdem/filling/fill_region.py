@@ -208,8 +208,8 @@ def with_free_volume(space: FillRegion, walls: Sequence[PlacedWall], key: str) -
 def sample_points(space: FillRegion, count: int) -> np.ndarray:
     """Points [m] spread evenly over a region, shape (k, 3): those of ``count`` in its box that are within its mesh."""
     # additive recurrence: its numbers are powers of the root of x^4 = x + 1, which spread best in three dimensions
-    share = (0.5 + np.outer(np.arange(1, count + 1), 1.2207440846057596 ** -np.arange(1.0, 4.0))) % 1.0
-    points = (space.low + share * (space.high - space.low)) @ space.axes
+    fraction = (0.5 + np.outer(np.arange(1, count + 1), 1.2207440846057596 ** -np.arange(1.0, 4.0))) % 1.0
+    points = (space.low + fraction * (space.high - space.low)) @ space.axes
     return np.asarray(points if space.mesh is None else points[inside(space.mesh, points)])
 
 

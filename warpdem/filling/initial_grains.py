@@ -16,6 +16,7 @@ from warpdem.filling.packing import pack
 from warpdem.filling.packing_run import Packing
 from warpdem.filling.placed_walls import PlacedWall, in_body_axes, place_walls, wall_poses_at_start
 from warpdem.filling.rigid_moves import PlacedClumps
+from warpdem.filling.tile import tiled
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.scene.grains import Fill, Grains
 from warpdem.scene.model import Scene
@@ -103,7 +104,7 @@ def load_grains(scene: Scene, meshes: dict[str, TriangleMesh]) -> InitialGrains:
         rows = np.zeros((0, 3))
         return InitialGrains(none.astype(np.int64), none, none, np.zeros(0), rows, rows, rows)
     keys = [f"{scene.source}: grains[{number}]" for number in range(len(scene.grains))]
-    fills = {k: group.fill for k, group in enumerate(scene.grains) if group.fill is not None}
+    fills = {k: group.fill for k, group in enumerate(scene.grains) if group.fill is not None and group.fill.tile is None}
     walls = place_walls(scene, meshes, wall_poses_at_start(scene)) if fills else []
     templates = clump_templates(scene)
     spaces = {
@@ -238,7 +239,10 @@ def _clump_notes(scene: Scene, templates: dict[str, ClumpTemplate]) -> list[str]
 
 
 def _given(scene: Scene, group: Grains, key: str, templates: dict[str, ClumpTemplate]) -> GroupFields:
-    """Grains of a group that has positions or a file."""
+    """Grains of a group that has positions, a file, or copies of a tile."""
+    if group.fill is not None and group.fill.tile is not None:
+        copied, sizes = tiled(group.fill, scene.resolve(group.fill.tile), f"{key}.fill")
+        return GroupFields(copied, sizes, np.zeros_like(copied), np.zeros_like(copied))
     if group.clump is not None:
         template, number = templates[group.clump], list(templates).index(group.clump)
         if group.file is not None:

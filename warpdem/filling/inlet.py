@@ -13,7 +13,7 @@ from warpdem.filling.stream_portions import Drawn, Spheres, extremes_of, portion
 from warpdem.scene.model import Scene
 
 TRIES = 60  # random positions tried for one grain before it has to wait
-BEHIND = 0.02  # missing share of the grains due [-] above which a warning is given at the end
+BEHIND = 0.02  # missing fraction of the grains due [-] above which a warning is given at the end
 LEAST_EVENT_STEPS = (
     16  # least steps between two insertions: each one that inserts grains rebuilds the contact lists
 )
@@ -127,6 +127,7 @@ class Inlet:
                 break
             body, drawn = self.bodies[portion], self.waiting
             there, sizes = np.concatenate(near), np.concatenate(size)
+            met = walls if self.walls is None else self.walls.met(walls, portion)
             for _ in range(TRIES):
                 candidate = place.random_point(self.generator, body.reach(drawn))
                 if candidate is None:
@@ -134,7 +135,7 @@ class Inlet:
                 centers, radii = body.grains(drawn, candidate, axes)
                 if not all(_is_clear(center, r, there, sizes, nearest) for center, r in zip(centers, radii, strict=True)):
                     continue
-                if all((wall.gap(centers, radii) >= 0.0).all() for wall in walls):
+                if all((wall.gap(centers, radii) >= 0.0).all() for wall in met):
                     break
             else:
                 self.blocked = True

@@ -18,11 +18,11 @@ from warpdem.scene.streams import Stream
 
 SAMPLES = 4000  # points of a region at which is tested whether walls leave it free
 TIMES = 24  # times at which that is tested where walls move
-BLOCKED = 0.01  # share of a region taken by walls [-] above which a note is given
+BLOCKED = 0.01  # fraction of a region taken by walls [-] above which a note is given
 
 
 class InletWalls:
-    """The walls beside the region of a stream at any time.
+    """The walls beside the region of a stream at any time that its grains touch.
 
     Args:
         number: Number of the stream.
@@ -51,12 +51,16 @@ class InletWalls:
         stream = scene.streams[number]
         self._scene, self._meshes, self._poses, self._place = scene, meshes, poses, place
         bodies = portions_of(scene, stream)
+        names, material = list(scene.materials), [portion.material for portion in stream.portions]
+        self._met = [
+            {wall.name for k, wall in enumerate(scene.walls) if scene.touched(np.array([names.index(kind)]), k)[0]}
+            for kind in material
+        ]
         smallest, largest = (0.5 * diameter for diameter in extremes_of(bodies))
         self._reach = largest
         self.notes: list[str] = []
-        walls = place_walls(
-            scene, meshes, poses(stream.start)
-        )  # the sides are decided when the first grains are inserted
+        # the sides are decided when the first grains are inserted
+        walls = [wall for wall in place_walls(scene, meshes, poses(stream.start)) if any(wall.name in met for met in self._met)]
         moving = {wall.name for wall, goes in zip(scene.walls, moves, strict=True) if goes}
         # in a rotating frame gravity has no fixed direction, by which a cup is recognized
         up = -np.asarray(scene.gravity, float) if scene.frame is None else np.zeros(3)
@@ -72,8 +76,7 @@ class InletWalls:
         sides = here.in_frame(centers if points is None else points)
         sided, self._vessels = assign_sides(walls, sides, is_body=body_test(scene, up))
         self._still = [w for w in sided if w.name not in moving and (place.moves or w.is_near(here.bounds, largest))]
-        self._moving = [k for k, wall in enumerate(sided) if wall.name in moving]
-        self._sides = [wall.side for wall in sided]
+        self._moving = {wall.name: wall.side for wall in sided if wall.name in moving}
         self._check(key, stream, centers, min(one.narrowest for one in bodies))
 
     def _check(self, key: str, stream: Stream, centers: np.ndarray, radius: float) -> None:
@@ -83,25 +86,27 @@ class InletWalls:
         changes = bool(self._moving) or self._place.moves
         end = min(self._scene.time.end, stream.until or np.inf)
         times = np.linspace(stream.start, max(stream.start, end), TIMES) if changes else [stream.start]
-        shares: list[float] = []
+        fractions: list[float] = []
         blame: dict[str, float] = {}
         for time in times:
             walls, there = self.at(time), self._place.at(time).in_frame(centers)
-            shares.append(float((smallest_gap(walls, there, radius) >= 0.0).mean()) if walls else 1.0)
+            of_portions = [self.met(walls, k) for k in range(len(stream.portions))]
+            gaps = [smallest_gap(met, there, radius) for met in of_portions if met]
+            fractions.append(min((float((gap >= 0.0).mean()) for gap in gaps), default=1.0))
             for wall in walls:
                 taken = float((wall.gap(there, radius) < 0.0).mean())
                 blame[wall.name] = max(taken, blame.get(wall.name, 0.0))
         named = ", ".join(repr(name) for name, taken in sorted(blame.items(), key=lambda item: -item[1]) if taken > 0.0)
-        if max(shares) == 0.0:
+        if max(fractions) == 0.0:
             when = "at no time of the run" if changes else "nowhere"
             raise SceneError(
                 f"{self._scene.source}: {key}: {when} is there space in it for a grain of {2.0 * radius:.4g} m in diameter "
                 f"clear of the wall {named}: move the box off it, or make it larger"
             )
-        if min(shares) < 1.0 - BLOCKED:
-            share = f"{min(shares):.0%} to {max(shares):.0%}" if len(shares) > 1 else f"{shares[0]:.0%}"
+        if min(fractions) < 1.0 - BLOCKED:
+            fraction = f"{min(fractions):.0%} to {max(fractions):.0%}" if len(fractions) > 1 else f"{fractions[0]:.0%}"
             self.notes.append(
-                f"{key}: the wall {named} leaves {share} of it: grains are inserted where it leaves space for them"
+                f"{key}: the wall {named} leaves {fraction} of it: grains are inserted where it leaves space for them"
             )
         if self._vessels:
             vessels = ", ".join(map(repr, dict.fromkeys(self._vessels)))
@@ -113,11 +118,15 @@ class InletWalls:
             return self._still
         box, now, still = self._place.at(time).bounds, [], self._still
         if self._moving:
-            walls = place_walls(self._scene, self._meshes, self._poses(time))
-            now = [replace(walls[k], side=self._sides[k]) for k in self._moving]
+            walls = {wall.name: wall for wall in place_walls(self._scene, self._meshes, self._poses(time))}
+            now = [replace(walls[name], side=side) for name, side in self._moving.items()]
         if self._place.moves:
             still = [wall for wall in still if wall.is_near(box, self._reach)]
         return [*still, *(wall for wall in now if wall.is_near(box, self._reach))]
+
+    def met(self, walls: list[PlacedWall], portion: int) -> list[PlacedWall]:
+        """Those of ``walls`` that grains of a portion do not pass through."""
+        return [wall for wall in walls if wall.name in self._met[portion]]
 
 
 def _shrunk(points: np.ndarray, box: np.ndarray, radius: float) -> np.ndarray:

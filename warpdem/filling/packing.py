@@ -4,7 +4,7 @@ A start, not a settled bed: nothing has weight here. The result has no overlap b
 and none with the walls. How it is done:
 
 * Random positions; the grains start small and grow to their size within a few steps, while each step parts those that
-  overlap (``kernels/packing.py``) and moves those that reach into a wall back. Each grain repeats a share of its last
+  overlap (``kernels/packing.py``) and moves those that reach into a wall back. Each grain repeats a fraction of its last
   move (heavy ball), which saves nine steps in ten in a dense packing. This reaches a solid fraction of 0.59 in a region of
   a dozen diameters, 0.61 where walls matter less.
 * What stays jammed is shaken: the grains shrink to a fluid and grow again slowly, while their motion is kept at one

@@ -12,7 +12,7 @@ def worst_overlaps(
     position: np.ndarray, radius: np.ndarray, clump: np.ndarray | None = None,
     through: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Largest overlap of each grain as a share of the smaller radius [-], (n,), and its partner, (n,), -1: none.
+    """Largest overlap of each grain as a fraction of the smaller radius [-], (n,), and its partner, (n,), -1: none.
 
     Members of one clump, whose numbers ``clump`` (n,) holds, may overlap each other, and so may materials that pass through
     each other: ``through`` as of ``NeighborTable``.

@@ -16,7 +16,7 @@ from warpdem.filling.rigid_moves import PlacedClumps
 from warpdem.filling.size_grids import finest_cell, size_classes
 
 OVERLAP = 1e-6
-"""Largest overlap left between two grains as a share of the smaller radius [-]: more than rounding leaves in a row of grains
+"""Largest overlap left between two grains as a fraction of the smaller radius [-]: more than rounding leaves in a row of grains
 that fits exactly between two walls."""
 START_FRACTION = 0.3
 """Solid fraction at which growing starts [-]: random positions overlap little there."""
@@ -29,22 +29,22 @@ SHAKES = (300, 1000, 3000)
 SHAKING = 0.03
 """Root mean square of a grain's move in one step of shaking, in its own radii [-]."""
 SHAKING_HELPS = 0.8
-"""Shaking goes on as long as an attempt leaves less than this share of the overlap of the one before [-]."""
+"""Shaking goes on as long as an attempt leaves less than this fraction of the overlap of the one before [-]."""
 MOMENTUM = 0.95
-"""Share of a grain's last move that it repeats [-] (heavy ball)."""
+"""Fraction of a grain's last move that it repeats [-] (heavy ball)."""
 SKIN = 0.6
 """Skin of the neighbor table, in mean radii [-]."""
 PATIENCE = 300
 """Steps within which the largest overlap must shrink by `PROGRESS`, or growing to the full size is given up."""
 PROGRESS = 1e-3
-"""Share by which an overlap counts as smaller [-]."""
+"""Fraction by which an overlap counts as smaller [-]."""
 MOST_STEPS = 5000
 """Steps of one attempt."""
 SMALLER_BY = 0.005, 1.5
-"""Share by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to the
+"""Fraction by which grains that do not fit are made smaller, to find out what would fit, and its growth from one attempt to the
 next [-]."""
 LEAST_SMALLER = 0.003
-"""Least share by which they are [-]."""
+"""Least fraction by which they are [-]."""
 IN_WALL = 0.1
 """How far a grain that has no space reaches into a wall, though each step ends with moving it off, in its own radii [-]."""
 SMALLER_ATTEMPTS = 10
@@ -208,7 +208,7 @@ class PackingRun:
             self._advance(1.0)
 
     def _push_apart(self, growth: float) -> float:
-        """Find the moves that part grown grains; largest overlap as a share of the smaller true radius [-], none <= 0."""
+        """Find the moves that part grown grains; largest overlap as a fraction of the smaller true radius [-], none <= 0."""
         self._move, overlap = self._neighbours.push_apart(growth * (1.0 + MARGIN))
         for part, rigid in zip(self._parts, self._rigid, strict=True):
             if rigid is not None:
@@ -228,7 +228,7 @@ class PackingRun:
         return max(reached, default=0.0)
 
     def _advance(self, momentum: float) -> None:
-        """Move all loose grains: a share of their last moves again, the pushes, and back from the walls."""
+        """Move all loose grains: a fraction of their last moves again, the pushes, and back from the walls."""
         loose = self._position[: self._loose]
         self._last *= momentum
         self._last += self._move

@@ -126,5 +126,5 @@ class RigidMoves:
     def shortened(self, move: np.ndarray, allowed: np.ndarray) -> None:
         """Shorten moves (n, 3) [m], in place, to those ``allowed`` of single members, the same of all of a clump."""
         length, there = np.linalg.norm(move, axis=1), np.linalg.norm(allowed, axis=1)
-        share = np.where(length > 0.0, there / np.maximum(length, 1e-300), 1.0)
-        move *= np.minimum.reduceat(share, self._first)[self.of, None]
+        fraction = np.where(length > 0.0, there / np.maximum(length, 1e-300), 1.0)
+        move *= np.minimum.reduceat(fraction, self._first)[self.of, None]

@@ -68,7 +68,7 @@ class RowCapacity:
 
 
 def grids_for(
-    position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float, device: wp.Device
+    position: np.ndarray, radius: np.ndarray, classes: np.ndarray, beyond: float, device: wp.Device, widest: float | None = None
 ) -> kernels.SizeGrids:
     """Empty grids, wide enough for the grains.
 
@@ -78,9 +78,12 @@ def grids_for(
         classes: class of each grain, of ``size_classes``, shape (n,).
         beyond: how far beyond touching neighbours are looked for [m].
         device: where.
+        widest: radius [m] of a class of its own, in front of the others, that nobody is in yet.
     """
     kinds = [classes == number for number in np.unique(classes)]
     largest = np.array([radius[mine].max() for mine in kinds])
+    if widest is not None:
+        kinds, largest = [np.ones(len(radius), dtype=bool), *kinds], np.array([widest, *largest])
     width = 2.0 * largest + beyond
     cells = np.array([grid_cells(position[mine], cell) for mine, cell in zip(kinds, width, strict=True)])
     first = starts(cells.prod(axis=1))

@@ -24,7 +24,7 @@ def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene: S
 
     Raises:
         SceneError: Two grains coincide or overlap by more than `engine.max_overlap` of the smaller radius, or a grain's
-            centre is on the wrong side of a wall, or nearer to it than the radius by more than that share.
+            centre is on the wrong side of a wall, or nearer to it than the radius by more than that ratio.
     """
     if len(grains) == 0:
         return
@@ -62,20 +62,20 @@ def _entry(grains: InitialGrains, i: int, scene: Scene) -> str:
 def _check_overlaps(grains: InitialGrains, scene: Scene) -> None:
     clump = None if grains.clumps is None else grains.clumps.of_grain
     through = (grains.type, scene.apart) if scene.apart.any() else None
-    share, partner = worst_overlaps(grains.position, grains.radius, clump, through)
-    i = int(np.argmax(share))
+    ratio, partner = worst_overlaps(grains.position, grains.radius, clump, through)
+    i = int(np.argmax(ratio))
     allowed = scene.engine.max_overlap
-    if share[i] <= allowed:
+    if ratio[i] <= allowed:
         return
     i, j = sorted((i, int(partner[i])), key=lambda k: grains.id[k])
     apart = np.linalg.norm(grains.position[i] - grains.position[j])
     both = f"{_place(grains, i)} and {_place(grains, j)}"
-    count = int((share > allowed).sum())
+    count = int((ratio > allowed).sum())
     if apart == 0.0:
         raise SceneError(f"{scene.source}: grains: {both} coincide; each grain needs a place of its own")
     overlap = grains.radius[i] + grains.radius[j] - apart
     raise SceneError(
-        f"{scene.source}: grains: {both} overlap by {overlap:.6g} m, {share.max():.3g} of the smaller radius; allowed "
+        f"{scene.source}: grains: {both} overlap by {overlap:.6g} m, {ratio.max():.3g} of the smaller radius; allowed "
         f"at the start is {allowed:g} ({count} grains overlap by more)"
     )
 
@@ -86,13 +86,13 @@ def _check_wall_overlaps(grains: InitialGrains, distance: dict[str, np.ndarray],
     for number, wall in enumerate(scene.walls):
         if wall.name not in distance:
             continue
-        share = np.where(scene.touched(grains.type, number), 1.0 - np.abs(distance[wall.name]) / grains.radius, 0.0)
-        deep = share > allowed
+        ratio = np.where(scene.touched(grains.type, number), 1.0 - np.abs(distance[wall.name]) / grains.radius, 0.0)
+        deep = ratio > allowed
         if deep.any():
-            i = int(np.argmax(share))
+            i = int(np.argmax(ratio))
             raise SceneError(
-                f"{scene.source}: walls[{number}]: {_place(grains, i)} reaches {share[i] * grains.radius[i]:.6g} m into the "
-                f"wall {wall.name!r}, {share[i]:.3g} of its radius; allowed at the start is {allowed:g} "
+                f"{scene.source}: walls[{number}]: {_place(grains, i)} reaches {ratio[i] * grains.radius[i]:.6g} m into the "
+                f"wall {wall.name!r}, {ratio[i]:.3g} of its radius; allowed at the start is {allowed:g} "
                 f"({int(deep.sum())} of {len(grains)} grains reach in by more)"
             )
 

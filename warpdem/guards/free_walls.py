@@ -22,10 +22,14 @@ import numpy as np
 
 from warpdem.guards.springs import Springs
 from warpdem.kernels.step.free_bodies import BODY
+from warpdem.kernels.wall.mobility import MOBILITY
+from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.observers import Contacts
 from warpdem.model.dynamic_walls import DynamicWall
 from warpdem.model.free_bodies import matrix_of
 from warpdem.scene.free import FreeBody
+from warpdem.scene.servo import Servo
+from warpdem.state.view import RunView
 
 ROUNDS = 40  # of the power iteration
 HALVINGS = 30  # of the step
@@ -44,6 +48,34 @@ class Coupling(NamedTuple):
     """Of the grains [kg m2], shape (grains,)."""
     wall: np.ndarray
     """Masses or moments of inertia of the wall's degrees of freedom [kg or kg m2], shape (d,)."""
+
+
+def yielding(view: RunView, contacts: Contacts | ContactColumns) -> np.ndarray:
+    """One over the mass of a free wall that each contact meets [1/kg], shape (c,); 0 where there is none."""
+    free = [one for one in view.model.schedule.dynamic if not isinstance(one.given, Servo)]
+    out = np.zeros(len(contacts.overlap))
+    if not free:
+        return out
+    bodies = view.model.schedule.bodies(view.clock.time)
+    for one in free:
+        held = np.flatnonzero(contacts.j == -1 - one.number)
+        turn, shift = bodies[one.number][:9].reshape(3, 3), bodies[one.number][9:12]
+        out[held] = inverse_mass(one.mobility, contacts.normal[held] @ turn, (contacts.point[held] - shift) @ turn)
+    return out
+
+
+def inverse_mass(mobility: np.ndarray, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """``kernels.wall.mobility.inverse_mass`` [1/kg] of normals and points [m] in the axes of the wall, shape (c, 3)."""
+    push, turn = (_matrix(mobility[MOBILITY.of(name)]) for name in ("push", "turn"))
+    arm = np.cross(point - mobility[MOBILITY.of("center")], normal)
+    return np.asarray(
+        mobility[MOBILITY.yields] * (np.einsum("ci,ij,cj->c", normal, push, normal) + np.einsum("ci,ij,cj->c", arm, turn, arm))
+    )
+
+
+def _matrix(m: np.ndarray) -> np.ndarray:
+    """Symmetric matrix of its six numbers."""
+    return m[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
 def coupling(
@@ -67,16 +99,16 @@ def coupling(
     rows[grains] = np.arange(len(grains))
     near = np.flatnonzero((rows[s.i] < len(grains)) | (rows[s.j] < len(grains)))
     found = s.subset(near)
-    levers, wall = _levers(one, body, contacts.point[near])
+    lever, wall = levers(one, body, contacts.point[near])
     largest = one.mass if isinstance(one.given, FreeBody) else one.inertia
     return Coupling(
-        found.between(rows[found.i], rows[found.j]), levers * held[near, None, None], np.append(mass[grains], largest),
+        found.between(rows[found.i], rows[found.j]), lever * held[near, None, None], np.append(mass[grains], largest),
         inertia[grains], wall,
     )  # fmt: skip
 
 
-def _levers(one: DynamicWall, body: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``levers`` at points [m], shape (c, 3), and ``wall`` of a coupling."""
+def levers(one: DynamicWall, body: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``levers`` at points [m], shape (c, 3), and ``wall`` of a coupling, of a wall at the placement ``body``, shape (24,)."""
     turn, shift = body[:9].reshape(3, 3), body[9:12]
     if isinstance(one.given, FreeBody):
         axes = turn @ matrix_of(one.body[BODY.of("turn")])

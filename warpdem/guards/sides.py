@@ -123,12 +123,23 @@ class SideGuard:
         if not beyond.any():
             return None
         worst = int(np.argmax(depth))
+        wall = view.model.scene.walls[number].name
         return Verdict(
             self.NAME,
             f"{at_time(view.clock)}: {grain_at(view.state, int(rows[worst]))} is on the wrong side of the wall "
-            f"{view.model.scene.walls[number].name!r}, {depth[worst]:.3g} of its radius beyond ({int(beyond.sum())} of "
-            f"{len(depth)} grains are). Time step {view.clock.dt:.3g} s. Take a smaller time.step, or a stiffer material.",
+            f"{wall!r}, {depth[worst]:.3g} of its radius beyond ({int(beyond.sum())} of "
+            f"{len(depth)} grains are). Time step {view.clock.dt:.3g} s. {_remedy(view.model.meshes.get(wall))}",
         )
+
+
+def _remedy(mesh: TriangleMesh | None) -> str:
+    """What to do about a grain on the wrong side."""
+    if mesh is None or not mesh.folded_edges:
+        return "Take a smaller time.step, or a stiffer material."
+    return (
+        f"Its surface folds back onto itself at {mesh.folded_edges} edges, and near them the sides are not defined: mend "
+        f"{mesh.name} (the notes of check say where), or add open = true to this wall, and no sides are watched."
+    )
 
 
 def _searched(mesh: TriangleMesh, points: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ Where the frame turns, the integral of Jacobi, E - sum (m V . v_frame + I W . w_
 the energy, -(1/2) m v_frame^2 being the potential of the centrifugal force: at a steady rate, and with gravity along the axis,
 walls at rest in the frame do not change it.
 
-The kernels add up D, W and J per grain at every step (``kernels.measure.budget``). In the laboratory the frame does no work:
+The kernels add up D, W and J at every step (``kernels.measure.budget``), what contacts between grains lose in sums of the whole
+run and all else per grain. In the laboratory the frame does no work:
 the walls that it turns do. A grain that comes or leaves between two force calls counts with its velocity of mid-step and its
 place there, at which the books of its work begin or end.
 """
@@ -35,8 +36,6 @@ from warpdem.state.particles import State
 from warpdem.state.view import RunView
 
 STORED = ("kinetic", "rotational", "elastic", "potential", "fields")
-DISSIPATED = ("normal_damping", "tangential_damping", "sliding", "rolling", "rescaling")
-"""What contacts lose under any law; the LOSSES of the normal law are lost too."""
 VECTORS = tuple(f"{kind}_{axis}" for kind in ("momentum", "angular_momentum") for axis in "xyz")
 
 
@@ -67,9 +66,10 @@ class Budget:
         sums, works = all_sums["energies"], all_sums["wall_work"]
         for one in view.model.schedule.dynamic:  # the steps have counted the velocities that the contacts saw
             works[one.number] += one.value("correction")
-        losses = view.model.features.measures.losses
-        by_name = dict(zip((*ENERGIES, *losses), sums, strict=True))
-        dissipated = (*DISSIPATED, *losses)
+        measures = view.model.features.measures
+        by_name, dissipated = dict(zip((*ENERGIES, *measures.losses), sums, strict=True)), measures.of_contacts
+        for name, lost in zip(dissipated, view.reader.read_losses().tolist(), strict=True):
+            by_name[name] += lost
         out = {f"elastic_{kind}": energy for kind, energy in now.elastic.items()}
         out |= {f"dissipated_{name}": by_name[name] for name in dissipated}
         out |= {"work_walls": float(sum(works)), "work_fields": by_name["fields"]}

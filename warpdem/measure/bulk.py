@@ -1,4 +1,4 @@
-r"""Bulk properties of the grains in a region at one instant: sums over grains and contacts, nothing is smoothed.
+r"""Bulk properties of the grains in a region at one time: sums over grains and contacts, nothing is smoothed.
 
     V = sum m v / sum m,     T = sum m |v - V|^2 / (3 sum m)                                        [m/s], [m2/s2]
     Z = (2 N_pairs + N_walls) / N                                                                   [-]
@@ -7,7 +7,7 @@ r"""Bulk properties of the grains in a region at one instant: sums over grains a
     s_kl = (sum m (v - V)_k (v - V)_l + sum a f_k l_l) / its volume                                 [Pa]
 
 f is the force on grain i, l the branch vector: the way to its centre from the other centre, or from the contact point at a
-wall; a is the share of this line that lies in the region. Pressure is positive. So the contact stress of boxes side by side
+wall; a is the fraction of this line that lies in the region. Pressure is positive. So the contact stress of boxes side by side
 adds up to that of the whole, and in a uniform state it does not depend on where the faces lie between the grains. Grains in m,
 v, V, T, Z and the kinetic part of the stress are those whose centres are inside; Z counts all their contacts. Balls count by
 the volume that they have in the region, overlaps of grains twice. n is the unit vector along the branch of a contact, b how
@@ -24,24 +24,29 @@ import numpy as np
 
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
+from warpdem.measure.mesh_share import MeshShare
 from warpdem.measure.observers import Particles
 from warpdem.measure.round_share import RoundShare
 from warpdem.measure.seen_grains import SeenGrains
-from warpdem.mesh.solid import Bounded
+from warpdem.mesh.solid import Bounded, MeshSolid
 from warpdem.scene.measures import Region
 
 
-def share_of(region: Region, period: tuple[float, float, float]) -> BoxShare | RoundShare | None:
-    """What tells how much of balls and lines is in a region; None for a mesh, a cylinder without ends, or all grains."""
+def share_of(
+    region: Region, period: tuple[float, float, float], solid: Bounded | None
+) -> BoxShare | RoundShare | MeshShare | None:
+    """What tells how much of balls and lines is in a region, of a mesh by its ``solid``; None where nothing bounds it."""
     if region.box is not None:
         return BoxShare(region.box.min, region.box.max, period)
+    if isinstance(solid, MeshSolid):
+        return MeshShare(solid, period)
     shape = region.sphere or region.cylinder
     return None if shape is None or not has_share(region) else RoundShare(shape, period)
 
 
 def has_share(region: Region) -> bool:
-    """Whether solid fraction and stress are measured in a region: a box, a sphere, or a cylinder with ends."""
-    return bool(region.box or region.sphere or (region.cylinder and region.cylinder.length is not None))
+    """Whether solid fraction and stress are measured in a region: any but a cylinder without ends, and that of all grains."""
+    return bool(region.shape_key) and (region.cylinder is None or region.cylinder.length is not None)
 
 
 class Bulk:
@@ -66,7 +71,7 @@ class Bulk:
         shape: Bounded | None = None,
     ) -> None:
         self._particles, self._network = particles, network
-        self._share = share_of(region, period)
+        self._share = share_of(region, period, shape)
         position = particles.position
         here = self._share if isinstance(self._share, BoxShare) else shape
         self._inside = np.ones(len(position), dtype=bool) if here is None else here.holds(position)

@@ -49,7 +49,7 @@ def coarse_grained(
     """Fields at the points of ``lattice`` by name, x running fastest, shapes (p,), (p, 3) or (p, 9).
 
     Args:
-        snapshot: grains and contact network of one instant.
+        snapshot: grains and contact network of one time.
         lattice: where the fields are wanted.
         width: w [m].
         period: length of the domain along each periodic axis [m], else 0.

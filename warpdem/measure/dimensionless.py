@@ -1,15 +1,15 @@
-"""Dimensionless numbers of a run in turning equipment, gathered while it runs.
+"""Dimensionless numbers of a run in rotating equipment, gathered while it runs.
 
     Ro = v / (2 w R sin(phi)) with sin(phi) = 1,     Fr = w^2 R / g
 
     w    rms angular velocity [rad/s]
-    v    rms speed of the grains relative to the turning axes, by mass [m/s]
+    v    rms speed of the grains relative to the rotating axes, by mass [m/s]
     R    largest distance of a grain's centre from the axis [m]
     g    gravity [m/s2]
 
-rms and largest are taken over all instants added at which the axes turn; the others (the hourglass after its half turn) say
-nothing about the turning. The axes are the frame's; in a scene whose frame never turns they are those of the wall that
-turns fastest. The axis is the instantaneous one, along w where the axes' points move along w only: for nested rotations
+rms and largest are taken over all times added at which the axes rotate; the others (the hourglass after its half turn) say
+nothing about the rotation. The axes are the frame's; in a scene whose frame never rotates they are those of the wall that
+rotates fastest. The axis is the instantaneous one, along w where the axes' points move along w only: for nested rotations
 it is neither of the scene's axes.
 
 Ro is eq. 7 of Delacroix et al. 2020, who leave v, L and phi to the reader: here L = R, and phi = 90 degrees, which takes the
@@ -31,10 +31,10 @@ from warpdem.state.view import RunView
 
 @dataclass(frozen=True)
 class Turning:
-    """What a run showed of its turning."""
+    """What a run showed of its rotation."""
 
     axes: str
-    """What turns: "frame" or "wall NAME"."""
+    """What rotates: "frame" or "wall NAME"."""
     angular_velocity: float
     """w [rad/s]."""
     speed: float
@@ -48,7 +48,7 @@ class Turning:
 
 
 def turning_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
-    """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none turn."""
+    """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none rotate."""
     frame = frame_chain(scene)
     if frame.rotates:
         return "frame", [frame]
@@ -61,7 +61,7 @@ def turning_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
 
 
 class TurningNumbers:
-    """Sums over the instants of a run.
+    """Sums over times of a run.
 
     After a resume the sums start afresh.
 
@@ -72,7 +72,7 @@ class TurningNumbers:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.axes, self.motions = turning_axes(scene) or ("", [])
-        self.instants, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
+        self.times, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
 
     def add(self, view: RunView) -> None:
         """Take in one time of a run of the scene, unless the axes rest at it."""
@@ -92,16 +92,16 @@ class TurningNumbers:
         relative = p.velocity_lab @ axes - carried
         # |w x (u + w x q)| = w^2 times the distance from the line on which u + w x q is along w
         distance = np.linalg.norm(np.cross(spin, carried), axis=1) / rate**2
-        self.instants += 1
+        self.times += 1
         self.square_rate += rate**2
         self.square_speed += float(mass @ np.sum(relative**2, axis=1) / mass.sum())
         self.radius = max(self.radius, float(distance.max()))
 
     def result(self) -> Turning | None:
-        """The numbers of all instants so far; None if nothing turned at any of them."""
-        if self.instants == 0:
+        """The numbers of all times so far; None if nothing rotated at any of them."""
+        if self.times == 0:
             return None
-        rate, speed = (float(np.sqrt(s / self.instants)) for s in (self.square_rate, self.square_speed))
+        rate, speed = (float(np.sqrt(s / self.times)) for s in (self.square_rate, self.square_speed))
         gravity = float(np.linalg.norm(self.scene.gravity))
         return Turning(
             axes=self.axes,

@@ -91,12 +91,12 @@ def axial_load(now: Totals, name: str) -> float:
     """What a wall does to the grains along its axis, or about it [N or N m]."""
     one = dynamic_wall(now, name)
     body, sums = now.bodies[one.number], now.walls[one.number]
-    turn = body[:9].reshape(3, 3)
-    along = turn @ one.given.axis
+    axes = body[:9].reshape(3, 3)
+    along = axes @ one.given.axis
     force, moment, rolling = (sums[WALL_SUMS.of(key)] for key in ("force", "moment", "torque"))
     if not one.given.turns:
         return float(force @ along)
-    about = turn @ one.given.origin + body[9:12]
+    about = axes @ one.given.origin + body[9:12]
     return float((moment - cross(about, force) + rolling) @ along)
 
 

@@ -74,22 +74,22 @@ def elastic_energies(view: RunView, contacts: ElasticState) -> dict[str, np.ndar
         table = contacts.coefficients
         out["tangential"] = 0.5 * table[:, at.shear] * k_n * contacts.spring_square
         if there["rolling"]:
-            bent, turned = _rolling_energy(law), np.zeros(len(k_n))
+            bent, rolling = _rolling_energy(law), np.zeros(len(k_n))
             if bent is not None:
-                turned = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
+                rolling = bent(contacts.angle, k_n * (table[:, at.rolling_friction] * contacts.radius) ** 2)
             if law.twisting is not None:
                 area = contacts.radius * np.maximum(normal_depth(law.normal, contacts), 0.0)
                 of_law = model("twisting", law.twisting).energy
-                turned = turned + of_law(contacts.twist, np.sqrt(area), table[:, at.shear] * k_n)
-            out["rolling"] = turned
+                rolling = rolling + of_law(contacts.twist, np.sqrt(area), table[:, at.shear] * k_n)
+            out["rolling"] = rolling
     return out
 
 
 def springs(law: ContactFeatures) -> dict[str, bool]:
     """Which energies the contacts of a scene have, by the names of ``SPRINGS``."""
     tangential = "spring" in law.history
-    turned = _rolling_energy(law) is not None or law.twisting is not None
-    return {"normal": True, "tangential": tangential, "rolling": tangential and turned}
+    resists = _rolling_energy(law) is not None or law.twisting is not None
+    return {"normal": True, "tangential": tangential, "rolling": tangential and resists}
 
 
 def _rolling_energy(law: ContactFeatures) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:

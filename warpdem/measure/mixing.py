@@ -3,7 +3,7 @@ r"""Lacey's mixing index of two kinds of grains.
     M = (S_0^2 - S^2) / (S_0^2 - S_r^2),     S_0^2 = p (1 - p),     S_r^2 = p (1 - p) sum_c w_c / n_c
     S^2 = sum_c w_c (p_c - p)^2,             w_c = n_c / n
 
-    p, p_c   share of the first kind among all grains and in cell c, by number   [-]
+    p, p_c   fraction of the first kind among all grains and in cell c, by number   [-]
     n, n_c   grains in all and in cell c                                        [-]
 
 0 where the kinds are apart, 1 where they are mixed as if by chance (a little above 1 is chance too). Cells are cubes along the
@@ -32,10 +32,10 @@ def lacey_index(first: np.ndarray, position: np.ndarray, cell: float) -> float:
     # whole numbers as float64, which no cell is too small for; without negative zeros
     _, number = np.unique(np.floor(position / cell) + 0.0, axis=0, return_inverse=True)
     count = np.bincount(number.ravel())
-    share = np.bincount(number.ravel(), weights=first) / count
+    fraction = np.bincount(number.ravel(), weights=first) / count
     apart = p * (1.0 - p)
     by_chance = apart * len(count) / n
-    variance = float(count @ (share - p) ** 2) / n
+    variance = float(count @ (fraction - p) ** 2) / n
     return (apart - variance) / (apart - by_chance) if by_chance < apart else float("nan")
 
 

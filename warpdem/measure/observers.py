@@ -56,7 +56,7 @@ class Particles:
     def orientation(self) -> np.ndarray:
         """Unit quaternions (w, x, y, z) from body axes to frame axes, shape (n, 4); body axes are frame axes at the start.
 
-        All grains are unturned while nothing turns them.
+        All grains keep their orientation while nothing rotates them.
 
         Raises:
             SceneError: the scene does not ask for it with output.orientation = true.
@@ -125,7 +125,7 @@ class Particles:
         return spin + self._frame_before()[0] if self._view.model.features.backend.scheme.RELATIVE else spin
 
     def _frame_before(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angular velocity of the frame and velocity of its origin just before the instant, in frame axes."""
+        """Angular velocity of the frame and velocity of its origin just before this time, in frame axes."""
         row = self._view.model.schedule.frames(self._view.clock.step_number, 0)[0]
         return row[12:15], row[15:18]
 

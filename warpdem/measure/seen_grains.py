@@ -46,6 +46,6 @@ def seen_from(
     (axes, origin), position = schedule.place(carrier, time), particles.position
     velocity = particles.velocity_lab @ schedule.pose(time).rotation - schedule.velocity_of(carrier, time, position)
     seen = SeenGrains(particles.id, particles.mass, particles.radius, (position - origin) @ axes, velocity @ axes)
-    turned = {name: getattr(network, name) @ axes for name in ("force", "friction_force")}
+    in_axes = {name: getattr(network, name) @ axes for name in ("force", "friction_force")}
     moved = {name: (getattr(network, name) - origin) @ axes for name in ("start", "end")}
-    return seen, replace(network, **turned, **moved)
+    return seen, replace(network, **in_axes, **moved)

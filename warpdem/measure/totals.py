@@ -8,6 +8,7 @@ Sums are taken in frame axes about the frame's origin; what is rotated and shift
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -53,6 +54,7 @@ class Totals:
 
     def made(self) -> "Totals":
         """The same, all of it made now: it may be read when the run has gone on."""
+        self.view = replace(self.view, model=self.view.model.at_present())
         names = ["pose", "bodies", "_sums", "elastic", "surface_powers", "fields"]
         names += ["liquid"] if self.view.model.liquid is not None else []
         for name in names if self.view.totals is None else [*names, "added_up"]:

@@ -2,7 +2,7 @@
 
     F_w = -sum F,     T_w = -sum ((x - p) x F + M),     P = sum (F . v + M . w),     v = u + w x x
 
-F and M are the force of a contact on the grain and its rolling torque as the force call of the instant t_k left them,
+F and M are the force of a contact on the grain and its rolling torque as the force call at time t_k left them,
 x = q - n (R - overlap) is the contact point; v is the absolute velocity of the wall's material there, with
 its surface velocity, w the wall's absolute spin. The grains' momenta change in every step by -F_w dt and -T_w dt and what
 gravity and fields add, to round-off. A contact at an edge or corner counts for one of the triangles that meet there.

@@ -24,10 +24,11 @@ class Bodies:
         group: Group of each triangle that has an area, shape (t,).
         outward: Whether the normal of each of these points out of its own body, shape (t,).
         note: Text for the user: number of bodies and the position of the first intersection or contact; "" if there is none.
+        intersect: Whether the surface of one passes through that of another.
     """
 
-    def __init__(self, group: np.ndarray, outward: np.ndarray, note: str) -> None:
-        self.group, self.outward, self.note = group, outward, note
+    def __init__(self, group: np.ndarray, outward: np.ndarray, note: str, intersect: bool) -> None:
+        self.group, self.outward, self.note, self.intersect = group, outward, note, intersect
 
     def distances(self, vertices: np.ndarray, triangles: np.ndarray) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
         """Function of points (n, 3) [m] that gives their signed distance [m] and its gradient, see `DistanceQuery`."""
@@ -76,6 +77,7 @@ def find_bodies(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, solid
     outward = (volume >= 0.0)[body]
     group = _groups(apart, high - low)[body]
     note, position = "", _first_intersection(vertices, np.where(outward[:, None], triangles, triangles[:, ::-1]), group)
+    intersect = position is not None
     if position is not None:
         note = (
             f"{count} closed bodies, of which some intersect, first at ({_text(position)}) m: all their surfaces act on "
@@ -84,7 +86,7 @@ def find_bodies(vertices: np.ndarray, triangles: np.ndarray, edges: Edges, solid
     elif len(edges.shared):
         position = vertices[edges.shared[0]].mean(axis=0)
         note = f"{count} closed bodies, of which some touch along edges, first at ({_text(position)}) m"
-    return Bodies(group, outward, note)
+    return Bodies(group, outward, note, intersect)
 
 
 def _text(position: np.ndarray) -> str:

@@ -80,6 +80,20 @@ def find_pieces(shape: Shape, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
     return smooth_label, flat_label
 
 
+def folded(shape: Shape, edges: Edges) -> np.ndarray:
+    """Whether the two triangles of an edge lie on each other, normals opposite within the rounding of corners, shape (e,).
+
+    Such a fold has no thickness, and which side of it is inside is not defined. Slivers, whose normals are noise, are no folds.
+    """
+    sides = edges.sides
+    first, second = shape.normal[sides[:, 0]], shape.normal[sides[:, 1]]
+    sine = np.linalg.norm(np.cross(first, second), axis=1)
+    with np.errstate(divide="ignore"):
+        loose = shape.rounding * (1.0 / shape.height[sides]).sum(axis=1)
+    opposite = ((first * second).sum(axis=1) < 0.0) & (sine <= loose)
+    return np.asarray(opposite & ~edges.twisted & ~shape.is_sliver[sides].any(axis=1))
+
+
 def fit_planes(shape: Shape, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normal (p, 3) and offset (p,) of each flat piece: area-weighted means over its triangles."""
     count = int(plane.max()) + 1

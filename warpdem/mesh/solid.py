@@ -93,8 +93,8 @@ class FaceSolid:
         """Random points [m], shape (n, 3), at least ``radius`` [m], shape (n,), from the rim; any where none is found."""
 
         def draw(radius: np.ndarray) -> np.ndarray:
-            share, first, second = generator.random((3, len(radius)))
-            a, b, c = np.swapaxes(self._corners[np.searchsorted(self._reached, share * self._reached[-1], side="right")], 0, 1)
+            part, first, second = generator.random((3, len(radius)))
+            a, b, c = np.swapaxes(self._corners[np.searchsorted(self._reached, part * self._reached[-1], side="right")], 0, 1)
             beyond = first + second > 1.0
             first, second = np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second)
             return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
@@ -129,7 +129,7 @@ def _deep_enough(
 
 def facets(shape: CylinderRegion | SphereRegion) -> TriangleMesh:
     """A closed mesh with its corners on a cylinder of a length, or on a sphere; its volume is smaller by up to 0.2 %."""
-    turn = 2.0 * np.pi * np.arange(FACETS) / FACETS
+    angle = 2.0 * np.pi * np.arange(FACETS) / FACETS
     if isinstance(shape, CylinderRegion):
         assert shape.length is not None  # a filling has an end
         (first, second), axis, origin = across(np.array(shape.axis)), np.array(shape.axis), np.array(shape.point)
@@ -139,7 +139,7 @@ def facets(shape: CylinderRegion | SphereRegion) -> TriangleMesh:
         origin, rise = np.array(shape.centre), np.pi * np.arange(FACETS // 2 + 1) / (FACETS // 2)
         level = shape.radius * np.stack([-np.cos(rise), np.sin(rise)], axis=1)
         level[[0, -1], 1] = 0.0
-    radial = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
+    radial = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
     ring = origin + level[:, None, :1] * axis + level[:, None, 1:] * radial  # (levels, FACETS, 3)
     below, above = ring[:-1], ring[1:]
     one, other = np.roll(below, -1, axis=1), np.roll(above, -1, axis=1)

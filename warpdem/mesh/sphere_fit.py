@@ -143,9 +143,9 @@ def _surface_deviation(mesh: TriangleMesh, centre: np.ndarray, radius: np.ndarra
     a, b, c = mesh.corners.transpose(1, 0, 2)
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     # as many as its part of the area in each triangle, at the points of a sequence of low discrepancy (Roberts 2018)
-    share = np.cumsum(area) / area.sum()
+    fraction = np.cumsum(area) / area.sum()
     place = (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS
-    of = np.minimum(np.searchsorted(share, place), len(area) - 1)
+    of = np.minimum(np.searchsorted(fraction, place), len(area) - 1)
     u, v = (np.mod(np.arange(SURFACE_POINTS) * step, 1.0) for step in (0.7548776662466927, 0.5698402909980532))
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)

@@ -19,7 +19,7 @@ from warpdem.mesh.bodies import Bodies, find_bodies
 from warpdem.mesh.distance import DistanceQuery
 from warpdem.mesh.edges import Edges
 from warpdem.mesh.grouping import renumber
-from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, split_curved
+from warpdem.mesh.pieces import ROUNDING, Shape, find_pieces, fit_planes, folded, split_curved
 from warpdem.mesh.repair import first_of_each, not_cancelled, wrongly_wound
 from warpdem.mesh.weld import weld
 
@@ -62,6 +62,8 @@ class TriangleMesh:
     orientations are balanced."""
     mismatched_edges: int
     """Number of edges whose two triangles have inconsistent windings."""
+    folded_edges: int
+    """Number of edges at which the surface folds back onto itself: near them neither side is the inside."""
     bodies: Bodies | None
     """The closed bodies, if there are several that may be nested, touch or intersect; else None."""
     notes: tuple[str, ...]
@@ -189,6 +191,8 @@ def build_mesh(
     report.edges(edges.border, "open edges (of one triangle only)")
     report.edges(edges.forked, "edges at which three or more triangles meet")
     report.edges(edges.ends[edges.twisted], "edges whose two triangles have inconsistent windings")
+    folds = edges.ends[folded(shape, edges)]
+    report.edges(folds, "edges at which the surface folds back onto itself, so that near them neither side is the inside")
     keep = shape.area > 0.0
     bodies = find_bodies(vertices, triangles, edges, keep)
     if bodies is not None and bodies.note:
@@ -208,6 +212,7 @@ def build_mesh(
         open_edges=len(edges.border),
         nonmanifold_edges=len(edges.forked),
         mismatched_edges=int(edges.twisted.sum()),
+        folded_edges=len(folds),
         bodies=bodies,
         notes=tuple(report.notes),
         volume=float(np.linalg.det(p - p.mean(axis=(0, 1))).sum() / 6.0),

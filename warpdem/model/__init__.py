@@ -15,6 +15,7 @@
     restitution_error     what the step changes in an impact
     needs                 memory that the scene takes, and numbers that float64 can compute with
     digests, past         fingerprints of the scene; what is taken over from the checkpoint it starts from
+    decisions             what other processes make the same model of, without all grains
 
 What changes during a run is in ``warpdem.state``.
 """

@@ -152,6 +152,7 @@ def choose_features(
             conveying=any(w.surface_velocity is not None for w in scene.walls),
             dynamic=sum(w.dynamic is not None for w in scene.walls),
             bodies=sum(isinstance(w.dynamic, FreeBody) for w in scene.walls),
+            free=sum(w.free is not None for w in scene.walls),
         ),
         domain=DomainFeatures(
             period=domain.period, lower=domain.lower, outlets=len(domain.shapes), kinds=domain.kinds, placed=domain.placed

@@ -8,7 +8,7 @@ import warp as wp
 from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, films, law, pairs, sweep, thread_contact
 from warpdem.kernels.integrator import exact_drift
-from warpdem.kernels.lists import displacement, flight, inner, neighbors, numbering, rebuild
+from warpdem.kernels.lists import contact_batches, displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.values import NotStraight
@@ -45,9 +45,9 @@ def compile_kernels(features: Features, device: wp.Device | None = None) -> Kern
 
     Returns:
         Namespace with ``structs`` (of the step), ``loop`` (the step), ``read`` (its readers), ``graph`` and ``rebuild`` (the
-        GPU's, or None), ``lists`` (neighbors), ``displacement``, ``inner`` (the inner list on CPU threads), ``walls``
-        (candidate kernels or None), ``paths`` (grains in flight), ``dynamic`` (walls that move by their load, or None),
-        ``WallContacts``.
+        GPU's, or None), ``neighbors`` (the outer list), ``batches`` (the inner list), ``displacement``, ``inner`` (the inner
+        list on CPU threads), ``walls`` (candidate kernels or None), ``paths`` (grains in flight), ``dynamic`` (walls that
+        move by their load, or None), ``WallContacts``.
 
     Raises:
         SceneError: Warp cannot compile a file of the user.
@@ -71,9 +71,11 @@ def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
     Args:
         kernels: of ``compile_kernels``.
     """
-    lists, walls = kernels.lists, kernels.walls
-    step = kernels.loop.run, kernels.inner.build_inner, kernels.read.read, kernels.read.read_budget
-    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, kernels.displacement.save_reference
+    lists, walls = kernels.neighbors, kernels.walls
+    readers = kernels.read.read, kernels.read.read_budget, kernels.read.read_losses
+    step = kernels.loop.run, kernels.inner.build_inner, *readers
+    moved = kernels.displacement.save_reference, kernels.displacement.set_allowances
+    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, *moved
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
 
@@ -91,7 +93,7 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
 
 
 def turning(features: Features) -> bool:
-    """Whether contacts see the axes turn: a scheme with frame-relative velocities sees them as if the frame were at rest."""
+    """Whether contacts see the axes rotate: a scheme with frame-relative velocities sees them as if the frame were at rest."""
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
 
@@ -106,7 +108,9 @@ def of_pairs(features: Features) -> KernelSet:
     pair_law = law.build(real, *models, laws.torsion, predicted=predicted, twisting=twisting)
     parts = dissipation.build(real, *models, laws.torsion, predicted, twisting)[0] if features.measures.energy else None
     images = border.build(domain.period, domain.lower)
-    return pairs.build(real, pair_law, parts, images, spins=laws.spins, gap=laws.force_gap, clumps=laws.clumps)
+    return pairs.build(
+        real, pair_law, parts, images, spins=laws.spins, gap=laws.force_gap, clumps=laws.clumps, impulses=features.impulses
+    )
 
 
 def no_lanes(features: Features) -> str:
@@ -154,7 +158,7 @@ def _built(features: Features) -> KernelSet:
         of_bridges = model("normal", laws.normal).LIQUID
         liquid = films.build(pair_kernels, of_bridges, table=laws.table, reach=laws.gap, longest=laws.gap / TRAVEL)
     arrays = structs.build(pair_kernels)
-    seen = {"turning_frame": turns, "table": laws.table}
+    seen = {"turning_frame": turns, "table": laws.table, "ranks": backend.ranks}
     by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
@@ -165,10 +169,11 @@ def _built(features: Features) -> KernelSet:
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps,
+        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
+        force_gap=laws.force_gap,
     )  # fmt: skip
     WallContacts = wall_kernels.WallContacts
     walls_swept = None
@@ -215,15 +220,20 @@ def _built(features: Features) -> KernelSet:
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0, films=liquid, wetting=wall_kernels.wetting,
+        wet_load=motion.build_wet_load(backend.real, **spins) if laws.wet else None,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
-    readers = read.build(arrays, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps)
-    lists = neighbors.build(
-        backend.real, wall_law, images, backend.lanes, **shared, stored=laws.constants, history=laws.memory,
+    readers = read.build(
+        arrays, pair_kernels, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps,
+        turning_frame=turns, ranks=backend.ranks,
+    )  # fmt: skip
+    outer = neighbors.build(images, **spins, gap=laws.gap, clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks)
+    batches = contact_batches.build(
+        backend.real, wall_law, outer.ListedGrains, images, backend.lanes, **shared, stored=laws.constants,
+        history=features.memory,
         inertia_factor=laws.inertia_factor,
-        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
-        force_gap=laws.force_gap,
+        keep_constants=not (backend.resident or laws.clumps), clumps=laws.clumps, apart=laws.apart, force_gap=laws.force_gap,
     )  # fmt: skip
     wall_lists = None
     if walls.present:
@@ -231,6 +241,7 @@ def _built(features: Features) -> KernelSet:
             around,
             images,
             WallContacts,
+            outer.ListedGrains,
             spins=laws.spins,
             meshes=meshes,
             shapes=any(shapes),
@@ -247,16 +258,18 @@ def _built(features: Features) -> KernelSet:
     moved = displacement.build(
         travel, images, **spins, moving=walls.moving, stages=stages, leave=domain.outlets > 0, clumps=laws.clumps
     )
-    on_threads = inner.build(arrays, lists, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages)
+    on_threads = inner.build(
+        arrays, outer.ListedGrains, batches, moved, wall_lists, WallContacts, **spins, lanes=backend.lanes, stages=stages
+    )
     graph = again = None
     if backend.resident:
         graph = captured.build(
-            arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=laws.memory,
-            stages=stages, lanes=backend.lanes, films=liquid,
+            arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=features.memory,
+            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic,
         )  # fmt: skip
         again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(
-        structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, lists=lists, walls=wall_lists,
+        structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, neighbors=outer, batches=batches, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,
         dynamic=dynamic, films=liquid,
     )  # fmt: skip

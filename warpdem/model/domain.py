@@ -117,7 +117,7 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: E
         exits: regions in which grains leave.
 
     Raises:
-        SceneError: a periodic axis is too short for its grains, or the frame turns it; a grain is outside.
+        SceneError: a periodic axis is too short for its grains, or the frame rotates it; a grain is outside.
     """
     domain, largest = Domain(scene), float(start.radius.max(initial=0.0))
     widest = max(largest, 0.0 if start.clumps is None else start.clumps.reach(start.radius))
@@ -198,14 +198,14 @@ def _check_overlaps_of_images(scene: Scene, start: InitialGrains, domain: Domain
             continue
         beyond = start.position[close] + length * np.eye(3)[k]
         of = None if start.clumps is None else start.clumps.of_grain
-        share, _ = worst_overlaps(
+        ratio, _ = worst_overlaps(
             np.concatenate([start.position, beyond]), np.concatenate([start.radius, start.radius[close]]),
             None if of is None else np.concatenate([of, of[close]]),
         )  # fmt: skip
-        deepest = int(np.argmax(share))
-        if share[deepest] > scene.engine.max_overlap:
+        deepest = int(np.argmax(ratio))
+        if ratio[deepest] > scene.engine.max_overlap:
             ids = np.concatenate([start.id, start.id[close]])
             raise SceneError(
                 f"{scene.source}: grains: grain {ids[deepest]} overlaps another across the periodic borders of {AXES[k]} by "
-                f"{share[deepest]:.3g} of the smaller radius; allowed at the start is {scene.engine.max_overlap:g}"
+                f"{ratio[deepest]:.3g} of the smaller radius; allowed at the start is {scene.engine.max_overlap:g}"
             )

@@ -15,6 +15,7 @@ from warpdem.errors import SceneError
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.kernels.step.dynamic_walls import NUMBERS, STATE
 from warpdem.kernels.step.free_bodies import BODY, MOTION
+from warpdem.kernels.wall.mobility import MOBILITY
 from warpdem.mesh.solid_body import SolidBody, solid_body
 from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model import free_bodies
@@ -92,6 +93,25 @@ class DynamicWall:
         """Points of its motor curve, shape (points, 2)."""
         return self.given.curve if isinstance(self.given, Slider | Hinge) else np.zeros((POINTS, 2))
 
+    @property
+    def mobility(self) -> np.ndarray:
+        """``kernels.wall.mobility.MOBILITY`` at present; zeros of a servo."""
+        out, given = np.zeros(MOBILITY.width), self.given
+        if isinstance(given, Servo):
+            return out
+        none, center = np.zeros((3, 3)), np.array(given.origin)
+        if isinstance(given, FreeBody):
+            axes, center = free_bodies.matrix_of(self.body[BODY.of("turn")]), self.center
+            push, turn = np.eye(3) / self.mass, axes @ np.diag(self.body[BODY.of("rates")]) @ axes.T
+        else:
+            along = np.outer(given.axis, given.axis) / self.inertia
+            push, turn = (none, along) if given.turns else (along, none)
+        pairs = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
+        values = {"yields": 1.0 - self.value("held"), "center": center, "push": push[pairs], "turn": turn[pairs]}
+        for name, value in values.items():
+            out[MOBILITY.of(name)] = value
+        return out
+
     def drive(self, times: np.ndarray) -> np.ndarray:
         """Load that acts at ``times`` [s], shape (k,) [N or N m]; NaN where the wall is held."""
         return self.given.target(times) * self.area
@@ -133,7 +153,7 @@ class DynamicWall:
 
 
 def complete_dynamic_walls(
-    schedule: "Schedule", scene: Scene, meshes: dict[str, TriangleMesh], expected: InitialGrains, resident: bool
+    schedule: "Schedule", scene: Scene, meshes: dict[str, TriangleMesh], expected: InitialGrains, stages: int, on_gpu: bool
 ) -> None:
     """Give the dynamic walls of a schedule what follows from meshes and grains.
 
@@ -145,10 +165,13 @@ def complete_dynamic_walls(
     for one in schedule.dynamic:
         kind = "servo" if isinstance(one.given, Servo) else "free"
         key, scheme = f"{scene.source}: walls[{one.number}].{kind}", scene.engine.integrator
-        if resident:
+        if on_gpu:
             raise SceneError(f"{key}: a wall that moves by the load on it runs on a CPU only: take --device cpu")
-        if scheme != "exact_drift":
-            raise SceneError(f'{key}: only with engine.integrator = "exact_drift"; it is "{scheme}"')
+        if stages > 1:
+            raise SceneError(
+                f'{key}: not with engine.integrator = "{scheme}", whose steps have stages: the wall has none; take '
+                '"exact_drift", or a scheme with one force call per step'
+            )
         heaviest, mesh, shape = float(masses.max(initial=0.0)), meshes.get(one.wall.name), one.wall.shape
         if not isinstance(one.given, Servo):
             if one.wall.fixed_to == "frame" and schedule.frame.moves:
@@ -168,6 +191,14 @@ def complete_dynamic_walls(
         assert points is not None
         one.area = pushed_area(one.given, mesh)
         one.least = least_mass(one.given, heaviest, points)
+
+
+def mobilities(schedule: "Schedule") -> np.ndarray:
+    """How walls yield at present, by placement, shape (motions, 16); none where no wall is free."""
+    out = np.zeros((len(schedule.motions), MOBILITY.width))
+    for one in schedule.dynamic:
+        out[schedule.wall_motion[one.number]] = one.mobility
+    return out if out.any() else out[:0]
 
 
 def _complete_free(one: DynamicWall, given: Slider | Hinge, solid: SolidBody | None) -> None:
@@ -248,4 +279,4 @@ def largest_arm(given: Servo | Slider | Hinge, points: np.ndarray) -> float:
     return float(np.sqrt((arm**2).sum(axis=1).max()))
 
 
-assert NUMBERS.width == 19 and STATE.width == 6, "numbers, value and pose are written for these columns"
+assert NUMBERS.width == 19 and STATE.width == 7, "numbers, value and pose are written for these columns"

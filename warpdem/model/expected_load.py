@@ -27,7 +27,7 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
     """Largest speed that is expected of a grain against what it meets [m/s]: sqrt(v0^2 + 2 g H) + V.
 
     v0 is the largest speed at the start. H is the height that a grain may fall: from the highest grain to the lowest point of
-    grains and walls, along gravity as the frame turns; from the highest point of walls, too, where frame or walls may lift a
+    grains and walls, along gravity as the frame rotates; from the highest point of walls, too, where frame or walls may lift a
     grain. V is what moves: the frame, the two fastest of the walls that move in different ways, and the fastest belt.
     """
     if not len(start.id):
@@ -71,7 +71,7 @@ def _down(scene: Scene, frame: Chain) -> np.ndarray:
 
 
 def weight_per_area(scene: Scene, start: InitialGrains) -> float:
-    """Pressure at the foot of the grains as they start [Pa], in a frame that turns with what its rate adds to gravity."""
+    """Pressure at the foot of the grains as they start [Pa], in a frame that rotates, with what its rate adds to gravity."""
     if not len(start.id):
         return 0.0
     gravity, chain = np.array(scene.gravity), frame_chain(scene)

@@ -9,8 +9,8 @@ import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.contact import columns, pairs
 from warpdem.kernels.contact.columns import Columns
-from warpdem.kernels.contact.dissipation import ENTRY_AT
-from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, WALL_ENTRY_AT
+from warpdem.kernels.contact.dissipation import LOSSES, impulses
+from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, wall_entry
 from warpdem.kernels.wall import record
 from warpdem.scene.models import model
 from warpdem.scene.user_models import parts_of
@@ -69,11 +69,6 @@ class ContactFeatures:
         """Contacts give torques beside those of their forces."""
         return bool(self.rolling or self.twisting)
 
-    @property
-    def memory(self) -> int:
-        """Numbers of the contact history per contact."""
-        return self.history.width
-
     @cached_property
     def own_history(self) -> tuple[str, ...]:
         """Names of what a contact remembers for its normal law."""
@@ -131,6 +126,8 @@ class WallFeatures:
     """Walls that move by the load on them."""
     bodies: int = 0
     """Those of them with six degrees of freedom."""
+    free: int = 0
+    """Those of them that have a mass: no servos."""
 
     @property
     def present(self) -> bool:
@@ -214,9 +211,9 @@ class MeasureFeatures:
         return out | ({"flow": 2 * self.flows} if self.flows else {})
 
     @property
-    def entry_width(self) -> int:
-        """Numbers that each grain gets of a contact for the energy budget."""
-        return ENTRY_AT.width + len(self.losses)
+    def of_contacts(self) -> tuple[str, ...]:
+        """What contacts between grains lose, of which the energy budget adds up each."""
+        return (*LOSSES, *self.losses) if self.energy else ()
 
 
 @dataclass(frozen=True)
@@ -236,6 +233,19 @@ class Features:
     left_out: dict[str, str] = field(default_factory=dict, compare=False)
     """What is neither compiled nor allocated, with the reason."""
 
+    @cached_property
+    def impulses(self) -> Columns:
+        """What contacts between grains keep for the energy budget from one force call to the next, by name."""
+        laws = self.contact
+        named = (("tangential", laws.tangential), ("rolling", laws.rolling), ("twisting", laws.twisting))
+        others = (model(kind, name) if name else None for kind, name in named)
+        return impulses(model("normal", laws.normal), *others) if self.measures.energy else Columns(())
+
+    @property
+    def memory(self) -> int:
+        """Numbers that a contact between grains keeps from one force call to the next: its history and ``impulses``."""
+        return self.contact.history.width + self.impulses.width
+
     @property
     def frame_rows(self) -> bool:
         """Whether kernels need the frame's own motion: schemes relative to it, fields, places in the laboratory."""
@@ -253,12 +263,12 @@ class Features:
         if self.backend.resident:
             constants, memories, listed, near = 0, 1, 3.2, 10 * (4 + 4) + 20
         number = 4 if self.backend.precision == "mixed" else 8
-        contact = number * (2 * law.pair_force_width + memories * law.memory + constants) + 16 + 4 * law.table
+        contact = number * (2 * law.pair_force_width + memories * self.memory + constants) + 16 + 4 * law.table
         fixed = 8 * grain.WIDTH[law.spins] + 16 + 2 * 24 * (1 + walls.moving) + 8 + 4 * 4 + 32 * measures.orientation
         fixed += 24 * law.wet  # films
-        contact += number * 2 * measures.entry_width * measures.energy
-        wall_entry = WALL_ENTRY_AT.width + len(measures.losses) + measures.scene_walls
-        fixed += 8 * sum(measures.sums.values()) + 8 * wall_entry * (measures.energy and walls.present)
+        fixed += 2 * 8  # allowances of two outer lists
+        at_walls = wall_entry(measures.losses).width + measures.scene_walls
+        fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
         result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
         beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
@@ -290,5 +300,5 @@ class Features:
         runs += [f"walls that move by the load on them (servos, free walls): {walls.dynamic}"] if walls.dynamic else []
         runs += ["exchange of grains between processes at every step"] if backend.ranks else []
         runs += ["steps as one captured graph, which makes its lists itself"] if backend.resident else []
-        runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * contact.memory} B per contact"]
+        runs += [f"contacts side by side: {backend.lanes}", f"contact history: {8 * self.memory} B per contact"]
         return [f"runs      {line}" for line in runs] + [f"{LEFT_OUT}{k}: {why}" for k, why in self.left_out.items()]

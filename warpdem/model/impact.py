@@ -19,7 +19,7 @@ from warpdem.kernels.contact.normal_law import NORMAL_CAP
 from warpdem.scene.models import model
 from warpdem.scene.user_models import using
 
-PHASES = 32  # instants within a step at which a contact may begin
+PHASES = 32  # times within a step at which a contact may begin
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
 DIFFERENCE = 1.0e-4  # of the overlap: step of the derivatives
 
@@ -202,7 +202,7 @@ def pressed(normal: str, base: float, radius: float, force: float, own: Own = NO
 def rebound(
     normal: str, base: float, damping: float, mass: float, radius: float, speed: float, dt: float, own: Own = NONE
 ) -> np.ndarray:
-    """Restitution of a head-on impact [-] as the default scheme makes it, for each instant of its beginning, shape (PHASES,).
+    """Restitution of a head-on impact [-] as the default scheme makes it, for each phase of its beginning, shape (PHASES,).
 
     The step is that of ``kernels.integrator.exact_drift``, the dashpot that of ``kernels.contact.normal_law``: damping
     coefficient ``damping`` sqrt(m* k_n).

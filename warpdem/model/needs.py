@@ -104,9 +104,9 @@ def check_places(scene: Scene, grains: InitialGrains) -> None:
     if not len(grains.radius):
         return
     far = np.abs(grains.position).max(axis=1)
-    share = np.maximum(np.spacing(far) / (FINEST * grains.radius), far / (FARTHEST * grains.radius.min()))
-    i = int(np.argmax(share))
-    if share[i] > 1.0:
+    ratio = np.maximum(np.spacing(far) / (FINEST * grains.radius), far / (FARTHEST * grains.radius.min()))
+    i = int(np.argmax(ratio))
+    if ratio[i] > 1.0:
         most = min(FARTHEST * grains.radius.min(), FINEST * grains.radius[i] / np.finfo(float).eps)
         raise SceneError(
             f"{scene.source}: {entry_of(scene, grains, i)} of radius {grains.radius[i]:g} m is {far[i]:.6g} m from the origin, "

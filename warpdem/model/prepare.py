@@ -12,13 +12,15 @@ from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains, concatenated, load_grains
 from warpdem.filling.start_check import check_start
 from warpdem.filling.stream_grains import extreme_grains
-from warpdem.mesh.solid import shape_of
+from warpdem.mesh.solid import MeshSolid, shape_of
+from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model import domain, needs, time_step
 from warpdem.model.choose_features import WARP_LANES, choose_features
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.compiled import compile_kernels, compile_observers
+from warpdem.model.decisions import Decisions
 from warpdem.model.digests import Given
-from warpdem.model.dynamic_walls import complete_dynamic_walls
+from warpdem.model.dynamic_walls import complete_dynamic_walls, mobilities
 from warpdem.model.exits import Exits
 from warpdem.model.features import Features
 from warpdem.model.lanes import as_the_law_allows, simd_lanes
@@ -100,43 +102,82 @@ def prepare(
     features = as_the_law_allows(features)
     if ranks:
         features = replace(features, backend=replace(features.backend, ranks=True))
-    shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
-    exits = Exits(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
+    exits = _exits(scene, borders, schedule)
     domain.check(scene, start, schedule.frame, features.contact.gap, exits)
     for number, region in enumerate(scene.measures.regions):
         if region.shape_key:  # a mesh that cannot be read is refused before the run
-            shape_of(scene, region.shape, f"measures.regions[{number}].{region.shape_key}")
+            shape = shape_of(scene, region.shape, key := f"measures.regions[{number}].{region.shape_key}")
+            if isinstance(shape, MeshSolid) and shape.mesh.bodies is not None and shape.mesh.bodies.intersect:
+                raise SceneError(
+                    f"{scene.source}: {key}.file: {shape.mesh.name}: {shape.mesh.bodies.note.partition(':')[0]}: how much of a "
+                    "grain is in it is not measured; make a boolean union in the program that made it, or several regions"
+                )
     needs.check_memory(scene, features.bytes_per_grain, len(start), free)
     limits = time_step.limits(scene, expected, meshes)
     dt = time_step.choose(scene, limits)
     needs.check_step(scene, limits, dt)
     schedule.dt = dt
-    complete_dynamic_walls(schedule, scene, meshes, expected, resident)
-    kernels = compile_kernels(features, device)
+    complete_dynamic_walls(schedule, scene, meshes, expected, len(scheme.STAGES), device.is_cuda)
     compile_observers(scene, device)
     table = np.nan_to_num(_coefficients(scene, features, expected))
-    made = Model(
-        given=given,
+    decided = Decisions(given, scene, expected, features, limits, dt, table, schedule.dynamic)
+    made = _assembled(decided, device, meshes, borders, exits, schedule, images, start.notes)
+    return made, start if scheme.RELATIVE else absolute(schedule, start)
+
+
+def without_grains(decided: Decisions, device: wp.Device) -> Model:
+    """The model that another process made of all grains, here.
+
+    Args:
+        decided: what that process has decided.
+        device: where it is run.
+
+    Raises:
+        SceneError: a file of the scene is missing or another one.
+    """
+    scene = decided.scene
+    meshes, borders = load_meshes(scene), domain.Domain(scene)
+    scheme = model("integrator", scene.engine.integrator)
+    schedule = Schedule(scene, scheme.STAGES, scheme.RELATIVE)
+    images = wall_images(scene, meshes, schedule, borders, decided.expected.radius)
+    schedule.dt, schedule.dynamic = decided.dt, decided.dynamic
+    return _assembled(decided, device, meshes, borders, _exits(scene, borders, schedule), schedule, images, ())
+
+
+def _exits(scene: Scene, borders: domain.Domain, schedule: Schedule) -> Exits:
+    """The regions in which grains leave."""
+    shapes = [shape_of(scene, shape, f"{key}.mesh") for shape, key in zip(borders.shapes, borders.keys, strict=True)]
+    return Exits(shapes, borders.places, [f"{scene.source}: {key}" for key in borders.keys], schedule)
+
+
+def _assembled(
+    decided: Decisions, device: wp.Device, meshes: dict[str, TriangleMesh], borders: domain.Domain, exits: Exits,
+    schedule: Schedule, images: np.ndarray | None, notes: tuple[str, ...],
+) -> Model:  # fmt: skip
+    """The model of what was decided; ``notes``: those about the grains."""
+    scene, features, table = decided.scene, decided.features, decided.coefficient_table
+    kernels, yields = compile_kernels(features, device), mobilities(schedule)
+    return Model(
+        given=decided.given,
         scene=scene,
         device=device,
         meshes=meshes,
         domain=borders,
         exits=exits,
-        expected=expected,
+        expected=decided.expected,
         schedule=schedule,
         features=features,
-        limits=limits,
-        dt=dt,
+        limits=decided.limits,
+        dt=decided.dt,
         kernels=kernels,
         density=np.array([material.density for material in scene.materials.values()]),
         coefficients=wp.array(table, dtype=kernels.pairs.Coefficients, device=device),
         coefficient_table=table,
         apart=wp.array(scene.apart if features.contact.apart else np.zeros((0, 0)), dtype=wp.int32, device=device),
-        liquid=liquid_of(scene, float(expected.radius.max(initial=0.0)), features.backend.real),
-        walls=Walls(scene, meshes, schedule.wall_motion, images, device) if features.walls.present else None,
-        notes=(*scene.notes, *mesh_notes(scene, meshes), *start.notes),
+        liquid=liquid_of(scene, float(decided.expected.radius.max(initial=0.0)), features.backend.real),
+        walls=Walls(scene, meshes, schedule.wall_motion, images, yields, device) if features.walls.present else None,
+        notes=(*scene.notes, *mesh_notes(scene, meshes), *notes),
     )
-    return made, start if scheme.RELATIVE else absolute(schedule, start)
 
 
 def within(borders: domain.Domain, grains: InitialGrains) -> InitialGrains:

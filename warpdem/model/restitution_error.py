@@ -21,7 +21,7 @@ class RestitutionError:
     materials: tuple[str, str]
     asked: float
     mean: float
-    """Over the instants within a step at which a contact may begin."""
+    """Over the times within a step at which a contact may begin."""
     worst: float
 
 

@@ -40,14 +40,14 @@ class SurfaceCourse:
         translation = given.translation if isinstance(given, Belt) else given
         self._course = timed(translation, translation)
 
-    def velocities(self, time: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    def velocities(self, time: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """V and a of ``kernels.step.schedule`` in frame axes [m/s] at ``time`` [s], shape (k, 6).
 
         Args:
             time: shape (k,).
-            turn: body axes to frame axes, shape (k, 3, 3).
+            axes: body axes to frame axes, shape (k, 3, 3).
         """
-        velocity = apply(turn, self._course.pose(time, time).velocity)
+        velocity = apply(axes, self._course.pose(time, time).velocity)
         both = [np.zeros_like(velocity), velocity] if self._circulates else [velocity, np.zeros_like(velocity)]
         return np.concatenate(both, axis=1)
 
@@ -57,12 +57,12 @@ class Schedule:
 
     Args:
         scene: validated scene.
-        stages: instants of the force calls of one step, as shares of it, the first of them 0.
+        stages: times of the force calls of one step, as fractions of it, the first of them 0.
         relative: angular velocity and velocity of walls are relative to the frame, not absolute.
 
     Attributes:
         dt: time step [s], to be set before any table is asked for.
-        turning: whether the frame's axes ever turn.
+        turning: whether the frame's axes ever rotate.
         shifting: whether the frame moves at all.
         motions: wall motions, those that move relative to the frame first; then those of regions alone.
         wall_motion: motion number of each wall of the scene, shape (w,).
@@ -175,7 +175,7 @@ class Schedule:
         return FramePose(axes, origin, spin, velocity, self.frame.parts(time))
 
     def _times(self, first: int, last: int) -> np.ndarray:
-        """Instants of the force calls of steps ``first`` to ``last`` [s], none before 0; stages run fastest."""
+        """Times of the force calls of steps ``first`` to ``last`` [s], none before 0; stages run fastest."""
         return np.maximum(np.add.outer(np.arange(first, last + 1), self.stages).ravel(), 0.0) * self.dt
 
     def rows(self, step: int, count: int) -> np.ndarray:
@@ -202,7 +202,7 @@ class Schedule:
         """Rows of the frame for steps ``step`` to ``step + count``, shape ((count + 1) stages, 31).
 
         Within each step the frame's velocities are those of one smooth stretch of its schedule, the one at mid-step: t- at
-        an instant belongs to the step that ends there and t+ to the one that begins, so that a jump between two instants
+        a time belongs to the step that ends there and t+ to the one that begins, so that a jump between two times
         counts at the nearer one. The later stages of a step, and the accelerations of all its stages, know only its own
         stretch.
         """
@@ -220,9 +220,9 @@ class Schedule:
         ]  # fmt: skip
         return np.concatenate(columns, axis=1).astype(float)
 
-    def _middle(self, step: int, count: int, share: float) -> np.ndarray:
-        """Instants ``share`` of a step after each step begins [s], none before 0, one for each stage."""
-        middle = np.maximum(np.arange(step, step + count + 1) + share, 0.0) * self.dt
+    def _middle(self, step: int, count: int, fraction: float) -> np.ndarray:
+        """Times ``fraction`` of a step after each step begins [s], none before 0, one for each stage."""
+        middle = np.maximum(np.arange(step, step + count + 1) + fraction, 0.0) * self.dt
         return np.repeat(middle, len(self.stages))
 
     def placements(self, step: int, count: int) -> np.ndarray:
@@ -284,16 +284,16 @@ class Schedule:
         if motion.dynamic is not None and not carrier:
             own = compose(own, self.dynamic[motion.dynamic].pose(len(time)))
         if motion.fixed_to == "frame":
-            body, turn, shift = frame if motion.rests_in_frame else compose(frame, own), own.axes, own.origin
+            body, axes, shift = frame if motion.rests_in_frame else compose(frame, own), own.axes, own.origin
         else:
             back = transposed(frame.axes)
-            body, turn, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)
-        spin = apply(turn, body.spin)
-        velocity = apply(turn, body.velocity) - cross(spin, shift)
+            body, axes, shift = own, back @ own.axes, apply(back, own.origin - frame.origin)
+        spin = apply(axes, body.spin)
+        velocity = apply(axes, body.velocity) - cross(spin, shift)
         if relative:
             spin, velocity = spin - frame.spin, velocity - frame.velocity
-        surface = np.zeros((len(time), 6)) if motion.surface is None else motion.surface.velocities(time, turn)
-        return np.concatenate([turn.reshape(-1, 9), shift, spin, velocity, surface], axis=1).astype(float)
+        surface = np.zeros((len(time), 6)) if motion.surface is None else motion.surface.velocities(time, axes)
+        return np.concatenate([axes.reshape(-1, 9), shift, spin, velocity, surface], axis=1).astype(float)
 
     def wall_placements(self, scene: Scene, time: float) -> dict[str, Placement]:
         """Placement of every wall at ``time`` [s], by name."""

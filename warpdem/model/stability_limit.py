@@ -3,7 +3,7 @@
 m* is the reduced mass of a contact, k its stiffness (tangent along the normal, secant across) and C made of its damping, as it
 acts at the step dt (``kernels.contact.normal_law``), as K is of its stiffness:
 
-    packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbors move against each other, K = (5 Z/3) k_t all turn
+    packing of Z contacts per grain   K = (Z/3)(k_n + 2 k_t) neighbors move against each other, K = (5 Z/3) k_t all rotate
     one contact                       K = k_n along the normal, K = (7/2) k_t rolling
     rolling spring k_r                against I* = (2/5) m* R^2, on a wall together with slip; in a packing (2 Z/3) k_r
 
@@ -57,7 +57,7 @@ def stable_step(stiffness: float, damping: Callable[[float], float], mass: float
     """Least time step [s] at which m x'' + C x' + K x = 0 grows under the predicted velocity: K dt^2/4 + C dt = m.
 
     Args:
-        stiffness: K [N/m], or its share of a rotation.
+        stiffness: K [N/m], or that of a rotation.
         damping: C [N s/m] at a time step [s].
         mass: m [kg].
     """
@@ -91,8 +91,8 @@ def packing_limit(normal: Spring, tangential: Spring, contacts: int = PACKED) ->
     )
     if tangential.stiffness == 0.0:
         return against
-    turning = stable_step(5.0 * third * tangential.stiffness, lambda dt: 5.0 * third * tangential.acting(dt), normal.mass)
-    return min(against, turning)
+    rotating = stable_step(5.0 * third * tangential.stiffness, lambda dt: 5.0 * third * tangential.acting(dt), normal.mass)
+    return min(against, rotating)
 
 
 def contact_limit(normal: Spring, tangential: Spring) -> float:
@@ -119,8 +119,8 @@ def rolling_limit(
         radius: of the grain [m].
         wall: whether the contact is one with a wall.
     """
-    share = 2.0 * PACKED / 3.0
-    packing = stable_step(share * rolling.stiffness, lambda dt: share * rolling.acting(dt), inertia)
+    fraction = 2.0 * PACKED / 3.0
+    packing = stable_step(fraction * rolling.stiffness, lambda dt: fraction * rolling.acting(dt), inertia)
     if not wall:
         return packing, stable_step(rolling.stiffness, rolling.acting, inertia)
 

@@ -3,7 +3,7 @@
     |V - v_wall(q)| dt <= s r,      s = 0.2 for closed meshes, 0.1 for open ones (thin sheets)
 
 A mesh acts from the side on which the grain's centre is, so a wall holds as long as the centre stays on its side; within s r
-a step the contact begins early enough to turn the grain round. Planes and the other analytic walls know their inside and
+a step the contact begins early enough to send the grain back. Planes and the other analytic walls know their inside and
 need no such limit.
 """
 

@@ -22,7 +22,7 @@ from warpdem.model.schedule import Schedule
 from warpdem.scene.model import Scene
 from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Revolved, Sphere
 
-INSTANTS = 2001
+TIMES = 2001
 """Times at which the motion of a wall is looked at over the run."""
 ROUNDING = 1e-9
 """Of a period: what does not count of a length; of 1: what does not count of a direction [-]."""
@@ -52,7 +52,7 @@ def wall_images(
     schedule.period = period
     largest = float(radius.max(initial=0.0))
     reach = largest + law_gap(scene, largest)
-    times = np.linspace(0.0, scene.time.end, INSTANTS)
+    times = np.linspace(0.0, scene.time.end, TIMES)
     placements = schedule.wall_places(times)
     images, found, plain = domain.images, [], True
     for number, wall in enumerate(scene.walls):
@@ -172,7 +172,7 @@ class _Along:
         return len(sides) == 2
 
     def _require(self, sound: np.ndarray, what: str, remedy: str) -> None:
-        """Refuse the wall at the first of its instants that is not sound."""
+        """Refuse the wall at the first of these times at which it is not sound."""
         if not sound.all():
             first = int(np.argmin(sound))
             here = f"{self.name} = {self.low[first]:.6g} to {self.high[first]:.6g} m"

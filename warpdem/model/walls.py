@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.wall.surface import Ball, Revolved, Surface
+from warpdem.kernels.wall.mobility import Mobility
+from warpdem.kernels.wall.surface import Ball, MeshTrees, Revolved, Surface
 from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
@@ -81,14 +82,14 @@ class Walls:
 
     Attributes:
         surface: what the kernels read; ``images`` as `wall_images` gives them.
-        mesh_arrays: mesh ids, their walls and first triangles, for the candidate search.
+        trees: search trees of the meshes.
         wall_of: number of the wall that each feature belongs to, shape (features,), on the host.
         material: material index of each wall, shape (walls,), on the host.
     """
 
     def __init__(
         self, scene: Scene, meshes: dict[str, TriangleMesh], wall_motion: np.ndarray, images: np.ndarray | None,
-        device: wp.Device,
+        mobility: np.ndarray, device: wp.Device,
     ) -> None:  # fmt: skip
         corners, vertices, pieces, planes, owners = [], [], [], [], []
         mesh_ids, mesh_wall, mesh_first = [], [], []
@@ -148,13 +149,13 @@ class Walls:
         self.wall_of = np.concatenate(owners).astype(np.int32)
         surface.wall = upload([self.wall_of], wp.int32, ())
         surface.motion = wp.array(wall_motion.astype(np.int32), dtype=wp.int32, device=device)
+        surface.mobility = wp.array(mobility, dtype=Mobility, device=device)
         images = np.zeros(0) if images is None else images
         surface.images = wp.array(images.astype(np.int32), dtype=wp.int32, device=device)
         self.material = np.array([names.index(w.material) for w in scene.walls], dtype=np.int32)
         surface.material = wp.array(self.material, dtype=wp.int32, device=device)
         self.surface = surface
-        self.mesh_arrays: tuple[wp.array, wp.array, wp.array] = (
-            wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device),
-            wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device),
-            wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device),
-        )
+        trees = self.trees = MeshTrees()
+        trees.tree = wp.array(np.array(mesh_ids, dtype=np.uint64), dtype=wp.uint64, device=device)
+        trees.wall = wp.array(np.array(mesh_wall, dtype=np.int32), dtype=wp.int32, device=device)
+        trees.first = wp.array(np.array(mesh_first, dtype=np.int32), dtype=wp.int32, device=device)

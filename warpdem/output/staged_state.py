@@ -20,7 +20,7 @@ POLL = 1.0e-3  # [s] between two looks whether a copy is done
 
 
 class StagingBuffer:
-    """Host memory for the arrays of one instant, kept for those to come: page-locking it takes longer than a copy.
+    """Host memory for the arrays of one snapshot, kept for those to come: page-locking it takes longer than a copy.
 
     Args:
         device: where the arrays come from.
@@ -71,21 +71,22 @@ class CopiedReadings:
     """What ``StepReader.read`` gave."""
     sums: dict[str, np.ndarray]
     """What ``StepReader.read_sums`` gave."""
-    wear: np.ndarray
-    """What ``StepReader.wear_digits`` gave."""
+    losses: np.ndarray
+    """What ``StepReader.read_losses`` gave."""
+    digits: dict[str, np.ndarray]
+    """What ``StepReader.digits`` gave."""
 
     def read(self) -> tuple[wp.array, wp.array, wp.array]:
         """As ``StepReader.read``."""
         return self.by_slot
 
-    @property
-    def wear_digits(self) -> np.ndarray:
-        """As ``StepReader.wear_digits``."""
-        return self.wear
-
     def read_wear(self) -> np.ndarray:
         """As ``StepReader.read_wear``."""
-        return window_sum.rounded(self.wear[None]).reshape(-1, SUMS.width)
+        return window_sum.rounded(self.digits["wear"][None]).reshape(-1, SUMS.width)
+
+    def read_losses(self) -> np.ndarray:
+        """As ``StepReader.read_losses``."""
+        return self.losses
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """As ``StepReader.read_sums``."""
@@ -111,10 +112,13 @@ class StagedState:
         extreme = live.reader.extreme.copy()
         room.send()
         sums: dict[str, np.ndarray] = {}
+        losses = np.zeros(0)
         if live.totals is not None:
             Budget(live).begin()
             sums = {name: values.copy() for name, values in live.reader.read_sums().items()}
-        reader = CopiedReadings(extreme, (loads, velocity, spin), sums, live.reader.wear_digits)
+        if live.model.features.measures.energy:
+            losses = live.reader.read_losses()
+        reader = CopiedReadings(extreme, (loads, velocity, spin), sums, losses, live.reader.digits)
         totals = copy.deepcopy(live.totals)
         departures = live.departures.copied() if live.departures is not None else None
         model, left = live.model.at_present(), copy.deepcopy(live.left)

@@ -262,7 +262,7 @@ class UsdWriter:
         from pxr import Gf
 
         # Gf matrices act on row vectors
-        turn = Gf.Matrix3d(*placement.rotation.T.ravel().tolist()).ExtractRotation().GetQuat()
+        quaternion = Gf.Matrix3d(*placement.rotation.T.ravel().tolist()).ExtractRotation().GetQuat()
         translate, orient = (f"{path}.{op}" for op in PLACEMENT_OPS)
         self._root.SetTimeSample(translate, code, Gf.Vec3d(*placement.translation.tolist()))
-        self._root.SetTimeSample(orient, code, turn)
+        self._root.SetTimeSample(orient, code, quaternion)

@@ -1,4 +1,4 @@
-"""The state of the ghosts, from their owners, after every stage of every step; and what all ranks agree on.
+"""The state of the ghosts, from their owners, after every stage of every step; what all ranks agree on; loads on walls.
 
 Called by the kernel of the step (``kernels.step.exchange``) on one thread. Ghosts are received where they stand in memory.
 """
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.kernels.step.exchange import WALL_LOADS
 from warpdem.ranks.world import World
 
 TAG = 19
@@ -26,9 +27,12 @@ class Exchange:
 
     Attributes:
         address: of the C function that the kernel calls.
+        loads: exact sums of the loads on walls that move by them, one row per thread, shape (threads, columns, digits), on the
+            device; None without such walls.
         calls: how often all ranks have agreed.
         seconds: wall time of the calls [s].
         bytes: bytes sent.
+        bytes_per_call: of which at every call.
     """
 
     def __init__(self, world: World, stages: int) -> None:
@@ -42,7 +46,8 @@ class Exchange:
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32)(self.call)
         self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
         world.at_end.append(self.disconnect)
-        self.calls, self.seconds, self.bytes, self._bytes_per_call = 0, 0.0, 0, 0
+        self.loads: np.ndarray | None = None
+        self.calls, self.seconds, self.bytes, self.bytes_per_call = 0, 0.0, 0, 0
 
     def connect(self, record: np.ndarray, owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]) -> None:
         """Exchange the state of other ghosts from now on.
@@ -63,7 +68,7 @@ class Exchange:
             buffer = np.empty((len(slots), record.shape[1]))
             self._sends.append((slots, buffer))
             self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=TAG))
-        self._bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
+        self.bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
 
     def disconnect(self) -> None:
         """Let go of the memory that was exchanged."""
@@ -75,12 +80,16 @@ class Exchange:
         """As ``kernels.step.exchange.exchange``; an error, which a kernel cannot raise, ends all ranks."""
         try:
             began = time.perf_counter()
+            if stage == WALL_LOADS:
+                self._add_loads()
+                self.seconds += time.perf_counter() - began
+                return found
             for slots, buffer in self._sends:
                 np.take(self._record, slots, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
             if self._requests:
                 self._mpi.Prequest.Startall(self._requests)
                 self._mpi.Request.Waitall(self._requests)
-            self.bytes += self._bytes_per_call
+            self.bytes += self.bytes_per_call
             if stage == self._last:
                 self._mine[0] = found
                 self._world.comm.Allreduce(self._mine, self._all, op=self._mpi.BOR)
@@ -93,3 +102,11 @@ class Exchange:
             sys.stderr.flush()
             self._world.abort(1)
             return found
+
+    def _add_loads(self) -> None:
+        """Add up the loads on walls over threads and ranks: whole numbers, so that no order matters."""
+        assert self.loads is not None
+        mine = self.loads.sum(axis=0)
+        self.loads[1:] = 0
+        self._world.comm.Allreduce(mine, self.loads[0], op=self._mpi.SUM)
+        self.bytes += mine.nbytes

@@ -2,18 +2,16 @@
 
 import sys
 import traceback
-from typing import Any
 
 from warpdem.core import interrupts
 from warpdem.core.device import pick_device
 from warpdem.core.threads import run_threads
 from warpdem.errors import WarpdemError
-from warpdem.model.digests import Given
-from warpdem.model.prepare import prepare
+from warpdem.model.decisions import Decisions
+from warpdem.model.prepare import without_grains
 from warpdem.ranks.front import END
 from warpdem.ranks.rank import Rank
 from warpdem.ranks.world import World
-from warpdem.state.restart import read as read_start
 
 
 def serve(world: World) -> int:
@@ -46,12 +44,10 @@ def _end_all(world: World, message: str, code: int) -> None:
     world.abort(code)
 
 
-def _new_rank(world: World, given: Given, threads: int) -> Rank:
-    """The rank of another run."""
+def _new_rank(world: World, decided: Decisions, threads: int) -> Rank:
+    """The rank of another run, whose grains rank 0 has read or packed: it deals them out."""
     try:
-        past = read_start(given.scene) if given.scene.start is not None else None
-        model: Any = prepare(given, pick_device("cpu"), False, past, ranks=True)[0]
-        rank = Rank(world, model, run_threads(threads, 0, grows=False, cpu=True))
+        rank = Rank(world, without_grains(decided, pick_device("cpu")), run_threads(threads, 0, grows=False, cpu=True))
     except WarpdemError as error:
         world.raise_first(error)
         raise

@@ -6,6 +6,7 @@ Guards, measures, writers and checkpoints see the whole run on rank 0, as in a r
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from warpdem.engine.run_loop import RunLoop
 from warpdem.errors import WarpdemError
 from warpdem.kernels import grain
 from warpdem.kernels.measure import window_sum
+from warpdem.model.decisions import Decisions
 from warpdem.model.model import Model
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, Table
@@ -89,18 +91,27 @@ class Front(RunLoop):
         super().__init__(state, clock, engine, streams, timers)
         self._world, self._model = world, model
         self._is_dealt, self._is_gathered = False, True
-        self._wear = engine.wear_digits
+        self._digits = engine.digits
         with world.together():
-            self._tell("model", model.given, threads.count)
-            self.rank = Rank(world, model, threads)
+            decided = Decisions.of(model)
+            self._tell("model", decided, threads.count)
+            self.rank = Rank(world, replace(model, expected=decided.expected), threads)  # the skins are those of all ranks
             self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
             world.raise_first(None)
 
     def _tell(self, name: str, *arguments: Any) -> None:
         self._world.from_first((name, arguments))
 
+    def on_all(self, name: str, *arguments: Any) -> Any:
+        """Call a method of ``Rank`` on all ranks together; returns what it gives on rank 0."""
+        with self._world.together():
+            self._tell(name, *arguments)
+            return getattr(self.rank, name)(*arguments)
+
     def prepare(self) -> None:
         """As ``RunLoop``: gather the whole of the present time, if it is not here."""
+        if self._world.busy:  # the others cannot answer: whoever reads how the run ended has what was gathered last
+            return
         if not self._is_dealt:
             self._evaluate()
         elif not self._is_gathered:
@@ -119,15 +130,14 @@ class Front(RunLoop):
         if count == 0:
             self.prepare()
             return
-        clock, world = self._clock, self._world
+        clock = self._clock
         before, insertion = clock.step_number, self._streams.next_step()
         hold = insertion is not None and insertion - before <= count
         count = insertion - before if hold and insertion is not None else count
         max_overlap = float(self._engine.batch.control.max_overlap.numpy()[0])
         try:
-            with world.together(), self._timers.measure("steps"):
-                self._tell("advance", count, max_overlap, hold)
-                self.rank.advance(count, max_overlap, hold)
+            with self._timers.measure("steps"):
+                self.on_all("advance", count, max_overlap, hold)
         except WarpdemError:
             self._show_grains()
             raise
@@ -135,9 +145,7 @@ class Front(RunLoop):
             clock.step_number = self.rank.clock.step_number
         clock.forces_evaluated = self._is_gathered = False
         self.steps_done += clock.step_number - before
-        with world.together():
-            self._tell("extremes")
-            self._take_extremes(self.rank.extremes())
+        self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:
             self.insert()
 
@@ -170,7 +178,7 @@ class Front(RunLoop):
         """Let the budgets count the grains ``ids`` that are about to leave."""
         self._clock.step_number = self.rank.clock.step_number
         self._state.restore({**whole.grains, "next_id": self._state.next_id})
-        self._engine.restore(self._engine.extreme)
+        self._engine.restore(self._engine.extreme, {})
         contact_history.restore(self._engine.lists, whole.data, since=1)
         self._engine.leavers.before_leaving(np.flatnonzero(np.isin(self._state.id.numpy(), ids)))
 
@@ -184,9 +192,8 @@ class Front(RunLoop):
         """What each rank has done: grains, ghosts, grains that went to another rank, bytes, time in exchanges [s] ..."""
         if self._world.busy:  # the others cannot answer
             return []
-        with self._world.together():
-            self._tell("report")
-            return self.rank.report()
+        found: list[dict[str, Any]] = self.on_all("report")
+        return found
 
     # -- the whole ------------------------------------------------------------------------------
 
@@ -199,37 +206,35 @@ class Front(RunLoop):
         position = whole.grains["record"][:, grain.POSITION]
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():
-            self._tell("deal", clock.step_number, state.next_id, cuts)
-            self.rank.deal(clock.step_number, state.next_id, cuts, whole.split(cuts.owner(position), world.size))
-        self._wear = self._engine.wear_digits
+            told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
+            self._tell("deal", *told)
+            self.rank.deal(*told, whole.split(cuts.owner(position), world.size))
+        self._digits = self._engine.digits
         self._is_dealt = True
 
     def _gather(self) -> None:
         """Let the whole be that of the present time, its forces evaluated."""
-        with self._world.together(), self._timers.measure("gather"):
-            self._tell("gather")
-            found = self.rank.gather()
+        with self._timers.measure("gather"):
+            found = self.on_all("gather")
         assert found is not None
-        portion, wear = found
+        portion, digits = found
         with self._timers.measure("gather"):
             state, engine, clock = self._state, self._engine, self._clock
             state.restore({**portion.grains, "next_id": state.next_id})
-            digits = window_sum.joined(np.stack([self._wear, *wear])) if self._wear.size else None
-            engine.restore(engine.extreme, digits)
+            each = [self._digits, *digits]
+            engine.restore(
+                engine.extreme, {name: window_sum.joined(np.stack([one[name] for one in each])) for name in self._digits}
+            )
             if len(state):
                 contact_history.restore(engine.lists, portion.data)
             else:
                 self._forget_contacts()
             clock.forces_evaluated = self._is_gathered = True
-        with self._world.together():
-            self._tell("extremes")
-            self._take_extremes(self.rank.extremes())
+        self._take_extremes(self.on_all("extremes"))
 
     def _show_grains(self) -> None:
         """Let the whole hold the grains as they are, without contacts: the run has stopped where no forces can be evaluated."""
-        with self._world.together():
-            self._tell("gather_grains")
-            grains = self.rank.gather_grains()
+        grains = self.on_all("gather_grains")
         assert grains is not None
         self._state.restore({**grains, "next_id": self._state.next_id})
         self._forget_contacts()

@@ -36,9 +36,13 @@ class RankLists(NeighborLists):
     leave: Callable[[], None]
 
     @property
-    def max_displacement(self) -> float:
+    def share_that_holds(self) -> float:
         """As ``ContactLists``; no rank knows whether a grain is alone."""
-        return 0.5 * self.inner_skin
+        return self.inner_share
+
+    def _adapt_allowances(self) -> None:
+        """All grains have the same, on each rank that knows them."""
+        self.most_allowance = 0.5 * self.skin
 
     def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
         """As ``NeighborLists``, on all ranks together.
@@ -57,12 +61,12 @@ class RankLists(NeighborLists):
             self.fast_found(bool(self._found_here & FAST))
         if force_rebuild or pending & LEFT or found & (OUT_OF_DATE | IN_OUTLET):
             self._adapt_skin()
-            self.inner_skin = self.next_inner_skin
+            self.inner_share = self.next_inner_share
             self._last_refresh = self.clock.step_number
             with self._timers.measure("lists"):
                 self.move_grains()
         else:
-            self.inner_skin = self.next_inner_skin
+            self.inner_share = self.next_inner_share
             self._last_refresh = self.clock.step_number
             self.force_parity = (self.clock.step_number - 1) & 1
             self._rebuild_inner()
@@ -76,9 +80,9 @@ class RankLists(NeighborLists):
         """
         self._of_grain = np.zeros(0, dtype=np.int32)
         if self.state.slots and self.built:
-            outer_limit = max(0.5 * (self.skin - max(self.inner_skin, self.next_inner_skin)), 0.0)
+            outer_share = 1.0 - max(self.inner_share, self.next_inner_share)
             with self._timers.measure("refresh"):
-                self._of_grain = self.build.check(outer_limit).of_grain[: self.state.owned]
+                self._of_grain = self.build.check(outer_share).of_grain[: self.state.owned]
         self._found_here = int(np.bitwise_or.reduce(self._of_grain & HERE, initial=0))
         found = self.world.any_of(self._found_here)
         if found & (NOT_FINITE | CROSSED):

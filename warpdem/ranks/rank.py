@@ -17,7 +17,7 @@ from warpdem.filling.size_grids import finest_cell, size_classes
 from warpdem.guards.travel import TravelGuard
 from warpdem.guards.verdict import Verdict
 from warpdem.kernels import grain
-from warpdem.kernels.step.exchange import TOO_DEEP
+from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.model.model import Model
 from warpdem.ranks import halo
@@ -37,7 +37,7 @@ IMBALANCE = 1.1
 """Load of the busiest rank over the mean [-] from which on cuts are shifted."""
 WAIT = 8
 """Outer lists until cuts are tried again that shifting did not help."""
-OF_FORCES = ("pair_share_", "pair_entry_", "wall_load", "wall_entry", "wall_power")
+OF_FORCES = ("pair_share_", "wall_load", "wall_entry", "wall_power")
 """How the names of arrays begin that a rebuild makes again."""
 
 
@@ -84,6 +84,8 @@ class Rank:
         lists.leave = self._leave
         self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
         executor.exchange = self.exchange.address
+        if self.engine.moves_walls:
+            self.exchange.loads = self.engine.batch.control.dynamic.sums.numpy()
         self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
         self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
         self._guard = TravelGuard(model)
@@ -96,17 +98,22 @@ class Rank:
 
     # -- grains ---------------------------------------------------------------------------------
 
-    def deal(self, step: int, next_id: int, cuts: Cuts, parts: list[Portion] | None = None) -> None:
+    def deal(
+        self, step: int, next_id: int, walls: list[dict[str, Any]], cuts: Cuts, parts: list[Portion] | None = None
+    ) -> None:
         """Take over the state of a run, whose forces are known.
 
         Args:
             step: its step.
+            walls: state of those that move by the load on them.
             next_id: least id that no grain has had so far.
             cuts: who owns which part of space.
             parts: grains of each rank, on rank 0.
         """
         mine = self.world.dealt(parts)
         self.clock.step_number, self.state.next_id, self._cuts = step, next_id, cuts
+        for wall, state in zip(self._model.schedule.dynamic, walls, strict=True):
+            wall.restore(state)
         self.engine.batch.forget_schedule()
         self._settle(mine, forces=True)
         self.clock.forces_evaluated = True
@@ -251,6 +258,7 @@ class Rank:
         """Count and remove the own grains that are in an outlet."""
         gone, where = self.lists.leaving
         state, world = self.state, self.world
+        self.engine.settle_losses()
         if self._model.features.measures.sums:
             ids = world.gathered(state.id.numpy()[gone])
             whole = self._whole(self._before)
@@ -303,6 +311,7 @@ class Rank:
         else:
             done, found = self._steps_without_grains(count)
         clock.step_number += done
+        self.engine.read_walls()
         lists.pending |= found & (BEYOND | LEFT)
         clock.forces_evaluated = not found and not hold
         return found
@@ -310,6 +319,9 @@ class Rank:
     def _steps_without_grains(self, count: int) -> tuple[int, int]:
         """Agree with the others on each of up to ``count`` steps."""
         for step in range(1, count + 1):
+            if self.engine.moves_walls:
+                self.exchange.call(step, WALL_LOADS, 0)
+                self.engine.advance_walls(1, step - 1)
             for stage in range(self.engine.batch.stages):
                 found = self.exchange.call(step, stage, 0)
             if found:
@@ -336,11 +348,11 @@ class Rank:
         """Largest overlaps and approach speeds on all ranks, as ``Engine.extreme``."""
         return self.world.largest(self.engine.extreme)
 
-    def gather(self) -> tuple[Portion, list[np.ndarray]] | None:
-        """All grains with the forces of the present time, and the digits of wear of each rank; on rank 0."""
+    def gather(self) -> tuple[Portion, list[dict[str, np.ndarray]]] | None:
+        """All grains with the forces of the present time, and the digits of the sums of each rank; on rank 0."""
         self.evaluate()
-        whole, wear = self._whole(self._view), self.world.gathered(self.engine.wear_digits)
-        return (whole, wear) if whole is not None else None
+        whole, digits = self._whole(self._view), self.world.gathered(self.engine.digits)
+        return (whole, digits) if whole is not None else None
 
     def _whole(self, view: RunView) -> Portion | None:
         """All grains with the forces of the last force call, at the time of ``view``; on rank 0."""

@@ -28,6 +28,3 @@ def _missing(scene: Scene) -> Iterator[str]:
         yield "clumps"
     if scene.contact.liquid != "none":
         yield "liquid bridges"
-    for wall in scene.walls:
-        if wall.dynamic is not None:
-            yield f"walls that move by the load on them ({wall.name})"

@@ -37,7 +37,7 @@ def write_calibration_page(
          "yes" if one["known"] else "no", f"{100.0 * one['simulated']:.0f} %"] for one in parameters
     ]  # fmt: skip
     head = ["parameter", "value", f"from ({percent})", "to", "standard error", "unit", "determined", "by chance in runs"]
-    found = [table("Parameters", head, rows)]
+    found = [table("Values and errors of the parameters", head, rows)]
     if result["notes"]:
         found.append(el("ul", *(el("li", note) for note in result["notes"]), class_="warnings"))
     links = [el("li", el("a", path, href=path)) for path in scenes]
@@ -46,7 +46,7 @@ def write_calibration_page(
     rows = [[one["name"], one["target"], one["uncertainty"], one["fitted"], one["off"], one["scatter"], one["checked"],
              float(one["checks"])] for one in targets]  # fmt: skip
     head = ["target", "value", "uncertainty", "fitted", "off / uncertainty", "scatter of a run", "last runs", "number"]
-    met = [table("Targets", head, rows)]
+    met = [table("What was measured and what the runs give", head, rows)]
     if result["chance"] is not None:
         met.append(el("p", f"Probability that a model which meets the targets is off by so much: {result['chance']:.2g}."))
     body: list[tuple[str, Sequence[Node]]] = [("Parameters", found), ("Targets", met)]
@@ -55,7 +55,7 @@ def write_calibration_page(
         lines: list[list[Node | str | float | None]] = [
             [name, *row] for name, row in zip(names, result["correlation"], strict=True)
         ]
-        body.append(("Correlation", [table("Correlation of the errors", ["", *names], lines)]))
+        body.append(("Correlation", [table("Correlation of the errors", ["parameter", *names], lines)]))
     number, charts = itertools.count(), []
     for a, one in enumerate(parameters):
         order = np.argsort(values[:, a], kind="stable")

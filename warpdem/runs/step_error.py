@@ -1,6 +1,6 @@
-"""How far a measure is off by the time step: Richardson's rule on runs with a step, half of it and a quarter of it.
+"""How far a measure is off by the time step: Richardson's rule on runs with a step, half of it, a quarter of it, and so on.
 
-With Q(h) = Q0 + c h^p, and the differences d1 = Q(h) - Q(h/2), d2 = Q(h/2) - Q(h/4),
+With Q(h) = Q0 + c h^p, and the differences d1 = Q(h) - Q(h/2), d2 = Q(h/2) - Q(h/4) of the finest three that are no chance,
 
     p = log2(d1 / d2),    Q0 = Q(h/4) - d2 / (2^p - 1),    error(h) = |c| h^p = |d1| 2^p / (2^p - 1)
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,10 +29,10 @@ DIGITS = 2
 
 @dataclass(frozen=True)
 class StepError:
-    """What runs with three steps tell of a measure."""
+    """What runs with several steps tell of a measure."""
 
     steps: tuple[float, ...]
-    """Steps h, h/2, h/4 [s]."""
+    """Steps h, h/2, h/4 ... [s], three or more."""
     values: tuple[float, ...]
     """The measure with each."""
     scatter: float | None
@@ -42,38 +43,42 @@ class StepError:
     """Whether the order comes from the differences."""
     chance: bool
     """Whether the differences are no larger than those of twins."""
+    told: int
+    """Number, from 0, of the last difference that tells of the error: later ones are chance."""
     limit: float
-    """Value without error of the step, Q0; the mean of the three where the differences are chance."""
+    """Value without error of the step, Q0; the mean of all where the differences are chance."""
 
     def error(self, step: float) -> float:
         """Error of the measure with a step [s], above 0, [unit of the measure]; an upper bound where it is chance."""
         if self.chance:
             return CHANCE * math.sqrt(2.0) * (self.scatter or 0.0)
         factor = 2.0**self.order / (2.0**self.order - 1.0)
-        largest = max(abs(self.values[0] - self.values[1]), abs(self.values[1] - self.values[2]) * 2.0**self.order)
+        sizes = [abs(a - b) * 2.0 ** (self.order * k) for k, (a, b) in enumerate(pairwise(self.values))]
+        largest = max(sizes[: self.told + 1])
         return float(largest * factor * (step / self.steps[0]) ** self.order)
 
 
 def step_error(steps: Sequence[float], values: Sequence[float], scatter: float | None) -> StepError:
-    """The error of the step from three runs.
+    """The error of the step from three runs or more.
 
     Args:
-        steps: h, h/2, h/4 [s].
+        steps: h, h/2, h/4 ... [s].
         values: the measure with each.
         scatter: standard deviation among perturbed twins of the first run; None without twins.
     """
-    first, second = values[0] - values[1], values[1] - values[2]
-    size = SAME * max(map(abs, values))
+    differences = [a - b for a, b in pairwise(values)]
+    size, last = SAME * max(map(abs, values)), len(values) - 2
     bound = CHANCE * math.sqrt(2.0) * (scatter or 0.0)
-    if max(abs(first), abs(second)) <= max(bound, size):
-        mean = sum(values) / len(values)
-        return StepError(tuple(steps), tuple(values), scatter, 1.0, False, True, mean)
-    ratio = first / second if abs(second) > size else math.inf
-    order = math.log2(ratio) if ratio > 0.0 and math.isfinite(ratio) else math.nan
-    known = ORDERS[0] <= order <= ORDERS[1] and abs(second) > bound
-    order = order if known else 1.0
-    limit = values[2] - second / (2.0**order - 1.0)
-    return StepError(tuple(steps), tuple(values), scatter, order, known, False, limit)
+    given = tuple(steps), tuple(values), scatter
+    if max(map(abs, differences)) <= max(bound, size):
+        return StepError(*given, 1.0, False, True, last, sum(values) / len(values))
+    for k in range(last, 0, -1):  # from the finest on
+        first, second = differences[k - 1 : k + 1]
+        ratio = first / second if abs(second) > max(bound, size) else math.nan
+        order = math.log2(ratio) if ratio > 0.0 and math.isfinite(ratio) else math.nan
+        if ORDERS[0] <= order <= ORDERS[1]:
+            return StepError(*given, order, True, False, k, values[k + 1] - second / (2.0**order - 1.0))
+    return StepError(*given, 1.0, False, False, last, values[-1] - differences[-1])
 
 
 def chosen_step(found: StepError, allowed: float) -> float:

@@ -24,17 +24,36 @@ from warpdem.scene.regions import VOLUMES, Box, CylinderRegion, MeshRegion, Sphe
 from warpdem.scene.size_distribution import Diameter, Factor
 from warpdem.scene.units import Array, Quantity, Vector
 
+Copies = Annotated[int, Field(strict=True, ge=1)]
 Quaternion = Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4)]
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
+CHECKPOINT_SUFFIXES = (".h5", ".hdf5")
+OF_PACKING = ("region", "point", "height", "count", "mass", "solid_fraction", "diameter", "size", "orientation")
+"""Keys of a filling that say how grains are packed."""
 
 class Fill(SceneModel):
-    """Grains at random positions, dense and without overlap, inside a mesh wall or a region.
+    """Grains at random positions, dense and without overlap, inside a mesh wall or a region; or copies of a bed that is there.
 
     The number of grains follows from count, mass, or solid fraction in the volume that walls leave free. Fillings do not
     overlap walls, each other, or grains given by positions or files.
     """
 
-    wall: str | None = Field(None, description="Name of the mesh wall to fill; this, or box, cylinder, sphere or mesh.")
+    wall: str | None = Field(
+        None, description="Name of the mesh wall to fill; this, or box, cylinder, sphere or mesh; or tile."
+    )
+    tile: FileName | None = Field(
+        None,
+        description="Checkpoint (checkpoint.h5) or state file (.npz, .csv, .vtp) whose grains are copied, relative to the "
+        "scene file, in place of packing. They start at rest in the frame, all of this material.",
+    )
+    copies: tuple[Copies, Copies, Copies] = Field(
+        (1, 1, 1), description="With tile: number of copies along x, y and z [-], >= 1; the first is where the file has it."
+    )
+    spacing: Annotated[tuple[float, float, float], Vector(Quantity("m", gt=0))] | None = Field(
+        None,
+        description="With tile: distance of the copies along x, y and z [m], > 0; default: the period of its scene's periodic "
+        "borders, else the length of the tile, grains included.",
+    )
     box: Box | None = Field(None, description="Box to fill; this, wall or another region.")
     cylinder: CylinderRegion | None = Field(
         None, description="Cylinder to fill, of a length, in 96 facets; this, wall or another region."
@@ -72,9 +91,26 @@ class Fill(SceneModel):
     )
     seed: Whole = Field(0, description="Seed of the random numbers [-], >= 0, default 0: the same seed gives the same grains.")
 
+    @field_validator("tile")
+    @classmethod
+    def _known_suffix(cls, value: str | None) -> str | None:
+        known = (*CHECKPOINT_SUFFIXES, *STATE_FILE_SUFFIXES)
+        if value is not None and Path(value).suffix.lower() not in known:
+            raise ValueError(f"must be a file ending in {', '.join(known)}")
+        return value
+
     @model_validator(mode="after")
     def _keys_agree(self) -> "Fill":
-        exactly_one(self, "wall", *VOLUMES)
+        exactly_one(self, "wall", "tile", *VOLUMES)
+        if self.tile is not None:
+            stray = [key for key in OF_PACKING if getattr(self, key) is not None]
+            if stray:
+                reason = "belongs to a packing; the grains of a tile are those of its file"
+                raise validation_error([((key,), getattr(self, key), reason) for key in stray])
+            return self
+        stray = [key for key in ("copies", "spacing") if key in self.model_fields_set and getattr(self, key) is not None]
+        if stray:
+            raise validation_error([((key,), getattr(self, key), "belongs to a tile: name its file") for key in stray])
         if self.cylinder is not None and self.cylinder.length is None:
             raise validation_error([(("cylinder", "length"), None, "missing: a filling has an end")])
         amounts = ("count", "mass", "solid_fraction")
@@ -168,7 +204,9 @@ class Grains(SceneModel):
         description="State file (.npz, .csv or .vtp), relative to the scene file; either this, positions or fill. With clump: "
         "clumps_*.vtp of a run, of which those of the number of the clump are taken; of grains_*.vtp members are left out.",
     )
-    fill: Fill | None = Field(None, description="Filling of a mesh wall or a box; either this, positions or file.")
+    fill: Fill | None = Field(
+        None, description="Filling of a mesh wall or a region, or copies of a bed; either this, positions or file."
+    )
     liquid_content: LiquidContent = LIQUID_CONTENT
     velocities_in: Literal["frame", "laboratory"] = Field(
         "frame", description='Axes that velocities and spins are relative to: "frame" (default) or "laboratory".'
@@ -218,6 +256,10 @@ class Grains(SceneModel):
 
     def _check_fill_of_clumps(self) -> None:
         if self.fill is None:
+            return
+        if self.fill.tile is not None:
+            if self.clump is not None:
+                raise validation_error([(("clump",), self.clump, "cannot be given with fill.tile, whose grains are spheres")])
             return
         if self.clump is None:
             stray = [key for key in ("size", "orientation") if getattr(self.fill, key) is not None]

@@ -32,7 +32,7 @@ class Region(regions.Region):
     """A region, or all grains, over which bulk properties are averaged.
 
     Grains count by their centres. Solid fraction and contact stress, by the parts of spheres and branch vectors inside, are
-    measured in boxes, spheres and cylinders with a length. Vectors are relative to what the region is fixed to, in its axes.
+    measured in all but cylinders without a length. Vectors are relative to what the region is fixed to, in its axes.
     """
 
     name: Name = Field(description="Unique name: letters, digits, _ and -.")

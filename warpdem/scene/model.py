@@ -120,7 +120,8 @@ class Scene(SceneModel):
         for name, clump in self.clumps.items():
             yield from ((("clumps", name, key), file) for key in ("file", "mesh") if (file := getattr(clump, key)) is not None)
         yield from ((("grains", i, "file"), group.file) for i, group in enumerate(self.grains) if group.file is not None)
-        fills = ((("grains", i, "fill"), group.fill) for i, group in enumerate(self.grains))
+        fills = [(("grains", i, "fill"), group.fill) for i, group in enumerate(self.grains) if group.fill is not None]
+        yield from (((*key_path, "tile"), fill.tile) for key_path, fill in fills if fill.tile is not None)
         for key_path, region in (*self.regions(), *fills):
             for key in ("mesh", "face"):
                 if isinstance(mesh := getattr(region, key, None), MeshFile):

@@ -133,8 +133,8 @@ class CylinderRegion(SceneModel):
         """As ``Solid``."""
         assert self.length is not None  # who draws points asks for a length
         first, second = across(np.array(self.axis))
-        share, angle, along = generator.random((len(radius), 3)).T
-        distance, angle = (self.radius - radius) * np.sqrt(share), 2.0 * math.pi * angle
+        fraction, angle, along = generator.random((len(radius), 3)).T
+        distance, angle = (self.radius - radius) * np.sqrt(fraction), 2.0 * math.pi * angle
         height = radius + along * (self.length - 2.0 * radius)
         radial = np.outer(distance * np.cos(angle), first) + np.outer(distance * np.sin(angle), second)
         return np.asarray(np.array(self.point) + np.outer(height, self.axis) + radial)
@@ -171,8 +171,8 @@ class SphereRegion(SceneModel):
 
     def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """As ``Solid``."""
-        share, height, angle = generator.random((len(radius), 3)).T
-        distance, height, angle = (self.radius - radius) * np.cbrt(share), 2.0 * height - 1.0, 2.0 * math.pi * angle
+        fraction, height, angle = generator.random((len(radius), 3)).T
+        distance, height, angle = (self.radius - radius) * np.cbrt(fraction), 2.0 * height - 1.0, 2.0 * math.pi * angle
         level = np.sqrt(np.maximum(1.0 - height**2, 0.0))
         direction = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
         return np.asarray(np.array(self.centre) + distance[:, None] * direction)
@@ -235,8 +235,8 @@ class DiskFace(SceneModel):
     def random_points(self, generator: np.random.Generator, radius: np.ndarray) -> np.ndarray:
         """Random points of the disk [m], shape (n, 3), at least ``radius`` [m], shape (n,), from its rim."""
         first, second = across(np.array(self.normal))
-        share, angle = generator.random((len(radius), 2)).T
-        distance, angle = (self.radius - radius) * np.sqrt(share), 2.0 * math.pi * angle
+        fraction, angle = generator.random((len(radius), 2)).T
+        distance, angle = (self.radius - radius) * np.sqrt(fraction), 2.0 * math.pi * angle
         return np.asarray(
             np.array(self.point) + np.outer(distance * np.cos(angle), first) + np.outer(distance * np.sin(angle), second)
         )

@@ -15,6 +15,7 @@ from typing import Any
 
 from warpdem.errors import SceneError
 from warpdem.kernels.contact import columns
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.kernels.field import NUMBERS
 from warpdem.kernels.wall import record
 from warpdem.scene.parse_units import DIMENSIONS
@@ -163,7 +164,8 @@ def _check_law(file: str, role: str, module: ModuleType) -> None:
         declared = getattr(module, name, {})
         if not isinstance(declared, Mapping) or not all(isinstance(text, str) for entry in declared.items() for text in entry):
             raise SceneError(f"{file}: {name} = {declared!r}: must be a dict: name -> unit")
-        if taken := RESERVED & declared.keys():
+        of_bridges = {key for key in declared if key == COUNT or key.startswith(f"{COUNT}_")}
+        if taken := RESERVED & declared.keys() | of_bridges:
             raise SceneError(f"{file}: {name}: the name {min(taken)!r} is taken")
     _check_losses(file, getattr(module, "LOSSES", ()), columns.declares_own(module))
     check_pair_keys(file, module)

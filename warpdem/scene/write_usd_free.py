@@ -47,10 +47,10 @@ def _author_joint(stage: Usd.Stage, path: str, free: dict[str, Any], axis: np.nd
     joint.CreateBody1Rel().SetTargets([path])
     name = next((name for name, k in _TURNED.items() if axis[k] == 1.0), "X")
     joint.CreateAxisAttr(name)
-    turn = Gf.Rotation(Gf.Vec3d(1, 0, 0), Gf.Vec3d(*axis.tolist()))
+    rotation = Gf.Rotation(Gf.Vec3d(1, 0, 0), Gf.Vec3d(*axis.tolist()))
     if axis[_TURNED[name]] == 1.0:
-        turn = Gf.Rotation(Gf.Vec3d(1, 0, 0), 0.0)
-    place, quaternion = Gf.Vec3f(*free.get("origin", (0.0, 0.0, 0.0))), Gf.Quatf(turn.GetQuat())
+        rotation = Gf.Rotation(Gf.Vec3d(1, 0, 0), 0.0)
+    place, quaternion = Gf.Vec3f(*free.get("origin", (0.0, 0.0, 0.0))), Gf.Quatf(rotation.GetQuat())
     for position, rotation in (
         (joint.CreateLocalPos0Attr(), joint.CreateLocalRot0Attr()),
         (joint.CreateLocalPos1Attr(), joint.CreateLocalRot1Attr()),

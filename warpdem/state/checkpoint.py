@@ -6,6 +6,7 @@ go on with it: ``same_scene``.
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -47,8 +48,8 @@ class GuardsPart(Protocol):
 class EnginePart(Protocol):
     """What runs the steps."""
 
-    def restore(self, extreme: np.ndarray, wear_digits: np.ndarray | None = None) -> None:
-        """Take over the largest overlaps and approach speeds so far, shape (4,), and the digits of wear.
+    def restore(self, extreme: np.ndarray, digits: Mapping[str, np.ndarray]) -> None:
+        """Take over the largest overlaps and approach speeds so far, shape (4,), and of the digits those of its sums.
 
         Schedule and structs are made again.
         """
@@ -132,7 +133,7 @@ def _about(view: RunView) -> dict[str, Any]:
 def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
     """The arrays of a checkpoint, those of grains in order of id.
 
-    Beside the state, velocity [m/s] and spin [rad/s] of this instant, absolute, in frame axes: another scene starts from them.
+    Beside the state, velocity [m/s] and spin [rad/s] of this time, absolute, in frame axes: another scene starts from them.
     """
     features, state = view.model.features, view.state
     _, velocity, spin = (array.numpy() for array in view.reader.read())
@@ -165,9 +166,7 @@ def _arrays(view: RunView) -> dict[str, Rows | np.ndarray]:
         out |= state.clumps.arrays(rank)
     if view.departures is not None:
         readings |= view.departures.arrays()
-    if features.measures.wear:
-        readings["wear"] = view.reader.wear_digits
-    return out | readings | contact_history.read(view)
+    return out | readings | view.reader.digits | contact_history.read(view)
 
 
 def _places(view: RunView) -> dict[str, Any]:
@@ -185,6 +184,11 @@ def _check(view: RunView, data: dict[str, Any]) -> None:
     """Refuse what another scene was run to, or at another time step."""
     given, dt = view.model.given, view.clock.dt
     refuse_other(data, given.scene, given.files, given.hash)
+    if missing := sorted(view.reader.digits.keys() - data.keys()):
+        raise SceneError(
+            f"{data['path']}: a checkpoint of another version: it holds no {', '.join(missing)}; go on with the version that "
+            "saved it, or start anew"
+        )
     if data["dt"] != dt:
         raise SceneError(
             f"{data['path']}: belongs to another time step, {data['dt']!r} s, than this run, {dt!r} s; nothing was changed"
@@ -205,7 +209,7 @@ def restore(run: Run, data: dict[str, Any]) -> None:
         view.model.schedule.driven[name].restore(state)
     for one in view.model.schedule.dynamic:
         one.restore(data["dynamic"][one.wall.name])
-    run.engine.restore(data["extreme"], data.get("wear"))
+    run.engine.restore(data["extreme"], data)
     run.left.update(data["left"])
     liquid_account.restore(view, data)
     run.streams.restore(data["streams"])

@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
-from warpdem.kernels.contact.dissipation import ENTRY_AT
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.blocks import Rows, each_block
@@ -17,10 +16,6 @@ from warpdem.state.view import RunView
 
 if TYPE_CHECKING:
     from warpdem.engine.neighbor_list import NeighborLists
-
-
-GEOMETRY = np.r_[ENTRY_AT.of("normal"), ENTRY_AT.of("arm")]
-"""Columns of the energies of a contact that two grains have which do not touch."""
 
 
 def read(view: RunView) -> dict[str, Rows | np.ndarray]:
@@ -45,8 +40,8 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
         none |= {"pair_history": np.zeros((0, max(springs, 1)), dtype=real)}
         none |= {f"pair_share_{side}": np.zeros((0, force_width), dtype=real) for side in "ij"}
         none |= {f"pair_own_{name}": np.zeros(0, dtype=real) for name in own}
-        entries = {f"pair_entry_{side}": np.zeros((0, features.measures.entry_width), dtype=real) for side in "ij"}
-        return none | (entries if features.measures.energy else {})
+        impulses = {"pair_impulses": np.zeros((0, features.impulses.width), dtype=real)}
+        return none | (impulses if features.measures.energy else {})
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
     assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
     lane, ids, history = _live_lanes(view), view.state.id.numpy(), contacts.history.numpy()
@@ -69,8 +64,8 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     out |= {f"pair_share_{side}": in_slots(contacts.row.numpy(), slot) for side, slot in slots}
     out |= {f"pair_own_{name}": Rows((count,), history.dtype, remembered(at.of(name))) for name in own}
     if features.measures.energy:
-        assert contacts.entry is not None  # a copy has none, and is never asked
-        out |= {f"pair_entry_{side}": in_slots(contacts.entry.numpy(), slot) for side, slot in slots}
+        kept = features.impulses.width
+        out["pair_impulses"] = Rows((count, kept), history.dtype, remembered(slice(at.width, at.width + kept)))
     return out
 
 
@@ -79,18 +74,14 @@ def _live_lanes(view: RunView) -> np.ndarray:
     contacts, ids = view.contacts, view.state.id.numpy()
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
     assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
-    lane, history, tables = contacts.real_lanes(), contacts.history.numpy(), [contacts.row.numpy()]
-    if view.model.features.measures.energy and contacts.entry is not None:
-        entry = contacts.entry.numpy()
-        tables.append(np.delete(entry, GEOMETRY, axis=1))
+    lane, history, row = contacts.real_lanes(), contacts.history.numpy(), contacts.row.numpy()
     slots = [side.numpy().ravel() for side in (contacts.slot_i, contacts.slot_j)]
 
     def live(part: slice) -> np.ndarray:
         some, lanes = lane[part], history.shape[2]
         out = history[some // lanes, :, some % lanes].any(axis=1)
-        for table in tables:
-            for slot in slots:
-                out |= table[slot[some]].any(axis=1)
+        for slot in slots:
+            out |= row[slot[some]].any(axis=1)
         return out
 
     alive = Rows((len(lane), history.shape[1]), history.dtype, live)
@@ -126,6 +117,8 @@ def wall_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
 def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Take over the contact history, for the first rebuild to carry it to the grains that touch.
 
+    ``pair_impulses``, of the last force call of the run that goes on, are taken over where they are given.
+
     Args:
         data: ids of the grains in their order (``id``), ``pair``, its springs ``pair_history`` and the law's own scalars
             ``pair_own_*``, and where there are walls the ``wall_contact_*`` of a checkpoint.
@@ -138,12 +131,14 @@ def remember(lists: "NeighborLists", data: dict[str, Any]) -> None:
         data = {f"pair_own_{name}": np.zeros(len(data["pair"])), **data}
         if "wall_contact_grain" in data:
             data = {f"wall_contact_{name}": np.zeros(len(data["wall_contact_grain"])), **data}
-    pair, memory = data["pair"], np.zeros((len(data["pair"]), max(at.width, 1)))
+    pair, memory = data["pair"], np.zeros((len(data["pair"]), max(features.memory, 1)))
     springs = springs_width(at)
     memory[:, :springs] = data["pair_history"][:, :springs]
     for name in at.names:
         if name not in VECTORS:
             memory[:, at.of(name)] = data[f"pair_own_{name}"]
+    if features.measures.energy and "pair_impulses" in data:
+        memory[:, at.width :] = data["pair_impulses"]
     owner, partner = (positions(data["id"], pair[:, k]) for k in (0, 1))
     order = np.argsort(_keys(owner, partner, n))
     count = np.bincount(owner, minlength=n)
@@ -184,16 +179,14 @@ def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Pair forces, wall loads and wall contact forces of a checkpoint, in their slots of the new lists."""
     state, n = lists.state, len(lists.state)
     contacts = lists.view()
-    with changed(lists.row) as row, changed(lists.entry) as entry:
-        row[...], entry[...] = 0.0, 0.0
+    with changed(lists.row) as row:
+        row[...] = 0.0
         if contacts.contact_count and len(data["pair"]):
             lane, there = _found(contacts, data)
             for side, slots in (("i", contacts.slot_i), ("j", contacts.slot_j)):
                 assert slots is not None
                 slot = slots.numpy().ravel()[lane]
                 row[slot] = data[f"pair_share_{side}"][there]
-                if lists.model.features.measures.energy and f"pair_entry_{side}" in data:
-                    entry[slot] = data[f"pair_entry_{side}"][there]
     if lists.wall_contacts is None:
         return
     load = np.zeros((n, 6))

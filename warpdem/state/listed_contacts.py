@@ -44,9 +44,7 @@ class ListedContacts:
     row: wp.array | None
     """Pair force on one grain [N], and torque [N m] where grains spin, shape (force slots + 1, 3 or 6)."""
     history: wp.array | None
-    """Contact history, shape (batches, numbers, lanes)."""
-    entry: wp.array | None
-    """Energies [J] of the contact that the energy budget adds up, shape (force slots + 1, numbers); no part of a copy."""
+    """Contact history, and after it what the energy budget keeps (``Features.impulses``), shape (batches, numbers, lanes)."""
     constants: Callable[[], wp.array]
     """Gives what does not change of each contact, shape (batches, numbers, lanes)."""
     walls: Any
@@ -101,4 +99,4 @@ class ListedContacts:
         if self.walls is not None:  # before the first grain is inserted some arrays do not exist yet
             found = {name: getattr(self.walls, name) for name in WALL_ARRAYS}
             walls = SimpleNamespace(**{k: None if a is None else take(f"wall contacts {k}", a) for k, a in found.items()})
-        return replace(self, state=state, **arrays, entry=None, constants=constants, walls=walls)
+        return replace(self, state=state, **arrays, constants=constants, walls=walls)

@@ -30,11 +30,17 @@ class StepReader(Protocol):
         """
 
     @property
-    def wear_digits(self) -> np.ndarray:
-        """Digits of what wears walls (``kernels.measure.window_sum``), shape (features * sums, 5); empty without."""
+    def digits(self) -> dict[str, np.ndarray]:
+        """Digits of the sums that the scene asks for (``kernels.measure.window_sum``), by name, shapes (sums, 5).
+
+        Of ``wear`` of walls up to the last kick, of ``losses`` of contacts between grains up to the one before.
+        """
 
     def read_wear(self) -> np.ndarray:
         """What wears walls, columns as of ``kernels.measure.wear.SUMS``, shape (features, 5)."""
+
+    def read_losses(self) -> np.ndarray:
+        """What contacts between grains have lost up to the present time, as of ``MeasureFeatures.of_contacts`` [J]."""
 
     def read_sums(self) -> dict[str, np.ndarray]:
         """What the budgets have added up per grain, by the names of ``MeasureFeatures.sums``, shapes (slots, width)."""

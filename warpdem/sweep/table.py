@@ -113,13 +113,13 @@ class Range:
     log: bool
     """Whether equal parts of the range are equal factors."""
 
-    def number(self, share: float) -> float:
-        """The number at a share of the range, from 0 to 1."""
-        return self.low * (self.high / self.low) ** share if self.log else self.low + (self.high - self.low) * share
+    def number(self, fraction: float) -> float:
+        """The number at a fraction of the range, from 0 to 1."""
+        return self.low * (self.high / self.low) ** fraction if self.log else self.low + (self.high - self.low) * fraction
 
-    def value(self, share: float) -> str:
+    def value(self, fraction: float) -> str:
         """The same as a value of a row, with its unit."""
-        number = f"{self.number(share):.12g}"
+        number = f"{self.number(fraction):.12g}"
         return f'"{number} {self.unit}"' if self.unit else number
 
 
@@ -138,8 +138,8 @@ def samples(ranges: Sequence[str], count: int, seed: int) -> list[Row]:
         raise SceneError(f"--count {count}: must be from 1 to {MOST_ROWS}")
     parsed = {one.key: one for one in (parse_range(text, "--sample ") for text in ranges)}
     check_names(list(parsed), "--sample")
-    shares = latin_hypercube(np.random.default_rng(seed), count, len(parsed))
-    return [{one.key: one.value(share) for one, share in zip(parsed.values(), row, strict=True)} for row in shares.tolist()]
+    fractions = latin_hypercube(np.random.default_rng(seed), count, len(parsed))
+    return [{one.key: one.value(x) for one, x in zip(parsed.values(), row, strict=True)} for row in fractions.tolist()]
 
 
 def latin_hypercube(random: np.random.Generator, count: int, dimensions: int) -> np.ndarray:

@@ -82,7 +82,7 @@ def _masses(file: Path, masses: dict[str, Any], units: StageUnits) -> Iterator[t
                 "have no direction; apply the scale to the points"
             )
         yield "moments", [units.convert(moment, length=2, mass=1) for moment in masses["moments"]]
-        yield "axes", rotation @ turn_of(masses.get("axes", (1.0, 0.0, 0.0, 0.0)))
+        yield "axes", rotation @ rotation_of(masses.get("axes", (1.0, 0.0, 0.0, 0.0)))
 
 
 def _solid_sphere(sphere: dict[str, Any], density: float | None) -> dict[str, Any]:
@@ -142,22 +142,22 @@ def _frames(where: str, joint: dict[str, Any], units: StageUnits) -> tuple[np.nd
         if rotation is None:
             raise SceneError(f"{where}: {frame['target']} has unequal scales: the joint's axis has no direction in it")
         places.append(units.place(frame["matrix"], frame["place"]))
-        axes.append(rotation @ turn_of(frame["turn"]))
+        axes.append(rotation @ rotation_of(frame["turn"]))
     number = "XYZ".index(joint["axis"])
     axis = axes[0][:, number]
-    turn, apart = axes[0].T @ axes[1], places[1] - places[0]
+    rotation, apart = axes[0].T @ axes[1], places[1] - places[0]
     along = float(apart @ axis)
     size = float(np.abs([*places, *(units.place(frame["matrix"], (0, 0, 0)) for frame in joint["frames"])]).max())
     aside = float(np.linalg.norm(apart - along * axis))
     hinge = joint["joint"] == "hinge"
-    skew = float(np.abs(turn - np.eye(3)).max() if not hinge else 1.0 - turn[number, number])
+    skew = float(np.abs(rotation - np.eye(3)).max() if not hinge else 1.0 - rotation[number, number])
     if skew > ALIGNED or aside > ALIGNED * size or (hinge and abs(along) > ALIGNED * size):
         raise SceneError(
             f"{where}: its two frames are apart at time 0, by {np.linalg.norm(apart):.3g} m and {skew:.3g} in direction: the "
             "body would jump; set physics:localPos and physics:localRot of both ends so that they agree"
         )
     a, b = ((number + 1) % 3, (number + 2) % 3)
-    begins = float(np.arctan2(turn[b, a] - turn[a, b], turn[a, a] + turn[b, b])) if hinge else along
+    begins = float(np.arctan2(rotation[b, a] - rotation[a, b], rotation[a, a] + rotation[b, b])) if hinge else along
     return axis if joint["moved"] else -axis, places[joint["moved"]], begins if abs(begins) > ALIGNED * 1e-3 else 0.0
 
 
@@ -206,7 +206,7 @@ def _drive(where: str, drive: dict[str, float] | None, begins: float, hinge: boo
     return table
 
 
-def turn_of(quaternion: Any) -> np.ndarray:
+def rotation_of(quaternion: Any) -> np.ndarray:
     """Rotation matrix of a quaternion (w, x, y, z) of any length but zero, shape (3, 3)."""
     unit = np.array(quaternion, dtype=WIDE)
     unit /= np.sqrt((unit**2).sum())
@@ -236,6 +236,6 @@ def differences(given: dict[str, Any], found: dict[str, Any]) -> Iterator[str]:
         if key == "origin":  # any point of the axis will do
             first, second = np.cross(first, axis), np.cross(second, axis)
         if key == "axes":
-            first, second = turn_of(first), turn_of(second)
+            first, second = rotation_of(first), rotation_of(second)
         if np.abs(first - second).max() > AGREES * max(float(np.abs(second).max()), 1e-30):
             yield key

@@ -40,7 +40,7 @@ def path_kernel(real, tangential):
     ):
         p = wp.tid()
         n = vec3(real(0.0), real(0.0), real(1.0))
-        turning = n * spin
+        mean_rotation = n * spin
         k = Constants(real(wp.static(STIFFNESS)), damping, real(0.0))  # of bodies too heavy to move in a step
         history = History()
         for s in range(1, path.shape[1]):
@@ -50,7 +50,7 @@ def path_kernel(real, tangential):
             step = vec3(now[0] - before[0], now[1] - before[1], before[2] - now[2])
             velocity = step / real(wp.static(DT))
             force, _moment, after = joined.force(
-                n, n, now[2], before[2], velocity, step, turning, vec3(), vec3(), real(wp.static(DT)), k, real(1.0),
+                n, n, now[2], before[2], velocity, step, mean_rotation, vec3(), vec3(), real(wp.static(DT)), k, real(1.0),
                 real(1.0), c, history,
             )  # fmt: skip
             history = after
@@ -237,7 +237,7 @@ CONTACT = {
     "overlap": DEPTH, "dt": DT, "stiffness": STIFFNESS, "damping": 50.0, "inverse_mass": 0.0, "radius": 5e-4, "inertia": 1e-9,
 }  # fmt: skip
 COEFFICIENTS = {"shear": SHEAR, "shear_damping": 0.7, "friction": 0.9, "rolling_friction": 0.2, "rolling_damping": 0.3}
-VECTORS = ("n", "n_before", "velocity", "slip", "turning", "spin", "spin_predicted", "spring", "angle")
+VECTORS = ("n", "n_before", "velocity", "slip", "mean_rotation", "spin", "spin_predicted", "spring", "angle")
 
 
 def one_step(contact=CONTACT, **vectors):
@@ -309,7 +309,7 @@ def test_both_springs_swing_and_turn_with_the_contact():
                                           for v in (n_before, spring_before, angle_before))  # fmt: skip
     n /= np.linalg.norm(n)
     *_, spring_now, angle_now = one_step(
-        n=n, n_before=n_before, turning=u, spring=spring_before, angle=angle_before
+        n=n, n_before=n_before, mean_rotation=u, spring=spring_before, angle=angle_before
     )
     for now, expected in ((spring_now, spring_expected), (angle_now, angle_expected)):
         np.testing.assert_allclose(now, expected, rtol=0, atol=1e-7 * np.linalg.norm(expected))

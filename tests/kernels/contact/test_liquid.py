@@ -9,7 +9,8 @@ from warpdem.kernels.normal import hertz, hertz_clamped, jkr
 from law_probe import Contacts
 
 RADIUS, MASS, PULL = 5e-4, 5e-6, 4e-4  # R* [m], m* [kg], 4 pi R* g [N]
-TENSION = PULL / (4.0 * np.pi * RADIUS)
+WETTING = 0.8
+TENSION = PULL / (4.0 * np.pi * RADIUS * WETTING)
 VOLUME = 1e-12
 SQUARE = VOLUME / (np.pi * RADIUS)
 FAR = VOLUME ** (1 / 3)
@@ -17,7 +18,7 @@ FAR = VOLUME ** (1 / 3)
 
 def contacts(normal=hertz, viscous=(), own=()):
     made = liquid.joined(normal, bridge_rabinovich, bool(viscous))
-    given = (7e6, 0.1, 0.8, 0.7, *own, TENSION, 1.0, *viscous, *([1.0] if viscous else []))
+    given = (7e6, 0.1, 0.8, 0.7, *own, TENSION, WETTING, *viscous, *([1.0] if viscous else []))
     return made, Contacts(made, given, RADIUS, MASS)
 
 
@@ -93,7 +94,8 @@ def test_viscous_dashpots_of_the_gap():
     open_part = (1.0 - near / np.sqrt(near**2 + SQUARE)) ** 2
     squeeze = 6.0 * np.pi * eta * RADIUS**2 / near * open_part
     found = made.force(-gap, -gap, speed, bridge())
-    np.testing.assert_allclose(found["dashpot"], -squeeze * speed, rtol=1e-12)
+    np.testing.assert_allclose(found["squeezed"], -squeeze * speed, rtol=1e-12)
+    np.testing.assert_array_equal(found["dashpot"], 0.0)
     np.testing.assert_allclose(found["force"], -capillary(gap) - squeeze * speed, rtol=1e-12)
     drag = 6.0 * np.pi * eta * RADIUS * (8.0 / 15.0 * np.log(RADIUS / near) + 0.9588)
     np.testing.assert_allclose(found["drag"], drag, rtol=1e-12)

@@ -43,9 +43,9 @@ def contacts(made, n: int) -> dict:
     constants = np.column_stack([rng.uniform(*given[name], n) for name in columns.OF_CONTACT])
     coefficients = rng.uniform(0.1, 1.0, (n, of.at.width))
     coefficients[::5, of.at.friction] = 0.0
-    history = rng.normal(0, 1e-6, (n, max(of.history.at.width, 1)))
-    history[:, 3:] *= 1e4
-    history[::11] = 0.0
+    memory = rng.normal(0, 1e-6, (n, max(made.memory.width, 1)))
+    memory[:, 3:] *= 1e4
+    memory[::11] = 0.0
     record = grain.build(made.spins).Record
     return {
         "gi": (record, i),
@@ -54,8 +54,9 @@ def contacts(made, n: int) -> dict:
         "radius": (real, radius[0] * radius[1] / radius.sum(axis=0)),
         "inertia": (real, rng.uniform(1e-12, 1e-11, n)),
         "c": (of.Coefficients, coefficients),
-        "history": (of.History, history),
+        "remembered": (made.memory.Memory, memory),
         "slip_time": (wp.float64, np.full(n, 1e-6)),
+        "kick": (wp.float64, np.full(n, 1e-6)),
         "dt": (wp.float64, rng.uniform(1e-7, 2e-6, n)),
     }
 
@@ -63,18 +64,19 @@ def contacts(made, n: int) -> dict:
 def assert_lanes_have_the_bits_of(real, models, torsion: bool, energy: bool, lanes: int, n: int) -> None:
     of = law.build(real, *models, torsion)
     parts = dissipation.build(real, *models, torsion)[0] if energy else None
+    kept = {"impulses": dissipation.impulses(*models)} if energy else {}
     made = pairs.build(
-        real, of, parts, border.build(PERIOD, (0.0, 0.0, 0.0)), spins=bool(models[1] or models[2]), gap=0.0
+        real, of, parts, border.build(PERIOD, (0.0, 0.0, 0.0)), spins=bool(models[1] or models[2]), gap=0.0, **kept
     )
     number9 = wp.types.vector(9, real)
-    results = (number9, of.History, real, real, made.Entry, made.Entry)
-    force, now, ratio, approach, entry, _ = assert_same_bits(made.contact, contacts(made, n), results, lanes)
-    assert all(np.isfinite(a).all() for a in (force, now, ratio, approach, entry))
+    results = (number9, made.memory.Memory, real, real, made.memory.Losses)
+    force, now, ratio, approach, lost = assert_same_bits(made.contact, contacts(made, n), results, lanes)
+    assert all(np.isfinite(a).all() for a in (force, now, ratio, approach, lost))
     touching = ratio[:, 0] > 0
     assert n / 4 < touching.sum() < 3 * n / 4
     assert np.count_nonzero(force[touching].any(axis=1)) > 0.99 * touching.sum()
-    assert bool(np.count_nonzero(now)) == bool(models[1] or models[2] is spring)
-    assert bool(np.count_nonzero(entry)) == energy
+    assert bool(np.count_nonzero(now)) == bool(energy or models[1] or models[2] is spring)
+    assert bool(np.count_nonzero(lost)) == energy
 
 
 @pytest.mark.parametrize(("precision", "lanes"), [("double", 8), ("single", 8), ("double", 4)])

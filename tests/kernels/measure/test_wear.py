@@ -185,7 +185,7 @@ def many(folder, **more):
 def digits(scene, steps=1500, **keys):
     sim = Simulation(scene, device="cpu", **keys)
     sim.step(steps)
-    return sim.engine.wear_digits
+    return sim.engine.digits["wear"]
 
 
 def test_bits_do_not_depend_on_threads_skin_executor_or_a_resume(tmp_path):
@@ -199,7 +199,7 @@ def test_bits_do_not_depend_on_threads_skin_executor_or_a_resume(tmp_path):
     sim.save_checkpoint(tmp_path / "half.h5")
     again = Simulation.from_checkpoint(tmp_path / "half.h5", device="cpu", threads=1)
     again.step(800)
-    np.testing.assert_array_equal(again.engine.wear_digits, plain)
+    np.testing.assert_array_equal(again.engine.digits["wear"], plain)
 
 
 def test_wear_changes_no_bit_of_the_run(tmp_path):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import warp as wp
 from warpdem.kernels.measure import window_sum
-from warpdem.kernels.measure.window_sum import add
+from warpdem.kernels.measure.window_sum import add, add_rounded
+from warpdem.kernels.simd.lane_types import declarations
 
 
 @wp.kernel(enable_backward=False)
@@ -89,3 +90,56 @@ def test_a_sum_beyond_the_first_digit_is_no_number():
         assert np.isnan(window_sum.rounded(np.tile([sign * (FULL // 2), 0, 0, 0, 0], (3, 1, 1)))[0])
     mixed = np.array([[[FULL, 0, 0, 0, 0]], [[FULL, 0, 0, 0, 0]], [[-FULL, 0, 0, 0, 0]]])
     assert window_sum.rounded(mixed)[0] == float(FULL)
+
+
+# --- in registers ------------------------------------------------------------------------------------------------------
+
+LANES = 8
+REGISTERS = f"""{declarations(LANES)}
+    struct batch {{{window_sum.lanes(LANES, 1)}    }};
+    f64 sums[3] = {{}};
+    wp::int64* const digits = wp::address(sums_out, 0, 0, 0);
+    for (int p = 0; p < values.shape[0] / {LANES}; ++p) {{
+        f64 value;
+        for (int k = 0; k < {LANES}; ++k) value[k] = values.data[p * {LANES} + k];
+        batch::add_lost(&value, sums, digits);
+        if (p % 100 == 99) batch::give_lost(sums, digits);
+    }}
+    batch::give_lost(sums, digits);
+"""
+
+
+@wp.func_native(REGISTERS)
+def add_in_registers(values: wp.array(dtype=wp.float64), sums_out: wp.array3d(dtype=wp.int64)): ...
+
+
+@wp.kernel(enable_backward=False)
+def _rounded(values: wp.array(dtype=wp.float64), plain_out: wp.array3d(dtype=wp.int64), lanes_out: wp.array3d(dtype=wp.int64)):
+    for k in range(values.shape[0]):
+        add_rounded(values[k], 0, 0, plain_out)
+    add_in_registers(values, lanes_out)
+
+
+def both(values):
+    """Digits of the sum, number by number and in registers."""
+    plain, lanes = (wp.zeros((1, 1, window_sum.WIDTH), dtype=wp.int64, device="cpu") for _ in range(2))
+    wp.launch(_rounded, 1, [wp.array(values, dtype=wp.float64, device="cpu"), plain, lanes], device="cpu")
+    return window_sum.joined(plain.numpy()), window_sum.joined(lanes.numpy())
+
+
+@pytest.mark.parametrize("decades", [(-32, 6), (-30, -24), (-14, -9), (-1, 1)])
+def test_registers_add_the_same_whole_numbers(decades):
+    rng = np.random.default_rng(3)
+    values = rng.choice([-1.0, 0.7], 8000) * rng.uniform(1, 10, 8000) * 10.0 ** rng.uniform(*decades, 8000)
+    plain, lanes = both(values)
+    np.testing.assert_array_equal(lanes, plain)
+    nearest = [round(Fraction(value) * 2**96) for value in values.tolist()]
+    assert exact(plain[None]) == Fraction(sum(nearest), 2**96)
+
+
+def test_registers_notice_what_is_no_number_and_take_what_is_large():
+    plain, lanes = both([1e-12] * 7 + [math.nan])
+    assert np.isnan(window_sum.rounded(lanes[None])[0]) and np.isnan(window_sum.rounded(plain[None])[0])
+    plain, lanes = both([1e-12, -3.0, 1e9, 1.0, -1.0, 0.5, 0.0, 2.0**-97])
+    np.testing.assert_array_equal(lanes, plain)
+    assert window_sum.rounded(lanes[None])[0] == 1e9 - 2.5 + 1e-12

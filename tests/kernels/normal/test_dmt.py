@@ -10,6 +10,8 @@ from law_scenes import ELASTIC, HERTZ, MASS, POISSON, RADIUS, YOUNG, contact_tim
 from model_probes import RTOL
 from warpdem import Simulation
 
+BED = {"surface_energy": 0.02, "tail_length": "2 um"}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 GRAIN = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 W, TAIL, REDUCED = 0.1, 0.4e-6, 0.5 * RADIUS
 PULL = 2.0 * math.pi * W * REDUCED

@@ -11,6 +11,8 @@ from law_scenes import HERTZ, MASS, POISSON, RADIUS, YOUNG, contact_time, impact
 from model_probes import RTOL
 from warpdem import SceneError, Simulation
 
+BED = {"surface_energy": 0.5, "pull_off_force": "50 uN", "tensile_exponent": 2}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 GRAIN = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 REDUCED, PHASES = 0.5 * RADIUS, 8
 K1, RATIO, M, SPEED = 2e5, 0.8, 5e-6, 0.05  # of the reference impacts: k1 [N/m^1.5], 1 - k1/k2, m* [kg], [m/s]

@@ -9,6 +9,8 @@ from warpdem.kernels.normal import hertz, hertz_clamped
 from law_scenes import MASS, contact_time, impacts, parting_speeds
 from warpdem import Simulation
 
+BED = {"restitution": 0.3}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 GLASS = SimpleNamespace(young_modulus=5e6, poisson_ratio=0.3)
 RESTITUTIONS = (0.05, 0.1, 0.3, 0.5, 0.9, 0.99)
 PHASES = 16

@@ -11,6 +11,8 @@ from adhesion import ENERGY, MASS, POISSON, PULL, PULL_OFF, REDUCED, YOUNG, cont
 from law_probe import Contacts
 from law_scenes import HERTZ
 
+BED = {"surface_energy": 0.02}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 SOFT = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 UNIT = {"stiffness": 1.0 / math.sqrt(3.0), "pull_off": 1.0}  # F_c = d_c = 1
 TOLERANCE = {wp.float64: 1e-14, wp.float32: 3e-6}

@@ -11,6 +11,8 @@ from model_probes import RTOL
 from warpdem import SceneError, Simulation
 
 K1, KP, DEPTH, M = 100.0, 500.0, 2e-5, 5e-6  # stiffnesses [N/m], d_p [m], m* [kg]
+BED = {"stiffness": 300, "unloading_stiffness": 900, "adhesion_stiffness": 100}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 REDUCED = 0.5 * RADIUS
 PHASES = 8
 TABLE = [

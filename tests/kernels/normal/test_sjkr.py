@@ -13,6 +13,8 @@ from model_probes import RTOL
 from warpdem import Simulation
 from warpdem.model.impact import rebound
 
+BED = {"cohesion_energy_density": 2e4}
+"""Keys of the pair of materials in the bed of ``test_laws_anywhere``."""
 GRAIN = SimpleNamespace(young_modulus=YOUNG, poisson_ratio=POISSON)
 COHESION = 1.0e5  # [J/m3]
 PAIR = SimpleNamespace(restitution=1.0, cohesion_energy_density=COHESION)
