@@ -34,6 +34,20 @@ def inverse_type(clumps: bool):
     return wp.types.vector(WIDTH[clumps], wp.float64)
 
 
+@wp.func
+def clumps_before(first: wp.array(dtype=wp.int32), slot: int) -> int:
+    """Number of clumps whose first member lies before ``slot``; ``first`` ascends."""
+    low = int(0)
+    high = int(first.shape[0])
+    while low < high:
+        middle = (low + high) // 2
+        if first[middle] < slot:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @functools.cache
 def build(clumps: bool):
     """Return ``Clumps``, the struct of their arrays, and ``inverse_mass``; without clumps nothing reads either."""

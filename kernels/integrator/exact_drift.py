@@ -39,15 +39,12 @@ def shifted(rotation: wp.mat33d, shift: wp.vec3d, y: wp.vec3d) -> wp.vec3d:
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
-    """Return ``advance`` and ``reading``."""
+def build_drift(*, spins: bool, turning_frame: bool, moving_frame: bool):
+    """Return ``drift``: kick and drift of one record; arguments as of ``build``."""
     g = grain.build(spins)
 
     @wp.func
-    def advance(
-        stage: int, i: int, state: g.Record, a: wp.vec3d, b: wp.vec3d, row: Row, frames: wp.array(dtype=FrameRow),
-        at: int, dt: wp.float64, store: wp.array2d(dtype=wp.vec3d),
-    ) -> g.Record:  # fmt: skip
+    def drift(state: g.Record, a: wp.vec3d, b: wp.vec3d, row: Row, dt: wp.float64) -> g.Record:
         kick = kick_time(row)
         v = g.velocity(state) + a * kick
         q = g.position(state) + v * dt
@@ -62,6 +59,22 @@ def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
         elif wp.static(moving_frame):
             q = g.position(state) + (v * dt + drift_shift(row))
         return g.record(q, state[3], v, a, w, b)
+
+    return drift
+
+
+@functools.cache
+def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+    """Return ``advance`` and ``reading``."""
+    g = grain.build(spins)
+    drift = build_drift(spins=spins, turning_frame=turning_frame, moving_frame=moving_frame)
+
+    @wp.func
+    def advance(
+        stage: int, i: int, state: g.Record, a: wp.vec3d, b: wp.vec3d, row: Row, frames: wp.array(dtype=FrameRow),
+        at: int, dt: wp.float64, store: wp.array2d(dtype=wp.vec3d),
+    ) -> g.Record:  # fmt: skip
+        return drift(state, a, b, row, dt)
 
     @wp.func
     def reading(

@@ -46,6 +46,25 @@ def helpers(scalar: Any, lanes: int) -> str:
 """
 
 
+def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str:
+    """Statements that read the vector ``name`` of each lane from row ``index`` of the array at ``address``."""
+    width = kind._length_
+    text = f"        wp::vec_t<{width}, f64> {name};\n"
+    if width < lanes:
+        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[(long long){index}[k] * {width} + f];"
+        return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
+    parts = starts(width, lanes)
+    return text + "".join(
+        f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts
+    )
+
+
+def same(name: str, kind: type, address: str) -> str:
+    """Statements that give every lane of the vector ``name`` the numbers at ``address``."""
+    width = kind._length_
+    return f"    wp::vec_t<{width}, f64> {name};\n    for (int f = 0; f < {width}; ++f) {name}.c[f] = ({address})[f];\n"
+
+
 def write(scalar: Any, lanes: int, struct: str, rows: Sequence[tuple[str, Sequence[str]]]) -> str:
     """Statements that write registers to rows.
 

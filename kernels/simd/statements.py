@@ -41,10 +41,6 @@ class Source(Expressions):
         if self.tree.args.vararg or self.tree.args.kwarg or self.tree.args.kwonlyargs or self.tree.args.defaults:
             self.fail(self.tree, "only plain arguments are translated")
         head = ", ".join(f"{made.text} {name}_" for made, name in zip(arguments, self.types, strict=True))
-        if getattr(self.function, "only_where_needed", False):
-            needed = arguments[0]
-            asked = f"{self.tree.args.args[0].arg}_ != {needed.text}(0)"
-            self.lines.append(f"if (!__builtin_reduce_or({asked})) return {needed.text}(0);")
         self.block(self.tree.body)
         if self.result is None:
             self.fail(self.tree.body[-1], "no return at the end")
@@ -52,6 +48,9 @@ class Source(Expressions):
         if isinstance(of, tuple) and not isinstance(of, Kind):
             members = " ".join(f"{made.text} r{k};" for k, made in enumerate(of))
             self.members.put(f"        struct {self.name}_results {{ {members} }};\n")
+        if getattr(self.function, "only_where_needed", False):
+            asked = f"{self.tree.args.args[0].arg}_ != {arguments[0].text}(0)"
+            self.lines.insert(0, f"if (!__builtin_reduce_or({asked})) return {{}};")
         lines = "".join(f"            {line}\n" for line in self.lines)
         self.members.put(f"        {INLINE} {self.type_of(of)} {self.name}({head}) {{\n{lines}        }}\n")
         return Function(self.name, tuple(arguments), of)
@@ -171,7 +170,7 @@ class Source(Expressions):
         new = Value(f"{name}_", value.kind)
         if old is not None and self.taking_part is not None:
             value = self.where(value, self.lanes(s, old, value.kind))
-        known = name in self.declared
+        known = name in self.declared or name in self.types  # or an argument
         self.lines.append(f"{'' if known else f'{self.type_of(value.kind)} '}{new.text} = {value.text};")
         self.declared.add(name)
         self.local[name] = new

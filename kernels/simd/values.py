@@ -8,7 +8,7 @@ from warpdem.kernels.simd.lane_types import INLINE, LANE, Kind, literal
 
 
 def only_where_needed(function: Any) -> Any:
-    """Mark a Warp function whose first argument, a number, says by 0 in which lanes nobody asks for its one result.
+    """Mark a Warp function whose first argument, a number, says by 0 in which lanes nobody asks for its result.
 
     A register all of whose lanes say so gets zeros in its place: for what is costly and seldom needed.
     """

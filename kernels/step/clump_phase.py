@@ -9,6 +9,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.measure.budget import Momenta
+from warpdem.kernels.step import clump_sweep
 from warpdem.kernels.step.free_rotation import rotation_matrix
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import Control
@@ -18,9 +19,13 @@ vec6 = wp.types.vector(6, wp.float64)
 
 @functools.cache
 def build(
-    structs, WallContacts, clumps, load, travel, border, orientation, budget, flow, *, walls: bool
+    structs, WallContacts, clumps, load, travel, border, orientation, budget, flow, *, walls: bool, leave: bool,
+    driven: bool, lanes: int,
 ):  # fmt: skip
-    """Return ``move``, ``read`` and ``read_budget`` of a clump.
+    """Return what ``move`` and ``read`` call of a clump.
+
+    ``sweep`` moves several clumps side by side (``clump_sweep``); None where more is asked than their motion, or on a GPU.
+    ``drives``: ``drive`` is called before it, or before ``advance``.
 
     Args:
         structs: namespace of ``structs.build``.
@@ -33,6 +38,9 @@ def build(
         budget: namespace of ``budget.build``, or None.
         flow: of ``flow.build``, or None.
         walls: there are walls.
+        leave: clumps may leave the domain.
+        driven: external fields act.
+        lanes: clumps side by side; 1 on a GPU.
     """
     g = grain.build(True)
     Model, Grains, Energies = structs.Model, structs.Grains, structs.Energies
@@ -133,7 +141,7 @@ def build(
         row = control.row[s]
         all = grains.clumps
         before = g.position(all.record[c])
-        reached = clumps.advance(c, grains, row, control.frame, s, model.dt)
+        reached = clumps.advance(c, grains, row, model.dt)
         if wp.static(flow is not None):
             flow(
                 all.first[c], before, reached, wp.float64(1.0) / all.rate[c][0], control.plane, control.frame, s, s + 1,
@@ -144,15 +152,13 @@ def build(
                 add_image_shift(c, g.position(all.record[c]) - reached, row, grains)
 
     @wp.func
-    def follow(
+    def watch(
         c: int, s: int, model: Model, grains: Grains, control: Control, inner_share: wp.float64
     ) -> int:  # fmt: skip
-        """Take the members of clump ``c`` along; returns as ``move_phase``: where its centre is decides on outlets."""
-        all = grains.clumps
-        clumps.write_members(c, grains, model.dt)
-        first = all.first[c]
+        """Turn the marks of the members of clump ``c`` after the step; BEYOND of ``motion``, of all of them together."""
+        first = grains.clumps.first[c]
         moved = int(0)
-        for i in range(first, first + all.count[c]):
+        for i in range(first, first + grains.clumps.count[c]):
             state = grains.record[i]
             if wp.static(orientation is not None):
                 grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), control.row[s], model.dt)
@@ -160,7 +166,7 @@ def build(
                 i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
                 control.origin, s + 2, model.dt,
             )
-        return moved | travel.left(g.position(all.record[c]), control.outlet, control.placement, s + 2)
+        return moved
 
     @wp.func
     def read(
@@ -196,4 +202,13 @@ def build(
         if wp.static(budget.momentum):
             momenta_out[i] = grains.momenta[i] + momenta(c, i, half, s, model, grains, wall_contacts, control)
 
-    return KernelSet(drive=drive, advance=advance, follow=follow, read=read, read_budget=read_budget)
+    plain = flow is None and (border.images == 1 or budget is None)
+    sweep = None
+    if lanes > 1 and plain:
+        sweep = clump_sweep.build(
+            structs, WallContacts, clumps, travel, lanes, walls=walls, leave=leave, driven=driven or budget is not None
+        )
+    return KernelSet(
+        drive=drive, advance=advance, write_members=clumps.write_members, watch=watch, read=read, read_budget=read_budget,
+        sweep=sweep, drives=sweep is None or driven or budget is not None, turns_marks=orientation is not None,
+    )  # fmt: skip

@@ -22,12 +22,55 @@ import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels import clump as clump_arrays
 from warpdem.kernels.clump import Reading
+from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.free_rotation import free_rotation, product, rotation_matrix, rotation_vector
+from warpdem.kernels.step.motion import by_contacts
 from warpdem.kernels.step.schedule import FrameRow, Row, kick_time
 
 vec6 = wp.types.vector(6, wp.float64)
 vec8 = clump_arrays.inverse_type(True)
+BODY = Columns(
+    (
+        ("center", 3),  # [m]
+        ("axes", 9),  # from the principal axes to the frame axes
+        ("turned", 4),  # quaternion of the step, its vector part in frame axes
+        ("velocity", 3),  # of the centre over the step [m/s]
+        ("spin", 3),  # mean of the step [rad/s]
+        ("predicted_velocity", 3),  # of the centre at the time of the next force call [m/s]
+        ("predicted_spin", 3),  # [rad/s]
+        ("angular", 3),  # acceleration of the members' spin [rad/s2]
+        ("inverse_mass", 1),  # [1/kg]
+        ("response", 6),  # J = I^-1 in frame axes: xx, xy, xz, yy, yz, zz [1/(kg m2)]
+    )
+)
+"""What all members of a clump are written from."""
+Body = BODY.vector(wp.float64)
+
+
+@functools.cache
+def vector_of(name: str):
+    """Return the function that takes three numbers of BODY out of it."""
+    at = getattr(BODY, name)
+
+    @wp.func
+    def vector(body: Body) -> wp.vec3d:
+        return wp.vec3d(body[wp.static(at)], body[wp.static(at + 1)], body[wp.static(at + 2)])
+
+    return vector
+
+
+center, velocity, spin, angular = map(vector_of, ("center", "velocity", "spin", "angular"))
+predicted_velocity, predicted_spin = map(vector_of, ("predicted_velocity", "predicted_spin"))
+
+
+@wp.func
+def axes_of(body: Body) -> wp.mat33d:
+    """From the principal axes to the frame axes."""
+    at = wp.static(BODY.axes)
+    return wp.mat33d(
+        body[at], body[at + 1], body[at + 2], body[at + 3], body[at + 4], body[at + 5], body[at + 6], body[at + 7], body[at + 8]
+    )
 
 
 @wp.func
@@ -45,38 +88,133 @@ def spin_of(axes: wp.mat33d, momentum: wp.vec3d, rate: wp.vec4d) -> wp.vec3d:
 @wp.func
 def inverse_inertia(axes: wp.mat33d, rate: wp.vec4d) -> wp.mat33d:
     """J = I^-1 in frame axes [1/(kg m2)], which is symmetric."""
-    x = wp.cw_mul(axes[0], principal_rates(rate))
-    y = wp.cw_mul(axes[1], principal_rates(rate))
-    xx = wp.dot(x, axes[0])
-    xy = wp.dot(x, axes[1])
-    xz = wp.dot(x, axes[2])
-    yy = wp.dot(y, axes[1])
-    yz = wp.dot(y, axes[2])
-    zz = wp.dot(wp.cw_mul(axes[2], principal_rates(rate)), axes[2])
+    rates = principal_rates(rate)
+    a = wp.vec3d(axes[0, 0], axes[0, 1], axes[0, 2])
+    b = wp.vec3d(axes[1, 0], axes[1, 1], axes[1, 2])
+    c = wp.vec3d(axes[2, 0], axes[2, 1], axes[2, 2])
+    x = wp.cw_mul(a, rates)
+    y = wp.cw_mul(b, rates)
+    xx = wp.dot(x, a)
+    xy = wp.dot(x, b)
+    xz = wp.dot(x, c)
+    yy = wp.dot(y, b)
+    yz = wp.dot(y, c)
+    zz = wp.dot(wp.cw_mul(c, rates), c)
     return wp.mat33d(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
 @wp.func
-def member_inverse(inv: vec8, j: wp.mat33d, r: wp.vec3d, rate: wp.vec4d) -> vec8:
-    """``inverse`` of a member at ``r`` [m] from the centre, with B of these axes, [r]^T J [r] written out; ``j``: J."""
+def member_response(body: Body, r: wp.vec3d) -> vec6:
+    """B of a member at ``r`` [m] from the centre: 1/m + [r]^T J [r], written out."""
+    at = wp.static(BODY.response)
+    one = body[wp.static(BODY.inverse_mass)]
+    xx = body[at]
+    xy = body[at + 1]
+    xz = body[at + 2]
+    yy = body[at + 3]
+    yz = body[at + 4]
+    zz = body[at + 5]
     x = r[0]
     y = r[1]
     z = r[2]
-    a = j[0, 1] * z - j[0, 2] * y  # J (r x e) by columns: of e_x the y and z of J, and so on
-    b = j[1, 1] * z - j[1, 2] * y
-    c = j[1, 2] * z - j[2, 2] * y
-    d = j[0, 2] * x - j[0, 0] * z
-    f = j[2, 2] * x - j[0, 2] * z
-    h = j[0, 0] * y - j[0, 1] * x
-    k = j[0, 1] * y - j[1, 1] * x
-    return vec8(
-        inv[0], inv[1], rate[0] + (b * z - c * y), c * x - a * z, a * y - b * x, rate[0] + (f * x - d * z),
-        d * y - (j[1, 2] * x - j[0, 1] * z) * x, rate[0] + (h * y - k * x),
+    a = xy * z - xz * y  # J (r x e) by columns: of e_x the y and z of J, and so on
+    b = yy * z - yz * y
+    c = yz * z - zz * y
+    d = xz * x - xx * z
+    f = zz * x - xz * z
+    h = xx * y - xy * x
+    k = xy * y - yy * x
+    return vec6(
+        one + (b * z - c * y), c * x - a * z, a * y - b * x, one + (f * x - d * z), d * y - (yz * x - xy * z) * x,
+        one + (h * y - k * x),
     )  # fmt: skip
 
 
+@wp.func
+def with_member(total: vec6, axes: wp.mat33d, arm: wp.vec3d, one: vec6) -> vec6:
+    """The load ``total`` on a clump about its centre [N, N m] and that of a member, ``one``, at ``arm`` [m] in its axes."""
+    torque = wp.cross(axes * arm, wp.vec3d(one[0], one[1], one[2]))
+    return total + vec6(one[0], one[1], one[2], one[3] + torque[0], one[4] + torque[1], one[5] + torque[2])
+
+
+@wp.func
+def what_drives(total: vec6, rate: wp.vec4d, row: Row) -> vec6:
+    """Acceleration of the centre [m/s2] and torque [N m] by contacts and gravity."""
+    a = by_contacts(total, rate[0], row)
+    return vec6(a[0], a[1], a[2], total[3], total[4], total[5])
+
+
 @functools.cache
-def build(structs, WallContacts, load, acceleration, integrator, with_axes, border):
+def build_motion(drift, with_axes, border):
+    """Return what a step does with one clump, as functions of numbers alone, which go into lanes too (``clump_sweep``).
+
+    Args:
+        drift: of ``exact_drift.build_drift``.
+        with_axes: how a quaternion turns with the axes, of ``orientation.build_axes``.
+        border: periodic images, of ``border.build``: a clump comes round with its centre, each member with its own.
+    """
+    g = grain.build(True)
+
+    @wp.func
+    def moved(state: g.Record, turn: wp.vec4d, rate: wp.vec4d, drive: vec6, row: Row, dt: wp.float64):
+        """Record, orientation and rotation of a clump after kick and drift by what drives it."""
+        a = wp.vec3d(drive[0], drive[1], drive[2])
+        torque = wp.vec3d(drive[3], drive[4], drive[5])
+        momentum = g.spin(state) + torque * kick_time(row)
+        p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(rate), dt)
+        return drift(state, a, torque, row, dt), with_axes(product(turn, p), row), p
+
+    @wp.func
+    def inside(state: g.Record) -> g.Record:
+        """The same at its image within the periodic borders."""
+        out = state
+        if wp.static(border.images > 1):
+            out = g.placed(state, border.wrapped(g.position(state)))
+        return out
+
+    @wp.func
+    def body_of(state: g.Record, turn: wp.vec4d, p: wp.vec4d, rate: wp.vec4d, dt: wp.float64) -> Body:
+        """What its members are written from, of a clump after the step that turned it by ``p``."""
+        axes = rotation_matrix(turn)
+        q = g.position(state)
+        v = g.velocity(state)
+        half = wp.float64(0.5) * dt
+        per_step = wp.float64(1.0) / dt
+        w = axes * (rotation_vector(p) * per_step)
+        u = axes * wp.vec3d(p[1], p[2], p[3])
+        ahead = v + g.acceleration(state) * half
+        j = inverse_inertia(axes, rate)
+        spin_ahead = j * (g.spin(state) + g.angular_acceleration(state) * half)
+        b = (spin_ahead - w) * (wp.float64(2.0) * per_step)
+        return Body(
+            q[0], q[1], q[2],
+            axes[0, 0], axes[0, 1], axes[0, 2], axes[1, 0], axes[1, 1], axes[1, 2], axes[2, 0], axes[2, 1], axes[2, 2],
+            wp.float64(1.0) + p[0], u[0], u[1], u[2], v[0], v[1], v[2], w[0], w[1], w[2], ahead[0], ahead[1], ahead[2],
+            spin_ahead[0], spin_ahead[1], spin_ahead[2], b[0], b[1], b[2],
+            rate[0], j[0, 0], j[0, 1], j[0, 2], j[1, 1], j[1, 2], j[2, 2],
+        )  # fmt: skip
+
+    @wp.func
+    def member_of(body: Body, arm: wp.vec3d, radius: wp.float64, dt: wp.float64):
+        """Record and B of the member at ``arm`` [m] in the principal axes."""
+        r = axes_of(body) * arm
+        at = wp.static(BODY.turned)
+        u = wp.vec3d(body[at + 1], body[at + 2], body[at + 3])
+        across = wp.cross(u, r)
+        way = across * (wp.float64(2.0) * body[at]) - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r
+        v = velocity(body) + way * (wp.float64(1.0) / dt)
+        there = predicted_velocity(body) + wp.cross(predicted_spin(body), r)
+        a = (there - v) * (wp.float64(2.0) / dt)
+        place = center(body) + r
+        if wp.static(border.images > 1):
+            place = border.wrapped(place)
+        return g.record(place, radius, v, a, spin(body), angular(body)), member_response(body, r)
+
+    return KernelSet(moved=moved, inside=inside, body_of=body_of, member_of=member_of)
+
+
+@functools.cache
+def build(structs, WallContacts, load, acceleration, integrator, motion):
     """Return the functions of a clump.
 
     Args:
@@ -85,12 +223,11 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes, bord
         load: sum over the contacts of a grain, of ``motion.build_load``.
         acceleration: of ``motion.build_acceleration``.
         integrator: (advance, reading) of ``exact_drift``.
-        with_axes: how a quaternion turns with the axes, of ``orientation.build_axes``.
-        border: periodic images, of ``border.build``: a clump comes round with its centre, each member with its own.
+        motion: of ``build_motion``.
     """
     g = grain.build(True)
     Clumps = clump_arrays.build(True).Clumps
-    advance_record, reading_of_record = integrator
+    _, reading_of_record = integrator
     Grains, PairForce = structs.Grains, structs.PairForce
 
     @wp.func
@@ -104,8 +241,7 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes, bord
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
             one = load(m, row_start, row, wall_contacts.candidates, wall_contacts.load)
-            torque = wp.cross(axes * clumps.arm[m], wp.vec3d(one[0], one[1], one[2]))
-            total = total + vec6(one[0], one[1], one[2], one[3] + torque[0], one[4] + torque[1], one[5] + torque[2])
+            total = with_member(total, axes, clumps.arm[m], one)
         return total
 
     @wp.func
@@ -137,61 +273,30 @@ def build(structs, WallContacts, load, acceleration, integrator, with_axes, bord
         return wp.vec3d(motion[0], motion[1], motion[2]) + wp.cross(w, axes * clumps.arm[m]), w
 
     @wp.func
-    def advance(
-        c: int, grains: Grains, row: Row, frames: wp.array(dtype=FrameRow), at: int, dt: wp.float64
-    ) -> wp.vec3d:  # fmt: skip
+    def advance(c: int, grains: Grains, row: Row, dt: wp.float64) -> wp.vec3d:
         """Kick, drift and rotate a clump by its ``drive``; returns its centre before it comes round a border [m]."""
         clumps = grains.clumps
-        drive = clumps.drive[c]
-        a = wp.vec3d(drive[0], drive[1], drive[2])
-        torque = wp.vec3d(drive[3], drive[4], drive[5])
-        state = clumps.record[c]
-        turn = clumps.turn[c]
-        momentum = g.spin(state) + torque * kick_time(row)
-        p = free_rotation(wp.transpose(rotation_matrix(turn)) * momentum, principal_rates(clumps.rate[c]), dt)
-        state = advance_record(0, c, state, a, torque, row, frames, at, dt, grains.store)
-        reached = g.position(state)
-        if wp.static(border.images > 1):
-            state = g.placed(state, border.wrapped(reached))
-        clumps.record[c] = state
-        clumps.turn[c] = with_axes(product(turn, p), row)
+        state, turn, p = motion.moved(clumps.record[c], clumps.turn[c], clumps.rate[c], clumps.drive[c], row, dt)
+        clumps.record[c] = motion.inside(state)
+        clumps.turn[c] = turn
         clumps.rotation[c] = p
-        return reached
+        return g.position(state)
 
     @wp.func
     def write_members(c: int, grains: Grains, dt: wp.float64):
         """Write the members of a clump after ``advance``."""
         clumps = grains.clumps
-        state = clumps.record[c]
-        rate = clumps.rate[c]
-        p = clumps.rotation[c]
-        axes = rotation_matrix(clumps.turn[c])
-        q = g.position(state)
-        v = g.velocity(state)
-        half = wp.float64(0.5) * dt
-        per_step = wp.float64(1.0) / dt
-        back = wp.float64(2.0) * per_step
-        spin = axes * (rotation_vector(p) * per_step)
-        u = axes * wp.vec3d(p[1], p[2], p[3])
-        predicted_velocity = v + g.acceleration(state) * half
-        j = inverse_inertia(axes, rate)
-        predicted_spin = j * (g.spin(state) + g.angular_acceleration(state) * half)
-        angular = (predicted_spin - spin) * back
-        scalar = wp.float64(2.0) * (wp.float64(1.0) + p[0])
+        body = motion.body_of(clumps.record[c], clumps.turn[c], clumps.rotation[c], clumps.rate[c], dt)
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
-            r = axes * clumps.arm[m]
-            across = wp.cross(u, r)
-            way = across * scalar - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r
-            velocity = v + way * per_step
-            there = predicted_velocity + wp.cross(predicted_spin, r)
-            place = q + r
-            if wp.static(border.images > 1):
-                place = border.wrapped(place)
-            grains.record[m] = g.record(place, grains.record[m][3], velocity, (there - velocity) * back, spin, angular)
-            grains.inverse[m] = member_inverse(grains.inverse[m], j, r, rate)
+            record, response = motion.member_of(body, clumps.arm[m], grains.record[m][3], dt)
+            grains.record[m] = record
+            inv = grains.inverse[m]
+            for k in range(6):
+                inv[2 + k] = response[k]
+            grains.inverse[m] = inv
 
     return KernelSet(
         total_load=total_load, accelerations=accelerations, motion_now=motion_now, member_motion=member_motion,
-        advance=advance, write_members=write_members, Clumps=Clumps,
+        advance=advance, write_members=write_members, of_numbers=motion, Clumps=Clumps,
     )  # fmt: skip

@@ -136,6 +136,12 @@ def joined(before, number: int, force, in_laboratory: bool):
     return fields
 
 
+@wp.func
+def by_contacts(total: vec6, inverse_mass: wp.float64, row: Row) -> wp.vec3d:
+    """Acceleration by contacts and gravity [m/s2], from the load on a body and one over its mass."""
+    return wp.vec3d(total[0], total[1], total[2]) * inverse_mass + gravity(row)
+
+
 @functools.cache
 def build_acceleration(fields: tuple, *, spins: bool, relative: bool, clumps: bool = False):
     """Return ``acceleration``.
@@ -158,7 +164,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool, clumps: bo
         numbers: wp.array(dtype=Numbers),
     ):  # fmt: skip
         """Acceleration [m/s2] and angular acceleration [rad/s2] by contacts, gravity and fields, in frame axes."""
-        a = wp.vec3d(total[0], total[1], total[2]) * inv[0] + gravity(row)
+        a = by_contacts(total, inv[0], row)
         if wp.static(external is not None):
             f = frames[at]
             q = g.position(state)
@@ -175,7 +181,7 @@ def build_acceleration(fields: tuple, *, spins: bool, relative: bool, clumps: bo
 def build_travel(
     border, outlet_of, *, spins: bool, moving: int, in_frame: bool, outlets: int, ahead: float, stages: int
 ):  # fmt: skip
-    """Return ``displaced``, what it is made of, ``left`` and ``outlet_of``.
+    """Return ``displaced``, what it is made of, ``left``, ``outlet_of``, and whether the frame axes alone count.
 
     Neighbor lists hold as long as no grain has moved far in axes common to all grains: those of the frame, or of any wall. So
     where every wall moves, the displacement in frame axes does not count, and grains that turn with a drum have not moved.
@@ -202,6 +208,12 @@ def build_travel(
         return left
 
     @wp.func
+    def squared_distance(q: wp.vec3d, reference: wp.vec3d) -> wp.float64:
+        """Square of the displacement of a grain at ``q`` from its reference in frame axes [m2]."""
+        displacement = border.nearest(q - reference)
+        return wp.dot(displacement, displacement)
+
+    @wp.func
     def squared_displacement(
         i: int, state: g.Record, reference: wp.array2d(dtype=wp.vec3d), placements: wp.array2d(dtype=Placement), row: int
     ) -> wp.float64:  # fmt: skip
@@ -209,8 +221,7 @@ def build_travel(
         q = g.position(state)
         square = wp.float64(0.0)
         if wp.static(in_frame):
-            displacement = border.nearest(q - reference[i, 0])
-            square = wp.dot(displacement, displacement)
+            square = squared_distance(q, reference[i, 0])
         if wp.static(moving > 0):
             for m in range(wp.static(moving)):
                 displacement = local(placements[row, m], q) - reference[i, m + 1]
@@ -283,5 +294,6 @@ def build_travel(
 
     return KernelSet(
         displaced=displaced, left=left, outlet_of=outlet_of, allowed_displacement=allowed_displacement,
-        squared_displacement=squared_displacement, distance_ahead=distance_ahead, holds=holds,
+        squared_displacement=squared_displacement, squared_distance=squared_distance, distance_ahead=distance_ahead,
+        holds=holds, in_frame_alone=in_frame and moving == 0 and ahead == 0.0,
     )  # fmt: skip

@@ -9,6 +9,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.films import FILM_AT
+from warpdem.kernels.step.clump_sweep import BLOCK
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
@@ -124,6 +125,56 @@ def build(
         return leads
 
     @wp.func
+    def settle(
+        c: int, far: int, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report,
+        inner_share: wp.float64,
+    ) -> int:  # fmt: skip
+        """After the motion of clump ``c``: as ``move_phase``. Where its centre is decides on outlets."""
+        found = int(0)
+        if far != 0:
+            found = clumps.watch(c, s, model, grains, control, inner_share)
+        if wp.static(leave):
+            centre = g.position(grains.clumps.record[c])
+            found = found | travel.left(centre, control.outlet, control.placement, s + 2)
+            if (found & wp.static(LEFT)) > 0:
+                first = grains.clumps.first[c]
+                if leave_domain(first, grains.clumps.count[c], centre, s, grains, wall_contacts, control, report):
+                    grains.clumps.record[c] = g.removed(grains.clumps.record[c], first)
+                    found = 0
+        return found
+
+    @wp.func
+    def move_clumps(
+        part: Range, s: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control, report: Report,
+        inner_share: wp.float64,
+    ) -> int:  # fmt: skip
+        """The clumps whose first member is among the grains ``part``: as ``move_phase``."""
+        moved = int(0)
+        if wp.static(clumps.sweep is not None):  # those of consecutive grains are consecutive
+            end = clump.clumps_before(grains.clumps.first, part.last)
+            for begin in range(clump.clumps_before(grains.clumps.first, part.first), end, wp.static(BLOCK)):
+                block_end = wp.min(begin + wp.static(BLOCK), end)
+                far = clumps.sweep(begin, block_end, control.row[s], model.dt, inner_share, wall_contacts, grains)
+                if far != 0 or wp.static(leave or clumps.turns_marks):
+                    if wp.static(clumps.turns_marks):
+                        far = 1
+                    for c in range(begin, block_end):
+                        if leads_clump(grains.clumps.first[c], grains):
+                            moved = moved | settle(
+                                c, far, s, model, grains, wall_contacts, control, report, inner_share
+                            )
+        else:  # one loop after another: the long sums of several clumps overlap
+            for i in range(part.first, part.last, part.stride):
+                if leads_clump(i, grains):
+                    clumps.advance(grains.clumps.of_grain[i], s, model, grains, control)
+            for i in range(part.first, part.last, part.stride):
+                if leads_clump(i, grains):
+                    c = grains.clumps.of_grain[i]
+                    clumps.write_members(c, grains, model.dt)
+                    moved = moved | settle(c, 1, s, model, grains, wall_contacts, control, report, inner_share)
+        return moved
+
+    @wp.func
     def move_phase(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
         report: Report, inner_share: wp.float64,
@@ -146,14 +197,15 @@ def build(
                     if wall_contacts.candidates[i] > 0:
                         total += wall_contacts.load[i]
                         wetting.forget(i, 1 - ((control.origin[0] + s) & 1), wall_contacts)
-            if wp.static(leave):
-                if g.is_removed(grains.record[i]):
-                    continue
             if wp.static(clumps is not None):
                 c = grains.clumps.of_grain[i]
                 if c != wp.static(clump.NONE):
-                    if grains.clumps.first[c] == i:
-                        clumps.drive(c, s, model, grains, wall_contacts, control)
+                    if wp.static(clumps.drives):
+                        if leads_clump(i, grains):
+                            clumps.drive(c, s, model, grains, wall_contacts, control)
+                    continue
+            if wp.static(leave):
+                if g.is_removed(grains.record[i]):
                     continue
             if wp.static(films is None):
                 total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
@@ -198,21 +250,8 @@ def build(
                         if leave_domain(i, 1, g.position(state), s, grains, wall_contacts, control, report):
                             far = 0
                 moved = moved | far
-        if wp.static(clumps is not None):  # one loop after another: the long sums of several clumps overlap
-            for i in range(part.first, part.last, part.stride):
-                if leads_clump(i, grains):
-                    clumps.advance(grains.clumps.of_grain[i], s, model, grains, control)
-            for i in range(part.first, part.last, part.stride):
-                if leads_clump(i, grains):
-                    c = grains.clumps.of_grain[i]
-                    strayed = clumps.follow(c, s, model, grains, control, inner_share)
-                    if wp.static(leave):
-                        if (strayed & wp.static(LEFT)) > 0:
-                            centre = g.position(grains.clumps.record[c])
-                            if leave_domain(i, grains.clumps.count[c], centre, s, grains, wall_contacts, control, report):
-                                grains.clumps.record[c] = g.removed(grains.clumps.record[c], i)
-                                strayed = 0
-                    moved = moved | strayed
+        if wp.static(clumps is not None):
+            moved = moved | move_clumps(part, s, model, grains, wall_contacts, control, report, inner_share)
         return moved
 
     return KernelSet(move_phase=move_phase)

@@ -10,6 +10,7 @@ import functools
 import warp as wp
 from warpdem.kernels.simd import rows
 from warpdem.kernels.simd.lane_types import declarations
+from warpdem.kernels.simd.rows import gathered, same
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.schedule import Placement, Row
 from warpdem.kernels.step.structs import ForceCall, Range
@@ -18,25 +19,6 @@ from warpdem.kernels.wall.mobility import Mobility
 from warpdem.kernels.wall.record import FOUND, FRICTION
 
 BLOCK = 64  # grains searched before their contact points are evaluated, while what the search has read is in the caches
-
-
-def gathered(name: str, kind: type, address: str, index: str, lanes: int) -> str:
-    """Statements that read the vector ``name`` of each lane from row ``index`` of the array at ``address``."""
-    width = kind._length_
-    text = f"        wp::vec_t<{width}, f64> {name};\n"
-    if width < lanes:
-        each = f"for (int f = 0; f < {width}; ++f) {name}.c[f][k] = ({address})[(long long){index}[k] * {width} + f];"
-        return f"{text}        for (int k = 0; k < {lanes}; ++k) {each}\n"
-    parts = rows.starts(width, lanes)
-    return text + "".join(
-        f"        batch::read({address} + {at}, {width}, {index}, {name}.c + {at});\n" for at in parts
-    )
-
-
-def same(name: str, kind: type, address: str) -> str:
-    """Statements that give every lane of the vector ``name`` the numbers at ``address``."""
-    width = kind._length_
-    return f"    wp::vec_t<{width}, f64> {name};\n    for (int f = 0; f < {width}; ++f) {name}.c[f] = ({address})[f];\n"
 
 
 @functools.cache

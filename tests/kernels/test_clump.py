@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, clump
-from warpdem.kernels.step.clumps import inverse_inertia, member_inverse
+from warpdem.kernels.step.clumps import BODY, Body, inverse_inertia, member_response
 
 of_clumps = clump.build(True)
 
@@ -13,7 +13,15 @@ def met(
     axes: wp.mat33d, rate: wp.vec4d, r: wp.vec3d, n: wp.array(dtype=wp.vec3d), out: wp.array(dtype=wp.float64)
 ):
     i = wp.tid()
-    inv = member_inverse(of_clumps.Inverse(), inverse_inertia(axes, rate), r, rate)
+    body = Body()
+    body[wp.static(BODY.inverse_mass)] = rate[0]
+    j = inverse_inertia(axes, rate)
+    for k in range(6):
+        body[wp.static(BODY.response) + k] = wp.vector(j[0, 0], j[0, 1], j[0, 2], j[1, 1], j[1, 2], j[2, 2])[k]
+    response = member_response(body, r)
+    inv = of_clumps.Inverse()
+    for k in range(6):
+        inv[2 + k] = response[k]
     out[i] = of_clumps.inverse_mass(inv, n[i])
 
 

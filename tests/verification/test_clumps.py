@@ -75,7 +75,7 @@ def reference(t):
 
 
 @pytest.mark.parametrize("frame", FRAMES)
-@pytest.mark.parametrize(("step", "tolerance"), [(0.01, 1e-11), (0.05, 5e-10)])  # |W| dt = 0.02 and 0.1
+@pytest.mark.parametrize(("step", "tolerance"), [(0.01, 1e-11), (0.05, 2e-11)])  # |W| dt = 0.02 and 0.1
 def test_a_free_top_turns_as_it_must_in_any_frame(frame, step, tolerance):
     motion, angle = FRAMES[frame]
     sim = flying(MOMENTS, SPIN, step, motion)
@@ -154,14 +154,18 @@ def impact(distance, tilt, restitution, modulus, speed=0.5, steps=400):
 
 
 @pytest.mark.parametrize(
-    ("restitution", "velocity", "spin", "tolerance"),
-    [(1.0, 0.2348529130636, 373.0608043371, 1e-6), (0.5, 5.097310493800e-2, 279.2259800076, 3e-5)],
+    ("restitution", "velocity", "spin", "steps"),
+    [(1.0, 0.2348529130636, 373.0608043371, 400), (0.5, 5.097310493800e-2, 279.2259800076, 25_600)],
 )
-def test_a_tilted_dumbbell_leaves_the_plane_as_integrated_finely(restitution, velocity, spin, tolerance):
-    """Touching spheres at 45 degrees, E* that of 50 MPa on a rigid plane; a dashpot begins at any instant within a step."""
-    found = impact(2e-3, 45.0, restitution, 1e8, steps=1600)
-    assert found[0] == pytest.approx(velocity, abs=tolerance * 0.5)
-    assert found[1] == pytest.approx(spin, rel=tolerance)
+def test_a_tilted_dumbbell_leaves_the_plane_as_integrated_finely(restitution, velocity, spin, steps):
+    """Touching spheres at 45 degrees, E* that of 50 MPa on a rigid plane, to 1e-6.
+
+    A dashpot of Tsuji acts as the root of the root of the overlap, so it begins at once, wherever in a step the impact does:
+    8e-5 at 400 steps, 5e-6 at 1600, 1e-6 at 6400. Spheres do the same.
+    """
+    found = impact(2e-3, 45.0, restitution, 1e8, steps=steps)
+    assert found[0] == pytest.approx(velocity, abs=1e-6 * 0.5)
+    assert found[1] == pytest.approx(spin, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import warp as wp
 
 from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, films, law, pairs, sweep, thread_contact
+from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.lists import contact_batches, displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
@@ -207,10 +208,14 @@ def _built(features: Features) -> KernelSet:
     bodies = None
     if laws.clumps:
         with_axes = orientation.build_axes(turning_axes=turns)
-        rigid = clumps.build(arrays, WallContacts, load, acceleration, integrator, with_axes, images)
-        bodies = clump_phase.build(
-            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present
+        drift = exact_drift.build_drift(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
+        rigid = clumps.build(
+            arrays, WallContacts, load, acceleration, integrator, clumps.build_motion(drift, with_axes, images)
         )
+        bodies = clump_phase.build(
+            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present,
+            leave=domain.outlets > 0, driven=bool(fields), lanes=1 if backend.resident else backend.lanes,
+        )  # fmt: skip
     moved_by = move.build(
         arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from warpdem.kernels.simd.translate import Translator
-from warpdem.kernels.simd.values import NotStraight
+from warpdem.kernels.simd.values import NotStraight, only_where_needed
 
 from lane_probes import assert_same_bits
 
@@ -95,6 +95,27 @@ def test_results_of_another_function_and_infinity_pass_through():
     product, least = assert_same_bits(wrapped, given, (wp.float64, wp.float64), 4)
     np.testing.assert_array_equal(least[:, 0], given["a"][1])
     np.testing.assert_array_equal(product[:, 0], given["a"][1] * given["b"][1])
+
+
+@only_where_needed
+@wp.func
+def costly(needed: wp.float64, v: wp.vec3d) -> wp.vec3d:
+    return v * wp.sin(needed)
+
+
+@wp.func
+def seldom(a: wp.float64, v: wp.vec3d) -> wp.vec3d:
+    needed = a if a > wp.float64(900.0) else wp.float64(0.0)
+    if needed > wp.float64(0.0):
+        v = costly(needed, v)
+    return v
+
+
+def test_a_vector_that_few_lanes_need_and_an_argument_that_gets_another_value():
+    given = {"a": (wp.float64, numbers(N, 1, 1)), "v": (wp.vec3d, numbers(N, 3, 2))}
+    (found,) = assert_same_bits(seldom, given, (wp.vec3d,), 4)
+    changed = (found != given["v"][1]).any(axis=1)
+    assert 0 < changed.sum() < N // 4
 
 
 @wp.func

@@ -1,0 +1,148 @@
+"""The clumps of a CPU core: the step of several of them in the lanes of its registers.
+
+The step of a clump is that of ``clumps``, translated by ``simd.translate``, so a clump has the bits that it has by itself.
+Written here in C++ is only how numbers come in and go out: in the lane of a clump that has fewer members than another, or where
+there are no more clumps, the last one is done once more. Loads of members are summed one by one, as of any grain.
+
+Nothing but the motion is here: what fields and budgets ask for is done clump by clump, before (``drive``).
+"""
+
+import functools
+
+import warp as wp
+from warpdem.kernels import grain
+from warpdem.kernels.simd import rows
+from warpdem.kernels.simd.lane_types import declarations
+from warpdem.kernels.simd.rows import gathered, same
+from warpdem.kernels.simd.translate import Translator
+from warpdem.kernels.step.clumps import what_drives, with_member
+from warpdem.kernels.step.free_rotation import rotation_matrix
+from warpdem.kernels.step.motion import sum_source
+from warpdem.kernels.step.schedule import Row
+
+BLOCK = 64  # clumps between two looks at whether a member has moved too far
+
+
+def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven: bool) -> str:
+    """C++ of the sweep; arguments as in ``build``."""
+    law = Translator()
+    of = clumps.of_numbers
+    functions = (rotation_matrix, with_member, what_drives, of.moved, of.inside, of.body_of, of.member_of)
+    turned, loaded, drives, moved, inside, body_of, member_of = (law.add(function).name for function in functions)
+    Record = grain.build(True).Record
+    width = Record._length_
+    there = f"clumps.record.data[c].c[0] != {grain.REMOVED_X!r}" if leave else "true"
+    at_walls = "if (wall_contacts.candidates.data[m] > 0) for (int f = 0; f < 6; ++f) one.c[f] += wall_load.data[m].c[f];"
+    summed = f"""
+        wp::vec_t<6, f64> total;
+        const auto axes = batch::{turned}(turn);
+        for (wp::int32 n = 0; n < most; ++n) {{
+            wp::int32 at[{lanes}];
+            wp::vec_t<6, f64> load;
+            for (int k = 0; k < {lanes}; ++k) {{
+                const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
+                wp::vec_t<6, double> one = sum(grains.row_start.data[m], grains.row_start.data[m + 1], wp::vec_t<6, double>());
+                {at_walls if walls else ""}
+                for (int f = 0; f < 6; ++f) load.c[f][k] = n < count[k] ? one.c[f] : 0.0;
+            }}
+{gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
+            total = batch::{loaded}(total, axes, arm, load);
+        }}
+        const auto drive = batch::{drives}(total, rate, step);
+"""
+    vec6 = wp.types.vector(6, wp.float64)
+    given = gathered("drive", vec6, "clumps.drive.data[0].c", "of", lanes)
+    clump_out = [
+        ("clumps.record.data[of[k]].c", [f"state.c[{f}]" for f in range(width)]),
+        ("clumps.turn.data[of[k]].c", [f"o.r1.c[{f}]" for f in range(4)]),
+    ]
+    member_out = [
+        ("grains.record.data[at[k]].c", [f"w.r0.c[{f}]" for f in range(width)]),
+        ("(grains.inverse.data[at[k]].c + 2)", [f"w.r1.c[{f}]" for f in range(6)]),
+    ]
+    check = ""
+    if travel.in_frame_alone:
+        distance = law.add(travel.squared_distance).name
+        check = f"""
+            wp::vec_t<3, f64> place, from;
+            f64 allowed;
+            for (int k = 0; k < {lanes}; ++k) allowed[k] = inner_share * grains.allowance.data[at[k]];
+            for (int f = 0; f < 3; ++f) {{
+                place.c[f] = w.r0.c[f];
+                for (int k = 0; k < {lanes}; ++k) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
+            }}
+            const f64 square = batch::{distance}(place, from);
+            strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
+"""
+    return f"""{declarations(lanes)}
+    struct batch {{
+        enum {{ LANES = {lanes} }};
+{rows.helpers(wp.float64, lanes)}{law.text}    }};
+    const auto& clumps = grains.clumps;
+    const auto& row = grains.row;
+    const auto& wall_load = wall_contacts.load;
+    const auto sum = [&](wp::int32 first, wp::int32 last, wp::vec_t<6, double> total) {{
+{sum_source(real, list(range(6)))}    }};
+{same("step", Row, "step_row.c")}    bool strayed = {"false" if check else "true"};
+    for (wp::int32 c = begin; c < end;) {{
+        wp::int32 of[{lanes}], first[{lanes}], count[{lanes}], most = 0, lane = 0;
+        for (; lane < {lanes} && c < end; ++c)
+            if ({there}) of[lane++] = c;
+        if (lane == 0) break;
+        for (; lane < {lanes}; ++lane) of[lane] = of[lane - 1];
+        for (int k = 0; k < {lanes}; ++k) {{
+            first[k] = clumps.first.data[of[k]];
+            count[k] = clumps.count.data[of[k]];
+            most = most < count[k] ? count[k] : most;
+        }}
+{gathered("before", Record, "clumps.record.data[0].c", "of", lanes)}\
+{gathered("turn", wp.vec4d, "clumps.turn.data[0].c", "of", lanes)}\
+{gathered("rate", wp.vec4d, "clumps.rate.data[0].c", "of", lanes)}\
+{given if driven else summed}\
+        const auto o = batch::{moved}(before, turn, rate, drive, step, f64(dt));
+        const auto state = batch::{inside}(o.r0);
+{rows.write(wp.float64, lanes, "batch", clump_out)}\
+        const auto body = batch::{body_of}(state, o.r1, o.r2, rate, f64(dt));
+        for (wp::int32 n = 0; n < most; ++n) {{
+            wp::int32 at[{lanes}];
+            f64 radius;
+            for (int k = 0; k < {lanes}; ++k) {{
+                at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
+                radius[k] = grains.record.data[at[k]].c[3];
+            }}
+{gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
+            const auto w = batch::{member_of}(body, arm, radius, f64(dt));
+{rows.write(wp.float64, lanes, "batch", member_out)}{check}\
+        }}
+    }}
+    return strayed ? 1 : 0;
+"""
+
+
+@functools.cache
+def build(structs, WallContacts, clumps, travel, lanes: int, *, walls: bool, leave: bool, driven: bool):
+    """Return ``sweep``: the step of a range of clumps.
+
+    Args:
+        structs: namespace of ``structs.build``.
+        WallContacts: of ``wall.evaluate.build``.
+        clumps: of ``clumps.build``.
+        travel: of ``motion.build_travel``.
+        lanes: clumps side by side, a power of two.
+        walls: there are walls.
+        leave: clumps may leave the domain.
+        driven: what acts on the clumps has been found before (``drive``).
+    """
+    Grains = structs.Grains
+
+    real = structs.PairForce._wp_scalar_type_
+
+    @wp.func_native(source(clumps, travel, lanes, real=real, walls=walls, leave=leave, driven=driven))
+    def sweep(
+        begin: int, end: int, step_row: Row, dt: wp.float64, inner_share: wp.float64, wall_contacts: WallContacts,
+        grains: Grains,
+    ) -> int:  # fmt: skip
+        """Move clumps ``begin`` to ``end`` and write their members; 1 where one of these may have moved too far, else 0."""
+        ...
+
+    return sweep
