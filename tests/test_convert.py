@@ -254,7 +254,9 @@ def plant(folder: Path) -> Scene:
         "raft": {"joint": "none", "mass": 0.1, "centre": [0, 0, 0], "inertia": [1, 1, 1], "velocity": [0, 0, 1 / 3],
                  "force": [0, 0.1, 0], "torque": [1 / 3, 0, 0], "mounts": [{"point": [0, 0, 0], "anchor": [0, 0, 1 / 3]}]},
     }  # fmt: skip
+    (folder / "bed.h5").write_bytes(b"")
     fills = [
+        {"tile": "bed.h5", "copies": [2, 1, 3], "spacing": [0.1, 1 / 3, 0.2]},
         {"cylinder": cylinder, "mass": 1 / 3, "diameter": 0.01}, {"sphere": sphere, "height": 0.1, "diameter": 0.01},
         {"mesh": mesh, "count": 3, "diameter": 0.01}, {"wall": "hull", "region": box, "point": [0.1, 0, 0], "count": 3,
                                                        "diameter": 0.01, "seed": 3},

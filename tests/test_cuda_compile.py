@@ -97,7 +97,7 @@ def kernels_of(*groups) -> dict[str, wp.Kernel]:
 def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
     """The plans other than the main job's take minutes."""
     built = compile_kernels(PLANS[name])
-    kernels = kernels_of(built.graph, built.rebuild, built.lists, built.displacement, built.walls)
+    kernels = kernels_of(built.graph, built.rebuild, built.neighbors, built.batches, built.displacement, built.walls)
     kernels |= {reader: kernel for reader in READERS if (kernel := getattr(built.read, reader)) is not None}
     some = "pair_forces", "wall_forces", "move", "advance_clock", "check_lists", "clear_contacts", "read"
     assert {*some, "find_neighbors", "fill_contacts", "replace_outer"} <= set(kernels)
@@ -134,7 +134,7 @@ def test_every_law_of_bridges_compiles_for_cuda_with_films_and_losses(folder, la
     )  # fmt: skip
     built = compile_kernels(plan)
     graph = built.graph.pair_forces, built.graph.wall_forces, built.graph.move
-    for kernel in (*graph, built.films.settle_contacts, built.lists.select_contacts, built.walls.close_features):
+    for kernel in (*graph, built.films.settle_contacts, built.batches.select_contacts, built.walls.close_features):
         resources = compiled(kernel, folder)
         assert 0 < resources.registers <= MOST_REGISTERS["wall_forces"]
         assert resources.frame <= MOST_LOCAL, f"{law}, {kernel.key}: {resources}"

@@ -164,11 +164,11 @@ TABLE = {
     ),
     "no copies": (
         "grains=[{material='glass', fill={tile='bed.h5', copies=[2, 0, 1]}}]",
-        ["grains[0].fill.copies[1]", "must be at least 1"],
+        ["grains[0].fill.copies[1]", "must be >= 1"],
     ),
     "missing tile": (
         "grains=[{material='glass', fill={tile='bed.h5'}}]",
-        ["grains[0].fill.tile", "no such checkpoint", "bed.h5"],
+        ["grains[0].fill.tile", "no such file", "bed.h5"],
     ),
     "tile of another kind": (
         "grains=[{material='glass', fill={tile='bed.stl'}}]",

@@ -36,7 +36,7 @@ def explicit(positions, radii, **more):
 def filled(**fields):
     keys = ("wall", "box", "cylinder", "sphere", "mesh", "region", "point", "height", "count", "mass", "solid_fraction")
     asked = {**dict.fromkeys(keys), "seed": 0, **fields}
-    return SimpleNamespace(**{**vars(REST), "fill": SimpleNamespace(**asked)})
+    return SimpleNamespace(**{**vars(REST), "fill": SimpleNamespace(**{"tile": None} | asked)})
 
 
 def make_scene(*groups, walls=(), frame=None, base="."):

@@ -111,7 +111,7 @@ def test_a_filling_keeps_within_its_region(tmp_path, name):
 
 def test_a_filling_says_what_is_wrong():
     for fill, message in (
-        ({"count": 1, "diameter": 1.0}, "exactly one of wall, box, cylinder, sphere, mesh; found none"),
+        ({"count": 1, "diameter": 1.0}, "exactly one of wall, tile, box, cylinder, sphere, mesh; found none"),
         ({"cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 1}, "count": 1}, "a filling has an end"),
         ({**FILLS["sphere"], "count": 1, "diameter": 1e-3, "point": [0, 0, 0]}, "selects a space of a wall"),
     ):

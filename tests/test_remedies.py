@@ -73,7 +73,7 @@ def test_options_that_messages_name_exist():
     parameters = [name for command in cli.COMMANDS.values() for name in inspect.signature(command).parameters]
     there = {name.strip("_").replace("_", "-") for name in parameters}
     there |= {field.name.replace("_", "-") for options in (PictureStyle, AccuracyOptions) for field in fields(options)}
-    there.add("accuracy-twins")
+    there |= {"accuracy-twins", "accuracy-steps"}
     there |= {f"no-{name}" for name in ("picture", "probe")}
     named = {(place, option) for place, text in texts().items() for option in OPTION.findall(text)}
     assert len(named) > 10

@@ -217,7 +217,7 @@ BAD = [
     ("grains.1.fill.seed=-1", ["grains[1].fill.seed = -1", ">= 0"]),
     ("grains.1.fill.diameter={uniform=[2, 1]}", ["grains[1].fill.diameter.uniform", "above"]),
     ("grains.1.fill.region={min=[0, 0, 0], max=[1, 1, 0]}", ["grains[1].fill.region.max", "above min"]),
-    ("grains.1.fill.box={min=[0, 0, 0], max=[1, 1, 1]}", ["exactly one of wall, box", "wall and box"]),
+    ("grains.1.fill.box={min=[0, 0, 0], max=[1, 1, 1]}", ["exactly one of wall, tile, box", "wall and box"]),
     ("walls.1.mesh=meshes/box.stl", ["walls[1]", "exactly one of mesh, plane"]),
     ("walls.1.scale=2", ["walls[1].scale = 2", "mesh"]),
     ("walls.0.scale=-1", ["walls[0].scale = -1", "> 0"]),

@@ -126,7 +126,7 @@ def test_what_cannot_be_written_is_told(folder, tmp_path, name, choices, said):
 def test_the_command_writes_and_overwrites_when_told(folder, tmp_path, capsys):
     path = tmp_path / "a.csv"
     cli.app(["export", str(folder), str(path), "--time", "0"], result_action="return_value")
-    assert "a.csv: 1 frame" in capsys.readouterr().out.replace("\n", "")
+    assert "a.csv:1frame" in "".join(capsys.readouterr().out.split())  # lines break where the folder is long
     with pytest.raises(WarpdemError, match="is there already; take another name, or give --overwrite"):
         cli.app(["export", str(folder), str(path)], result_action="return_value")
     cli.app(["export", str(folder), str(path), "--overwrite"], result_action="return_value")

@@ -66,7 +66,8 @@ def test_pairs_near_both_ways_round_are_listed_once():
     sim = simulated(1, borders=borders, grains=grains, walls=[], engine={"skin": 1.5e-3}, gravity=[0, 0, 0])
     contacts = sim.contacts()
     assert list(zip(contacts.i, contacts.j, strict=True)) == [(0, 1)]
-    start, count, slot, _ = (array.numpy() for array in sim.lists.outer)
+    outer = sim.lists.outer
+    start, count, slot = (array.numpy() for array in (outer.start, outer.neighbors, outer.slot))
     for row in range(3):
         listed = slot[start[row] : start[row] + count[row]].tolist()
         assert len(set(listed)) == len(listed)

@@ -277,6 +277,9 @@ class NeighborLists(ContactLists):
     def _adapt_allowances(self) -> None:
         """Set the bounds of how far a grain may move while the outer list holds."""
         least, radius = 0.5 * self.skin, self.model.expected.radius
+        if self.rows_are_counted:
+            self.most_allowance = least  # as ``HostBuild``
+            return
         shortest = min((length for length in self.model.features.domain.period if length), default=np.inf)
         mean = float(radius.mean()) if len(radius) else 0.0
         self.most_allowance = max(least, min(least + REACH * mean, 0.225 * shortest))

@@ -108,7 +108,7 @@ class Fill(SceneModel):
                 reason = "belongs to a packing; the grains of a tile are those of its file"
                 raise validation_error([((key,), getattr(self, key), reason) for key in stray])
             return self
-        stray = [key for key in ("copies", "spacing") if key in self.model_fields_set and getattr(self, key) is not None]
+        stray = [key for key in ("copies", "spacing") if getattr(self, key) != type(self).model_fields[key].default]
         if stray:
             raise validation_error([((key,), getattr(self, key), "belongs to a tile: name its file") for key in stray])
         if self.cylinder is not None and self.cylinder.length is None:

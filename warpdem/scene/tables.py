@@ -8,7 +8,7 @@ from typing import Any
 from warpdem.scene.model import Scene
 from warpdem.scene.user_models import is_file
 
-FILE_KEYS = ("mesh", "file", "usd", "checkpoint")
+FILE_KEYS = ("mesh", "file", "usd", "checkpoint", "tile")
 """Keys whose values are paths of files."""
 MODEL_KEYS = ("normal", "tangential", "rolling", "twisting", "liquid", "model")
 """Keys whose values are models: a name, or the path of a file."""
