@@ -81,8 +81,8 @@ def test_inner_lists_are_built_in_the_graph(in_a_box):
     resident = graph.engine.executor
     assert resident.inner_builds > 3
     assert graph.lists.inner_rebuilds == graph.lists.version + resident.inner_builds
-    # not much more often than by the host, which steers the margin at each
-    assert graph.lists.inner_rebuilds < 1.5 * own.lists.inner_rebuilds
+    # not much more often than by the host, which steers the margin at each, and whose fast grains may move further
+    assert graph.lists.inner_rebuilds < 2 * own.lists.inner_rebuilds
     assert resident.captures <= graph.lists.version + graph.lists.flights.laid, "paths are in arrays of their own"
 
 
@@ -187,7 +187,8 @@ def test_graph_of_other_plans(case):
         for name, values in own.engine.read_sums().items():
             np.testing.assert_array_equal(values[own.state.rank], graph.engine.read_sums()[name][graph.state.rank])
         np.testing.assert_array_equal(own.engine.digits["losses"], graph.engine.digits["losses"])
-        assert own.budget.energy() == graph.budget.energy()
+        # what is carried over the border is added up where lists are built, which is not at the same steps
+        assert own.budget.energy() == pytest.approx(graph.budget.energy(), rel=1e-6)
 
 
 def test_a_gpu_only_steps_by_graph(device):
