@@ -81,8 +81,8 @@ def test_inner_lists_are_built_in_the_graph(in_a_box):
     resident = graph.engine.executor
     assert resident.inner_builds > 3
     assert graph.lists.inner_rebuilds == graph.lists.version + resident.inner_builds
-    # not much more often than by the host, which steers the margin at each, and whose fast grains may move further
-    assert graph.lists.inner_rebuilds < 2 * own.lists.inner_rebuilds
+    # not much more often than by the host, which steers the margin at each
+    assert graph.lists.inner_rebuilds < 1.5 * own.lists.inner_rebuilds
     assert resident.captures <= graph.lists.version + graph.lists.flights.laid, "paths are in arrays of their own"
 
 

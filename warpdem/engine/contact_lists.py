@@ -117,7 +117,6 @@ class ContactLists:
         self.real = model.features.backend.real
         n, axes = len(state), 1 + model.features.walls.moving
         self.skin, self.inner_share, self.horizon, self.most_allowance = skin, 0.2, 0.0, 0.5 * skin
-        self.rows_are_counted = False  # until the first list is built
         self.rebuilds = self.inner_rebuilds = self.version = 0
         self.known = n
         self.force_parity = 1

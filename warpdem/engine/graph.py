@@ -164,7 +164,7 @@ class GraphExecutor:
         clock = batch.clock.numpy()
         outer = lists.device_builds_left - int(clock[OUTER_BUILDS_LEFT])
         self.outer_builds += outer
-        lists.outer_built_on_device(outer)
+        lists.outer_built_on_device(outer, inner_lost=clock[ASK_HOST] > 0 and clock[BUILD_OUTER] > 0)
         if clock[INNER_BUILDS]:
             self.inner_builds += int(clock[INNER_BUILDS])
             latest = self._clock.step_number + int(clock[LATEST_BUILD])

@@ -160,8 +160,6 @@ class HostBuild:
         a, state, known = self.lists, self.state, self.lists.known
         self._side = 1 - self._side
         a.rows_are_counted = self.storage.rows_are_counted
-        if a.rows_are_counted:  # in a graph all grains have the same: with others, contacts took over histories of others
-            a.most_allowance = 0.5 * a.skin  # (tests/test_apart.py); why is not known
         same = state.slots == len(state) == known == len(self._classes)  # none has come or gone since they were sorted
         stays = same and a.built and self._builds_in_order < BUILDS_IN_ORDER and self._grids_for == (a.skin, a.most_allowance)
         if sort or not stays or a.rows_are_counted:

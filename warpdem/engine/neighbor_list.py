@@ -92,6 +92,7 @@ class NeighborLists(ContactLists):
         self._last_refresh = self._last_rebuild = 0
         self.device_builds_left = self._device_builds = self._rebuilds_then = 0
         self.pending = 0
+        self._inner_lost = False
 
     def update(self, grown: bool = False, force_rebuild: bool = False) -> None:
         """Make the lists valid for the present positions, without the grains that have left the domain.
@@ -104,6 +105,7 @@ class NeighborLists(ContactLists):
             StabilityError: a state is not finite, a grain is beyond a border that stops the run or crossed a periodic domain.
         """
         pending, self.pending = self.pending, 0
+        inner_lost, self._inner_lost = self._inner_lost, False
         force_rebuild |= grown and (self.build.storage.rows_are_counted or not self.rebuilds)
         changed = grown or force_rebuild or not self.built
         if not changed and not pending:
@@ -112,7 +114,7 @@ class NeighborLists(ContactLists):
         steps = self.clock.step_number - self._last_refresh
         few_left = len(self.state) < KEPT_SHARE * self.state.slots
         # where grains may fly instead, or the arrays are made for others, the inner list has to wait for what is found
-        at_once = pending & BEYOND and not (changed or few_left or steps < INNER_STEPS[0])
+        at_once = pending & BEYOND and not (changed or inner_lost or few_left or steps < INNER_STEPS[0])
         found = self._check(self.next_inner_share if at_once else None)
         if found.inner_built:
             return
@@ -136,7 +138,7 @@ class NeighborLists(ContactLists):
         if not force_rebuild:
             with self._timers.measure("lists"):
                 validity, fast = self._validity(of_grain[: self.known] & DISPLACED)
-                if validity is Validity.VALID and not grown:
+                if validity is Validity.VALID and not (grown or inner_lost):
                     return
                 force_rebuild = validity is Validity.OUTER_OUT_OF_DATE or (grown and not self._insert())
         if not grown and not force_rebuild:
@@ -277,9 +279,6 @@ class NeighborLists(ContactLists):
     def _adapt_allowances(self) -> None:
         """Set the bounds of how far a grain may move while the outer list holds."""
         least, radius = 0.5 * self.skin, self.model.expected.radius
-        if self.rows_are_counted:
-            self.most_allowance = least  # as ``HostBuild``
-            return
         shortest = min((length for length in self.model.features.domain.period if length), default=np.inf)
         mean = float(radius.mean()) if len(radius) else 0.0
         self.most_allowance = max(least, min(least + REACH * mean, 0.225 * shortest))
@@ -292,8 +291,15 @@ class NeighborLists(ContactLists):
         self._last_refresh = step
         self.set_totals(totals)
 
-    def outer_built_on_device(self, times: int) -> None:
-        """The outer list was built."""
+    def outer_built_on_device(self, times: int, inner_lost: bool) -> None:
+        """The outer list was built.
+
+        Args:
+            times: how often.
+            inner_lost: the arrays were too short for the inner list after it. Of the one before only the history is left, so
+                the host builds it whether grains have moved or not.
+        """
+        self._inner_lost = inner_lost
         if times:
             self.flights.clear_paths()
         self.rebuilds += times
