@@ -22,6 +22,7 @@ from warpdem.scene.user_models import using
 PHASES = 32  # times within a step at which a contact may begin
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
 DIFFERENCE = 1.0e-4  # of the overlap: step of the derivatives
+LONGEST = 20.0  # contact times without damping after which an impact counts as one that sticks
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,7 @@ def rebound(
         pulls = hasattr(module, "secant")  # k_n of its own: the force is not k_n d, as where a pull is taken off
         overlap = -speed * dt * (np.arange(PHASES) + 0.5) / PHASES
         rate, before = np.full(PHASES, speed), np.zeros(PHASES)
-        longest = 100.0 * impact(normal, base, mass, radius, speed, own).time
+        longest = LONGEST * impact(normal, base, mass, radius, speed, own).time
         for _ in range(math.ceil(longest / dt)):
             overlap = overlap + dt * rate
             touching = overlap > 0.0

@@ -1,5 +1,6 @@
 """How far a time step makes the restitution of an impact differ from the one asked for."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,18 +27,29 @@ class RestitutionError:
 
 
 def restitution_error(scene: Scene, start: InitialGrains, speed: float, dt: float) -> RestitutionError | None:
-    """The largest error in the mean that the time step ``dt`` [s] makes in an impact at ``speed`` [m/s].
+    """As ``restitution_errors``, of one time step ``dt`` [s]; None where there is no such number."""
+    return next(iter(restitution_errors(scene, start, speed, [dt])), None)
 
-    None where nothing collides, and for a law with a memory or a reach beyond contact: what it gives back is not one number.
+
+def restitution_errors(
+    scene: Scene, start: InitialGrains, speed: float, steps: Sequence[float]
+) -> list[RestitutionError]:  # fmt: skip
+    """The largest error in the mean that each of several time steps [s] makes in an impact at ``speed`` [m/s].
+
+    None of them where nothing collides, and for a law with a memory or a reach beyond contact: what it gives back is not one
+    number.
     """
     law, at = scene.normal_law, coefficient_columns(scene)
     module = model("normal", law)
-    if hasattr(module, "HISTORY") or hasattr(module, "gap") or speed <= 0.0:
-        return None
-    found = []
-    for one in contact_cases(scene, start):
+    cases = [] if hasattr(module, "HISTORY") or hasattr(module, "gap") or speed <= 0.0 else contact_cases(scene, start)
+    largest: list[RestitutionError] = []
+    for one in cases:
         of = (law, one.row[at.stiffness], one.row[at.damping], one.reduced_mass, one.reduced_radius, speed)
-        fine = impact_of(law, at.stiffness, one, speed).time / FINE_STEPS
-        out = rebound(*of, dt, one.own) - rebound(*of, min(fine, dt), one.own).mean()
-        found.append(RestitutionError(one.materials, one.restitution, float(out.mean()), float(out[np.argmax(np.abs(out))])))
-    return max(found, key=lambda error: abs(error.mean), default=None)
+        exact = rebound(*of, impact_of(law, at.stiffness, one, speed).time / FINE_STEPS, one.own).mean()
+        found = []
+        for dt in steps:
+            off = rebound(*of, dt, one.own) - exact
+            worst = float(off[np.argmax(np.abs(off))])
+            found.append(RestitutionError(one.materials, one.restitution, float(off.mean()), worst))
+        largest = [max(pair, key=lambda error: abs(error.mean)) for pair in zip(largest or found, found, strict=True)]
+    return largest

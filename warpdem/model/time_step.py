@@ -35,7 +35,7 @@ from warpdem.model.contact_cases import contact_cases, impact_of, limits_at
 from warpdem.model.expected_load import bed_pressure, fall_speed
 from warpdem.model.impact import damped_time, impact, own_of, pressed
 from warpdem.model.liquid_numbers import thin_gap_limit
-from warpdem.model.restitution_error import restitution_error
+from warpdem.model.restitution_error import restitution_errors
 from warpdem.model.travel import longest_step
 from warpdem.scene.model import Scene
 from warpdem.scene.models import model
@@ -155,11 +155,9 @@ def contact_steps(scene: Scene, start: InitialGrains, speed: float, contact_time
     """Steps in the contact time [s] of the quickest undamped impact, at ``speed`` [m/s], that "auto" takes."""
     if scene.time.accuracy == "impact":
         return IMPACT_STEPS
-    for steps in BULK_STEPS:
-        off = restitution_error(scene, start, speed, contact_time / steps)
-        if off is not None and abs(off.mean) <= RESTITUTION:
-            return steps
-    return BULK_STEPS[-1]
+    errors = restitution_errors(scene, start, speed, [contact_time / steps for steps in BULK_STEPS])
+    allowed = (steps for steps, error in zip(BULK_STEPS, errors, strict=False) if abs(error.mean) <= RESTITUTION)
+    return next(allowed, BULK_STEPS[-1])
 
 
 def field_limit(scene: Scene, start: InitialGrains) -> float:
