@@ -58,8 +58,8 @@ def build(real, law, border, impulses: Columns, *, spins: bool, energy: bool):
         return out
 
     shared = {
-        "Memory": Memory, "Impulses": Impulses, "Losses": Losses, "history_of": history_of, "impulses_of": impulses_of,
-        "joined": joined, "width": remembers + impulses.width, "impulses_at": remembers,
+        "Memory": Memory, "History": History, "Impulses": Impulses, "Losses": Losses, "history_of": history_of,
+        "impulses_of": impulses_of, "joined": joined, "width": remembers + impulses.width, "impulses_at": remembers,
     }  # fmt: skip
     if not energy:
         return KernelSet(**shared, rotated=law.history.rotated)

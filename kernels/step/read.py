@@ -112,11 +112,26 @@ def build(
     read_losses = None
     if pairs.has_parts:
         g, real, at, width = pairs.grain, pairs.real, pairs.memory.impulses_at, pairs.memory.width - pairs.memory.impulses_at
-        Memory, Impulses = pairs.memory.Memory, pairs.memory.Impulses
+        History, Impulses = pairs.memory.History, pairs.memory.Impulses
 
         @wp.func
         def is_contact(p: int, k: int, grains: Grains, contacts: ContactBatches) -> bool:
             return contacts.slot_i[p, k] + 1 < grains.row.shape[0]
+
+        @wp.func
+        def kept_by(p: int, k: int, contacts: ContactBatches) -> Impulses:
+            """Impulses whose work is not known yet."""
+            out = Impulses()
+            for f in range(wp.static(width)):
+                out[f] = contacts.history[p, wp.static(at) + f, k]
+            return out
+
+        @wp.func
+        def is_any(kept: Impulses) -> bool:
+            out = bool(False)
+            for f in range(wp.static(width)):
+                out = out or kept[f] != real(0.0)
+            return out
 
         @kernel
         def settle_losses(
@@ -132,12 +147,11 @@ def build(
             k = t // batches
             if not is_contact(p, k, grains, contacts):
                 return
-            memory = Memory()
-            there = bool(False)
-            for f in range(wp.static(at), wp.static(at + width)):
-                memory[f] = contacts.history[p, f, k]
-                there = there or memory[f] != real(0.0)
-                contacts.history[p, f, k] = real(0.0)
+            kept = kept_by(p, k, contacts)
+            there = is_any(kept)
+            for f in range(wp.static(width)):
+                contacts.history[p, wp.static(at) + f, k] = real(0.0)
+            memory = pairs.memory.joined(History(), kept)
             row = control.row[s]
             if wp.static(turning_frame):
                 memory = pairs.memory.rotated(memory, pairs.cast_rotation(past_turn(row)))
@@ -165,12 +179,8 @@ def build(
             k = t // batches
             if not is_contact(p, k, grains, contacts):
                 return
-            kept = Impulses()
-            there = bool(False)
-            for f in range(wp.static(width)):
-                kept[f] = contacts.history[p, wp.static(at) + f, k]
-                there = there or kept[f] != real(0.0)
-            if not there:
+            kept = kept_by(p, k, contacts)
+            if not is_any(kept):
                 return
             kick = kick_time(control.row[s])
             done = kick - wp.float64(0.5) * model.dt

@@ -13,12 +13,14 @@ from warp._src import build
 NAME = "costs"
 LINES = 40
 LONGEST = (
-    "tests/test_laws_anywhere.py", "tests/test_outlets.py", "tests/test_servo.py", "tests/verification/test_clumps.py",
-    "tests/test_liquid.py", "tests/test_free_walls.py", "tests/kernels/measure/test_wear.py", "tests/test_streams.py",
-    "tests/verification/test_adhesion.py", "tests/scenes/test_gallery.py", "tests/verification/test_mesh_walls.py",
-    "tests/ranks/test_bits.py", "tests/test_resident.py", "tests/kernels/contact/test_sweep.py",
+    "tests/kernels/contact/test_sweep.py", "tests/test_laws_anywhere.py", "tests/ranks/test_bits.py",
+    "tests/test_free_walls.py", "tests/test_budget.py", "tests/verification/test_integrators.py",
+    "tests/verification/test_clumps.py", "tests/test_outlets.py", "tests/test_borders.py", "tests/test_servo.py",
+    "tests/test_free_bodies.py", "tests/test_guards.py", "tests/kernels/wall/test_sweep.py",
+    "tests/verification/test_surface_velocity.py", "tests/verification/test_adhesion.py", "tests/test_streams.py",
 )  # fmt: skip
-"""Files that cost most, by what the option says: workers begin with them, so that none is left alone with one at the end."""
+"""Files that cost most, by what the option said, and that of the ranks, whose processes it does not see: workers begin with
+them, so that none is left alone with one at the end."""
 
 
 class Costs:

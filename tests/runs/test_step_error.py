@@ -48,9 +48,9 @@ def test_of_more_steps_the_finest_that_are_no_chance_tell_the_order():
     exact = [2.0 + 0.3 * (step / steps[0]) ** 2 for step in steps]
     noisy = [value + 2e-3 * (-1) ** k * (k > 2) for k, value in enumerate(exact)]  # differences below 0.017 are chance
     found = step_error(steps, noisy, 6e-3)
-    assert found.known and found.told == 1 and found.order == pytest.approx(2.0) and found.limit == pytest.approx(2.0)
+    assert found.known and found.last_resolved == 1 and found.order == pytest.approx(2.0) and found.limit == pytest.approx(2.0)
     assert found.error(steps[0]) == pytest.approx(0.3)
-    assert step_error(steps, exact, None).told == 4
+    assert step_error(steps, exact, None).last_resolved == 4
 
 
 def test_values_that_do_not_differ_have_no_error():

@@ -1,8 +1,9 @@
 """Where the time of a step goes, on one thread: `python tools/bench/profile_step.py --help`.
 
 Of each case the whole step over windows of many steps, lists included, and within it the lists; then each phase alone, launched
-over and over at one instant: contacts between grains, walls, motion with the sums of the forces on a grain. What is left of the
-whole is the host's, and what phases lose to each other in the caches. Processor time counts, the least of each.
+over and over at one time: contacts between grains, walls, motion with the sums of the forces on a grain. What is left of the
+whole is the host's, and what phases lose to each other in the caches. Wall time counts, the
+least of each, so the machine has to be quiet (`load`).
 """
 
 import json
@@ -30,21 +31,21 @@ Case = Literal["bed", "hourglass"]
 
 
 def least(launch: Callable[[], Any], repeats: int) -> float:
-    """Least processor time of one launch [s]; several in a row where the clock is too coarse for one."""
-    begin = time.process_time()
+    """Least wall time of one launch [s]; several in a row where the clock is too coarse for one."""
+    begin = time.perf_counter()
     launch()
-    many = max(1, round(2e-3 / max(time.process_time() - begin, 1e-6)))
+    many = max(1, round(2e-3 / max(time.perf_counter() - begin, 1e-6)))
     times = []
     for _ in range(repeats):
-        begin = time.process_time()
+        begin = time.perf_counter()
         for _ in range(many):
             launch()
-        times.append((time.process_time() - begin) / many)
+        times.append((time.perf_counter() - begin) / many)
     return min(times)
 
 
 def phases(sim: warpdem.Simulation, repeats: int) -> dict[str, float]:
-    """Least processor time of each phase of the present step [s]; the motion goes on with each launch."""
+    """Least wall time of each phase of the present step [s]; the motion goes on with each launch."""
     engine, loop, lists = sim.engine, sim.kernels.loop, sim.lists
     grains, contacts, walls = engine.structs.arguments()
     (base, _), n = engine.batch.row(), len(sim.state)
@@ -54,7 +55,7 @@ def phases(sim: warpdem.Simulation, repeats: int) -> dict[str, float]:
     calls: dict[str, tuple[wp.Kernel, list[Any]]] = {
         "pairs": (loop.pair_forces, [1, batches, base, 0, *shared, contacts, batch.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, walls, batch.report]),
-        "motion": (loop.move, [1, n, base, 0, *shared, walls, batch.report, lists.max_displacement]),
+        "motion": (loop.move, [1, n, base, 0, *shared, walls, batch.report, lists.share_that_holds]),
     }
     out = {}
     for name, (kernel, inputs) in calls.items():
@@ -64,24 +65,18 @@ def phases(sim: warpdem.Simulation, repeats: int) -> dict[str, float]:
 
 
 def windows(sim: warpdem.Simulation, steps: int, repeats: int) -> tuple[float, float]:
-    """Processor time of a step and, within it, of the lists [s]: of the quickest window."""
-    update, spent = sim.lists.update, [0.0]
-
-    def timed(*given: Any, **named: Any) -> Any:
-        begin = time.process_time()
-        try:
-            return update(*given, **named)
-        finally:
-            spent[0] += time.process_time() - begin
-
+    """Wall time of a step and, within it, of the lists [s]: of the quickest window."""
     found = []
-    sim.lists.update = timed  # type: ignore[method-assign]
     for _ in range(repeats):
-        spent[0], begin = 0.0, time.process_time()
+        before, begin = spent_on_lists(sim), time.perf_counter()
         sim.step(steps)
-        found.append(((time.process_time() - begin) / steps, spent[0] / steps))
-    sim.lists.update = update  # type: ignore[method-assign]
+        found.append(((time.perf_counter() - begin) / steps, (spent_on_lists(sim) - before) / steps))
     return min(found)
+
+
+def spent_on_lists(sim: warpdem.Simulation) -> float:
+    """Wall time so far that the run's own timers give to the lists [s]."""
+    return sum(sim.seconds.get(stage, 0.0) for stage in ("lists", "refresh"))
 
 
 def profile(start: Start, model: Model, settings: Settings) -> dict[str, Any]:
@@ -145,7 +140,7 @@ def main(
                 else:
                     start = given_bed(count, states) if states else bed(count, folder, settings, settle)
                 rows += [profile(start, model, settings) for model in models]
-    title = "processor time on one thread, ns per grain and step, and share of the step"
+    title = "wall time on one thread, ns per grain and step, and share of the step"
     table = Table(box=SIMPLE, title=title, title_justify="left")
     for name in ("state", "model", "step", *PARTS, "listed", "load"):
         table.add_column(name, justify="left" if name in ("state", "model") else "right", no_wrap=True)

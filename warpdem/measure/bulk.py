@@ -24,6 +24,7 @@ import numpy as np
 
 from warpdem.core.snapshot import ContactNetwork
 from warpdem.measure.box_share import BoxShare
+from warpdem.measure.image_share import ImageShare
 from warpdem.measure.mesh_share import MeshShare
 from warpdem.measure.observers import Particles
 from warpdem.measure.round_share import RoundShare
@@ -34,7 +35,7 @@ from warpdem.scene.measures import Region
 
 def share_of(
     region: Region, period: tuple[float, float, float], solid: Bounded | None
-) -> BoxShare | RoundShare | MeshShare | None:
+) -> BoxShare | ImageShare | None:
     """What tells how much of balls and lines is in a region, of a mesh by its ``solid``; None where nothing bounds it."""
     if region.box is not None:
         return BoxShare(region.box.min, region.box.max, period)

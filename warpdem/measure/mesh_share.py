@@ -15,50 +15,34 @@ A triangle that the ball does not reach gives r^3/3 of its solid angle. A line i
 passes through. All sums count how often the surface winds around a point: once in a mesh without bodies that intersect.
 """
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
+from warpdem.measure.image_share import ImageShare
 from warpdem.mesh.solid import MeshSolid
 
 AT_ONCE = 200_000
 """Pairs of a ball or line and a triangle that are looked at together."""
 
 
-class MeshShare:
-    """The inside of a closed mesh that may cross periodic borders.
+class MeshShare(ImageShare):
+    """The inside of a closed mesh.
 
     Args:
         solid: The inside.
         period: Length of the domain along each periodic axis [m], else 0; shape (3,).
-
-    Attributes:
-        volume: Of the inside [m3].
     """
 
     def __init__(self, solid: MeshSolid, period: Sequence[float]) -> None:
-        self._solid, self.volume = solid, solid.volume
-        self._images = np.array(list(itertools.product(*[(0.0, p, -p) if p else (0.0,) for p in period])))
+        super().__init__(solid.bounds, solid.volume, period)
+        self._solid = solid
 
-    def of_balls(self, centre: np.ndarray, radius: np.ndarray) -> float:
-        """Volume [m3] of balls at ``centre`` [m] (n, 3) with ``radius`` [m] (n,) that is inside."""
-        low, high = self._solid.bounds
-        total = 0.0
-        for image in self._images:
-            place, size = centre + image, radius[:, None]
-            near = ((place + size >= low) & (place - size <= high)).all(axis=1)
-            total += float(balls_in_mesh(self._solid, place[near], radius[near]).sum())
-        return total
+    def _balls(self, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        return balls_in_mesh(self._solid, centre, radius)
 
-    def of_lines(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Share [-] of each straight line from ``start`` to ``end`` [m] (n, 3) that is inside, shape (n,)."""
-        share, (low, high) = np.zeros(len(start)), self._solid.bounds
-        least, most = np.minimum(start, end), np.maximum(start, end)
-        for image in self._images:
-            near = ((most + image >= low) & (least + image <= high)).all(axis=1)
-            share[near] += _line_share(self._solid, start[near] + image, (end - start)[near])
-        return share
+    def _lines(self, start: np.ndarray, way: np.ndarray) -> np.ndarray:
+        return _line_share(self._solid, start, way)
 
 
 def balls_in_mesh(solid: MeshSolid, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -6,51 +6,36 @@ which the cylinder's circle holds all, none or a lens. Between the heights at wh
 z = a + (b - a) (3 u^2 - 2 u^3), in which the lens is smooth up to both ends: to 1e-9 of a ball.
 """
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
+from warpdem.measure.image_share import ImageShare
 from warpdem.scene.regions import CylinderRegion, SphereRegion
 
 NODES = 24
 """Of Gauss's rule between two heights: 1e-9 of a ball (16: 3e-7)."""
 
 
-class RoundShare:
-    """A sphere, or a cylinder with ends, that may cross periodic borders.
+class RoundShare(ImageShare):
+    """A sphere, or a cylinder with ends.
 
     Args:
         shape: Sphere, or cylinder with a length.
         period: Length of the domain along each periodic axis [m], else 0; shape (3,).
-
-    Attributes:
-        volume: Of the shape [m3].
     """
 
     def __init__(self, shape: SphereRegion | CylinderRegion, period: Sequence[float]) -> None:
-        self._shape, self.volume = shape, shape.volume
-        self._images = np.array(list(itertools.product(*[(0.0, p, -p) if p else (0.0,) for p in period])))
+        super().__init__(shape.bounds, shape.volume, period)
+        self._shape = shape
 
-    def of_balls(self, centre: np.ndarray, radius: np.ndarray) -> float:
-        """Volume [m3] of balls at ``centre`` [m] (n, 3) with ``radius`` [m] (n,) that is inside."""
-        low, high = self._shape.bounds
-        inside = balls_in_sphere if isinstance(self._shape, SphereRegion) else balls_in_cylinder
-        total = 0.0
-        for image in self._images:
-            place, size = centre + image, radius[:, None]
-            near = ((place + size >= low) & (place - size <= high)).all(axis=1)
-            total += float(inside(self._shape, place[near], radius[near]).sum())  # type: ignore[arg-type]  # each function takes its own shape
-        return total
+    def _balls(self, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        if isinstance(self._shape, SphereRegion):
+            return balls_in_sphere(self._shape, centre, radius)
+        return balls_in_cylinder(self._shape, centre, radius)
 
-    def of_lines(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Share [-] of each straight line from ``start`` to ``end`` [m] (n, 3) that is inside, shape (n,)."""
-        share, (low, high) = np.zeros(len(start)), self._shape.bounds
-        least, most = np.minimum(start, end), np.maximum(start, end)
-        for image in self._images:
-            near = ((most + image >= low) & (least + image <= high)).all(axis=1)
-            share[near] += _line_share(self._shape, start[near] + image, (end - start)[near])
-        return share
+    def _lines(self, start: np.ndarray, way: np.ndarray) -> np.ndarray:
+        return _line_share(self._shape, start, way)
 
 
 def _line_share(shape: SphereRegion | CylinderRegion, start: np.ndarray, way: np.ndarray) -> np.ndarray:

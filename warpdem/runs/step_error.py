@@ -43,8 +43,8 @@ class StepError:
     """Whether the order comes from the differences."""
     chance: bool
     """Whether the differences are no larger than those of twins."""
-    told: int
-    """Number, from 0, of the last difference that tells of the error: later ones are chance."""
+    last_resolved: int
+    """Number, from 0, of the last difference above the scatter of twins: later ones are chance."""
     limit: float
     """Value without error of the step, Q0; the mean of all where the differences are chance."""
 
@@ -54,7 +54,7 @@ class StepError:
             return CHANCE * math.sqrt(2.0) * (self.scatter or 0.0)
         factor = 2.0**self.order / (2.0**self.order - 1.0)
         sizes = [abs(a - b) * 2.0 ** (self.order * k) for k, (a, b) in enumerate(pairwise(self.values))]
-        largest = max(sizes[: self.told + 1])
+        largest = max(sizes[: self.last_resolved + 1])
         return float(largest * factor * (step / self.steps[0]) ** self.order)
 
 
