@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 import warp as wp
+import warpdem
 from warpdem.kernels import grain
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.step import border, clumps, orientation
 from warpdem.kernels.step.free_rotation import free_rotation, rotation_vector
 from warpdem.kernels.step.schedule import Row
+from warpdem.model.choose_features import choose_features
 
 from lane_probes import assert_same_bits
+from switches import switched
 
 N, LANES = 512, 8
 Record = grain.build(True).Record
@@ -59,3 +62,45 @@ def test_the_step_of_a_clump_in_lanes_has_its_bits(turning):
     axes = wp.mat33d, body[:, clumps.BODY.of("axes")]
     load = {"total": of["drive"], "axes": axes, "arm": (wp.vec3d, arm), "one": of["drive"]}
     assert_same_bits(clumps.with_member, load, (clumps.vec6,), LANES)
+
+
+def bed(field: bool):
+    """34 clumps of two, three and five members, which is no multiple of the lanes, and spheres, thrown onto a floor."""
+    rng = np.random.default_rng(7)
+    rod = [{"centre": [0, 0, z], "radius": 1e-3} for z in (-2e-3, -1e-3, 0.0, 1e-3, 2e-3)]
+    grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[rng.permutation(64)] * 6.2e-3
+    groups, at = [], 0
+    for clump, count in (("pair", 13), ("triple", 10), ("rod", 11), (None, 9)):
+        places, at = grid[at : at + count], at + count
+        velocities = rng.normal(0.0, 0.8, (count, 3)) - np.array([0.0, 0.0, 1.0])
+        group = {"material": "stone", "positions": places.tolist(), "velocities": velocities.tolist()}
+        groups.append(group | ({"clump": clump} if clump else {"radius": 1.2e-3}))
+    return warpdem.Scene.model_validate({
+        "materials": {"stone": {"density": 2500.0, "young_modulus": 5e7, "poisson_ratio": 0.3}},
+        "pairs": [{"materials": ["stone", "stone"], "restitution": 0.7, "friction": 0.4}],
+        "clumps": {"pair": {"spheres": rod[1:3]}, "triple": {"spheres": rod[:3]}, "rod": {"spheres": rod}},
+        "walls": [{"name": "floor", "material": "stone", "plane": {"point": [0, 0, -4e-3], "normal": [0, 0, 1]}}],
+        "borders": {axis: {"kind": "periodic", "min": -3.1e-3, "max": 21.7e-3} for axis in "xy"}, "grains": groups,
+        "gravity": [0, 0, -200.0],
+        "time": {"end": 1.0, "step": "2 us"}, "engine": {"max_overlap": 0.4},
+        "fields": [{"model": "drag", "parameters": {"coefficient": 1e-6}}] if field else [],
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("width", "field"), [(8, False), (4, True)])
+def test_lanes_change_no_bit_of_a_run(width, field, monkeypatch):
+    """With a field, what drives a clump is found before it comes into a lane."""
+    hashes, touched = set(), 0
+    for lanes in (1, width):
+        monkeypatch.setattr(
+            "warpdem.model.prepare.choose_features", lambda *a, **k: switched(choose_features(*a, **k), backend={"lanes": lanes})
+        )
+        sim = warpdem.Simulation(bed(field), device="cpu", threads=1)
+        monkeypatch.undo()
+        assert sim.plan.backend.lanes == lanes
+        for _ in range(8):
+            sim.step(1000)
+            touched += len(sim.contacts().i)
+        hashes.add(sim.state_hash())
+    assert len(hashes) == 1
+    assert touched > 10
