@@ -161,7 +161,7 @@ def test_a_tilted_dumbbell_leaves_the_plane_as_integrated_finely(restitution, ve
     """Touching spheres at 45 degrees, E* that of 50 MPa on a rigid plane, to 1e-6.
 
     A dashpot of Tsuji acts as the root of the root of the overlap, so it begins at once, wherever in a step the impact does:
-    8e-5 at 400 steps, 5e-6 at 1600, 1e-6 at 6400. Spheres do the same.
+    8e-5 at 400 steps, 5e-6 at 1600, 1e-6 at 6400.
     """
     found = impact(2e-3, 45.0, restitution, 1e8, steps=steps)
     assert found[0] == pytest.approx(velocity, abs=1e-6 * 0.5)

@@ -14,10 +14,9 @@ from warpdem.kernels.step import border
 from warpdem.kernels.tangential import mindlin, mindlin_displacement
 
 from lane_probes import assert_same_bits
-from switches import switched
+from switches import in_lanes
 from warpdem import Scene, Simulation
 from warpdem.model import compiled, lanes
-from warpdem.model.choose_features import choose_features
 from warpdem.scene.file import scene_from_dict
 
 REALS = {"double": wp.float64, "single": wp.float32}
@@ -181,13 +180,7 @@ def folder(tmp_path):
 
 
 def run(of, monkeypatch, lanes: int, threads: int = 1) -> Simulation:
-    chosen = choose_features
-    monkeypatch.setattr(
-        "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
-    )
-    sim = Simulation(of, device="cpu", threads=threads)
-    monkeypatch.undo()
-    assert sim.plan.backend.lanes == lanes
+    sim = in_lanes(of, lanes, monkeypatch, threads)
     sim.step(500)
     return sim
 
@@ -216,7 +209,7 @@ def test_width_and_threads_change_no_bit(feature, folder, monkeypatch):
 
 def test_what_the_translator_has_not_foreseen_goes_one_by_one_and_is_said(folder, monkeypatch):
     of = scene(folder, **FEATURES["user's law"])
-    in_lanes = run(of, monkeypatch, 8, 1)
+    swept = run(of, monkeypatch, 8, 1)
 
     def stumbles(*_):
         raise KeyError("an unknown word")
@@ -225,7 +218,7 @@ def test_what_the_translator_has_not_foreseen_goes_one_by_one_and_is_said(folder
     alone = Simulation(of, device="cpu", threads=1)
     alone.step(500)
     assert any("the translation to registers fails: KeyError: 'an unknown word'" in line for line in alone.plan.explain())
-    assert alone.state_hash() == in_lanes.state_hash()
+    assert alone.state_hash() == swept.state_hash()
 
 
 def test_a_law_that_cannot_be_in_lanes_is_evaluated_by_itself_and_the_reason_is_told(folder, monkeypatch):
@@ -258,11 +251,7 @@ def test_a_state_that_is_no_number_is_not_passed_over(lanes, monkeypatch):
         "grains": [{"material": "g", "radius": 1e-3, "positions": [[0, 0, 0], [0.001999, 0, 0]]}],
         "time": {"end": 1.0, "step": "2 us", "max_speed": 1.0},
     })  # fmt: skip
-    chosen = choose_features
-    monkeypatch.setattr(
-        "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
-    )
-    sim = Simulation(of, device="cpu", threads=1)
+    sim = in_lanes(of, lanes, monkeypatch)
     sim.prepare()
     assert np.isfinite(sim.lists.row.numpy()[:2]).all()
     record = sim.state.record.numpy().copy()

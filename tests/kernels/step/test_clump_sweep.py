@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 import warp as wp
-import warpdem
 from warpdem.kernels import grain
 from warpdem.kernels.integrator import exact_drift
 from warpdem.kernels.step import border, clumps, orientation
 from warpdem.kernels.step.free_rotation import free_rotation, rotation_vector
 from warpdem.kernels.step.schedule import Row
-from warpdem.model.choose_features import choose_features
 
+import warpdem
 from lane_probes import assert_same_bits
-from switches import switched
+from switches import in_lanes
 
 N, LANES = 512, 8
 Record = grain.build(True).Record
@@ -92,12 +91,7 @@ def test_lanes_change_no_bit_of_a_run(width, field, monkeypatch):
     """With a field, what drives a clump is found before it comes into a lane."""
     hashes, touched = set(), 0
     for lanes in (1, width):
-        monkeypatch.setattr(
-            "warpdem.model.prepare.choose_features", lambda *a, **k: switched(choose_features(*a, **k), backend={"lanes": lanes})
-        )
-        sim = warpdem.Simulation(bed(field), device="cpu", threads=1)
-        monkeypatch.undo()
-        assert sim.plan.backend.lanes == lanes
+        sim = in_lanes(bed(field), lanes, monkeypatch)
         for _ in range(8):
             sim.step(1000)
             touched += len(sim.contacts().i)
