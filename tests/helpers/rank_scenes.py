@@ -167,7 +167,7 @@ def phased() -> Scene:
 
 
 def clumped() -> Scene:
-    """Clumps of two and four members and spheres, poured between periodic and open borders onto a sloping floor; both budgets."""
+    """Clumps and spheres, poured between periodic and open borders onto a sloping floor, and out of a hole; both budgets."""
     rod = [{"centre": [0, 0, 0.9e-3 * k], "radius": 0.8 * RADIUS} for k in range(4)]
     rng = np.random.default_rng(9)
     groups = []
@@ -182,11 +182,13 @@ def clumped() -> Scene:
               "velocity": [0.3, 0, -1], "count_rate": 1e4, "seed": 3}  # fmt: skip
     border = {"min": -8e-3, "max": 8e-3, "kind": "periodic"}
     walls = [{"name": "floor", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0.1, 1]}}]
-    pairs = [{"materials": list(pair), "restitution": 0.6, "friction": 0.5} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
-    return scene("clumped", pairs=pairs, contact={"normal": "hertz"}, clumps={"pair": {"spheres": rod[:2]}, "rod": {"spheres": rod}}, grains=groups, streams=[stream],
-                 walls=walls, borders={"x": border, "y": border | {"kind": "open"}}, measures={"energy": True, "momentum": True},
+    numbers = {"restitution": 0.6, "friction": 0.5}
+    pairs = [{"materials": list(pair), **numbers} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
+    return scene("clumped", pairs=pairs, contact={"normal": "hertz"}, grains=groups, streams=[stream], walls=walls,
+                 clumps={"pair": {"spheres": rod[:2]}, "rod": {"spheres": rod}}, measures={"energy": True, "momentum": True},
+                 borders={"x": border, "y": border | {"kind": "open"}}, gravity=[60, 0, -300],
                  outlets=[{"name": "hole", "box": {"min": [2e-3, -1, -1], "max": [6e-3, 1, 1.2e-3]}}],
-                 time={"end": 4e-3, "step": 1e-5, "max_speed": 2}, gravity=[60, 0, -300],
+                 time={"end": 4e-3, "step": 1e-5, "max_speed": 2},
                  engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5})  # fmt: skip
 
 
