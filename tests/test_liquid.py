@@ -129,7 +129,7 @@ def gas(**changes) -> Scene:
 def ruptures(sim: Simulation) -> int:
     """Bridges between grains that broke in the last step: each gives a gift to two grains."""
     listed = sim.lists.view()
-    slot, row = listed.slot_i.numpy().ravel(), listed.row.numpy()
+    slot, row = listed.slot_i.numpy().ravel(), listed.slot_force.numpy()
     return int(np.count_nonzero(row[slot[slot < len(row) - 1], -1]))
 
 

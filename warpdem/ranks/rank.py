@@ -216,7 +216,7 @@ class Rank:
         if not (state.slots and lists.built):
             return np.ones(self._kept())
         slots = state.rank[state.rank < state.owned]
-        listed: np.ndarray = np.diff(lists.row_start.numpy())[slots]
+        listed: np.ndarray = np.diff(lists.slot_start.numpy())[slots]
         return 1.0 + listed
 
     def _shift_cuts(self, position: np.ndarray, load: np.ndarray) -> None:
