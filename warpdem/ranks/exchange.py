@@ -1,4 +1,4 @@
-"""The state of the ghosts, from their owners, after every stage of every step; what all ranks agree on; loads on walls.
+"""What changes of the ghosts, from their owners, after every stage of every step; what all ranks agree on; loads on walls.
 
 Called by the kernel of the step (``kernels.step.exchange``) on one thread. Ghosts are received where they stand in memory.
 """
@@ -15,7 +15,7 @@ from warpdem.kernels.step.exchange import WALL_LOADS
 from warpdem.ranks.world import World
 
 TAG = 19
-"""Of the messages."""
+"""Of the messages with the first of the arrays; the next one has the next number."""
 
 
 class Exchange:
@@ -40,8 +40,7 @@ class Exchange:
 
         self._mpi, self._world, self._last = MPI, world, stages - 1
         self._requests: list[Any] = []
-        self._sends: list[tuple[np.ndarray, np.ndarray]] = []
-        self._record = np.zeros((0, 1))
+        self._sends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._mine, self._all = np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int32)
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32)(self.call)
         self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
@@ -49,32 +48,35 @@ class Exchange:
         self.loads: np.ndarray | None = None
         self.calls, self.seconds, self.bytes, self.bytes_per_call = 0, 0.0, 0, 0
 
-    def connect(self, record: np.ndarray, owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]) -> None:
+    def connect(
+        self, changing: list[np.ndarray], owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]
+    ) -> None:
         """Exchange the state of other ghosts from now on.
 
         Args:
-            record: memory of the state, shape (slots, numbers).
+            changing: memory of what changes at every step, each of shape (slots, numbers).
             owned: slots of own grains; ghosts stand behind them.
             sends: by rank, the slots of the grains that it sees.
             receives: by rank, how many ghosts come from it, in the order in which they stand.
         """
         self.disconnect()
-        comm, at = self._world.comm, owned
-        self._record = record
-        for rank, count in receives.items():
-            self._requests.append(comm.Recv_init([record[at : at + count], self._mpi.DOUBLE], source=rank, tag=TAG))
-            at += count
-        for rank, slots in sends.items():
-            buffer = np.empty((len(slots), record.shape[1]))
-            self._sends.append((slots, buffer))
-            self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=TAG))
-        self.bytes_per_call = sum(buffer.nbytes for _, buffer in self._sends)
+        comm = self._world.comm
+        for tag, values in enumerate(changing, TAG):
+            at = owned
+            for rank, count in receives.items():
+                self._requests.append(comm.Recv_init([values[at : at + count], self._mpi.DOUBLE], source=rank, tag=tag))
+                at += count
+            for rank, slots in sends.items():
+                buffer = np.empty((len(slots), values.shape[1]))
+                self._sends.append((values, slots, buffer))
+                self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=tag))
+        self.bytes_per_call = sum(buffer.nbytes for _, _, buffer in self._sends)
 
     def disconnect(self) -> None:
         """Let go of the memory that was exchanged."""
         for request in self._requests:
             request.Free()
-        self._requests, self._sends, self._record = [], [], np.zeros((0, 1))
+        self._requests, self._sends = [], []
 
     def call(self, step: int, stage: int, found: int) -> int:
         """As ``kernels.step.exchange.exchange``; an error, which a kernel cannot raise, ends all ranks."""
@@ -84,8 +86,8 @@ class Exchange:
                 self._add_loads()
                 self.seconds += time.perf_counter() - began
                 return found
-            for slots, buffer in self._sends:
-                np.take(self._record, slots, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
+            for values, slots, buffer in self._sends:
+                np.take(values, slots, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
             if self._requests:
                 self._mpi.Prequest.Startall(self._requests)
                 self._mpi.Request.Waitall(self._requests)

@@ -24,7 +24,5 @@ def refuse(scene: Scene, device: str | None) -> None:
 
 
 def _missing(scene: Scene) -> Iterator[str]:
-    if scene.clumps:
-        yield "clumps"
     if scene.contact.liquid != "none":
         yield "liquid bridges"
