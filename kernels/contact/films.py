@@ -189,5 +189,5 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
 
     return KernelSet(
         exchange=exchange, asks=asks, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed,
-        width=width, tension=tension, wetting=wetting,
+        width=width, tension=tension, wetting=wetting, wish=wish,
     )  # fmt: skip

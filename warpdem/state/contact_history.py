@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.blocks import Rows, each_block
@@ -155,9 +156,25 @@ def restore(lists: "NeighborLists", data: dict[str, Any], since: int = 0) -> Non
     if len(lists.state) == 0:
         return
     lists.force_parity = (lists.clock.step_number - since) & 1
-    remember(lists, data)
+    broken = _just_broken(data)
+    if broken.any():  # lists hold them for a force call more: as if there were still something in them
+        held = f"pair_own_{COUNT}"
+        remember(lists, data | {held: np.where(broken, 1.0, data[held])})
+    else:
+        remember(lists, data)
     lists.make()
     _put_forces(lists, data)
+    if broken.any():
+        lane, there = _found(lists.view(), data)
+        emptied, lanes = lane[broken[there]], lists.model.features.backend.lanes
+        with changed(lists.history) as history:
+            history[emptied // lanes, lists.model.features.contact.history.of(COUNT), emptied % lanes] = 0.0
+
+
+def _just_broken(data: dict[str, Any]) -> np.ndarray:
+    """Whether each contact is a bridge that broke in the last force call: its force and gifts are still due, shape (pairs,)."""
+    held = data.get(f"pair_own_{COUNT}", np.zeros(0))
+    return (held == 0.0) & (data["pair_share_i"] != 0.0).any(axis=1) if len(held) else np.zeros(len(held), dtype=bool)
 
 
 def _put_wall_contacts(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
