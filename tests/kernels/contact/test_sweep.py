@@ -172,6 +172,13 @@ FEATURES = {
 }
 
 
+TOGETHER = {
+    "all of it", "energy, frictionless", "table", "borders", "mixed, turning, energy", "stages", "jkr, table, energy",
+    "user's law",
+}  # fmt: skip
+"""Those that between them have all that a sweep is built with; each other one, with --slow, has a part of it alone."""
+
+
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "bridge.py").write_text(BRIDGE)
@@ -196,7 +203,9 @@ def assert_lanes_change_no_bit(of, monkeypatch, *ways: tuple[int, int]) -> None:
             np.testing.assert_array_equal(sim.state.energies.numpy(), alone.state.energies.numpy())
 
 
-@pytest.mark.parametrize("feature", FEATURES)
+@pytest.mark.parametrize(
+    "feature", [pytest.param(name, marks=() if name in TOGETHER else pytest.mark.slow) for name in FEATURES]
+)
 def test_lanes_change_no_bit(feature, folder, monkeypatch):
     assert_lanes_change_no_bit(scene(folder, **FEATURES[feature]), monkeypatch, (8, 1))
 
