@@ -36,8 +36,8 @@ TESTED_ELSEWHERE = {"hertz", "hooke", "jkr_fixed_load"}
 MIXED = {"hertz_clamped", "jkr", "hertz + bridge"}
 """Laws that are run in mixed precision; the others with --slow, as their own tests hold their formulas in both precisions."""
 STEPS = 500
-CLOSES = 1e-3
-"""Integration error over what is lost [-] at this step, some 30 per contact."""
+CLOSES = {"hertz + bridge": 1e-3}
+"""Integration error over what is lost [-] by law, at this step, some 30 per contact; 2e-3 where nothing is said."""
 FALLING = LAWS | {
     "hertz": {}, "jkr_fixed_load": LAWS["jkr"],
     "hertz + bridge_rabinovich": LAWS["hertz + bridge"],
@@ -173,7 +173,7 @@ def test_energy_closes_in_the_budget(law):
     budget = sim.budget.energy()
     lost = sum(value for name, value in budget.items() if name.startswith("dissipated"))
     assert lost > 1e-6
-    assert abs(budget["integration_error"]) < CLOSES * lost
+    assert abs(budget["integration_error"]) < CLOSES.get(law, 2e-3) * lost
 
 
 def falling(law: str, step: float | str) -> tuple[float, Simulation]:

@@ -18,7 +18,7 @@ STIFFNESS = {hertz: 1e7, hooke: 1e3}
 
 @functools.cache
 def kernel(normal, tangential, rolling, twisting):
-    """Kernel that takes contacts, one per thread, through two steps; the work of the springs' force and the losses of the second."""
+    """Kernel that takes one contact per thread through two steps; work of the springs' force, and losses, of the second."""
     real, vec3 = wp.float64, wp.vec3d
     joined = law.build(real, normal, tangential, rolling, False, twisting=twisting)
     parts, stored = dissipation.build(real, normal, tangential, rolling, False, twisting=twisting)
