@@ -33,6 +33,17 @@ def test_simulation_and_results_show_the_same_picture(tmp_path):
     assert warpdem.picture(sim, size=(256, 192), colour="id", zoom=0.5).png != shown.png
 
 
+def test_a_simulation_shows_its_contacts_though_its_scene_does_not_write_them():
+    near = {"material": "g", "positions": [[0, 0, 0], [7.9e-3, 0, 0]], "radius": 4e-3}
+    sim = warpdem.Simulation(warpdem.Scene.model_validate({**SCENE, "grains": [near]}), device="cpu", threads=1)
+    sim.step(1)
+    red = []
+    for chains in (False, True):
+        image = imageio.imread(BytesIO(warpdem.picture(sim, size=(256, 192), colour="type", chains=chains).png)).astype(int)
+        red.append((image[:130, :192, 0] - image[:130, :192, 2] > 90).any())  # above the axes
+    assert red == [False, True]
+
+
 def test_what_is_not_there_is_not_there():
     with pytest.raises(AttributeError, match="no attribute 'pictur'"):
         warpdem.pictur  # noqa: B018

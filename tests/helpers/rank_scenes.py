@@ -166,4 +166,44 @@ def phased() -> Scene:
     return poured(title="phased", phases=[first, second])
 
 
-SCENES = {one.__name__: one for one in (stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased)}
+def clumped() -> Scene:
+    """Clumps and spheres, poured between periodic and open borders onto a sloping floor, and out of a hole; both budgets."""
+    rod = [{"centre": [0, 0, 0.9e-3 * k], "radius": 0.8 * RADIUS} for k in range(4)]
+    rng = np.random.default_rng(9)
+    groups = []
+    for clump, shape, apart, low in (
+        ("pair", (4, 4, 2), 3.8e-3, (-6e-3, -6e-3, 2e-3)), ("rod", (3, 3, 2), 5e-3, (-5e-3, -5e-3, 10e-3)),
+        (None, (5, 5, 1), 3e-3, (-6e-3, -6e-3, 18.5e-3)),
+    ):  # fmt: skip
+        cells = {name: values for name, values in lattice(shape, apart, low, 10).items() if name not in ("ids", "radii")}
+        turns = {"clump": clump, "orientations": rng.normal(size=(len(cells["spins"]), 4))} if clump else {"radius": RADIUS}
+        groups.append({"material": "a" if clump else "b", **cells, **turns})
+    stream = {"material": "a", "clump": "pair", "box": {"min": [-5e-3, -5e-3, 20e-3], "max": [5e-3, 5e-3, 24e-3]},
+              "velocity": [0.3, 0, -1], "count_rate": 1e4, "seed": 3}  # fmt: skip
+    border = {"min": -8e-3, "max": 8e-3, "kind": "periodic"}
+    walls = [{"name": "floor", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0.1, 1]}}]
+    numbers = {"restitution": 0.6, "friction": 0.5}
+    pairs = [{"materials": list(pair), **numbers} for pair in (("a", "a"), ("a", "b"), ("b", "b"))]
+    return scene("clumped", pairs=pairs, contact={"normal": "hertz"}, grains=groups, streams=[stream], walls=walls,
+                 clumps={"pair": {"spheres": rod[:2]}, "rod": {"spheres": rod}}, measures={"energy": True, "momentum": True},
+                 borders={"x": border, "y": border | {"kind": "open"}}, gravity=[60, 0, -300],
+                 outlets=[{"name": "hole", "box": {"min": [2e-3, -1, -1], "max": [6e-3, 1, 1.2e-3]}}],
+                 time={"end": 4e-3, "step": 1e-5, "max_speed": 2},
+                 engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5})  # fmt: skip
+
+
+def soaked() -> Scene:
+    """Wet grains that rain on a wet floor, in bridges with each other, and leave by a hole and an open border."""
+    numbers = {**NUMBERS, "surface_tension": 0.02, "contact_angle": "20 deg", "viscosity": "5 mPa s", "roughness": "2 um"}
+    heap = lattice((6, 6, 2), 2.1e-3, (-5.2e-3, -5.2e-3, 1e-3), 4)
+    walls = [{"name": "floor", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "liquid_film": "20 um"}]
+    stream = {"material": "b", "box": {"min": [-4e-3, -4e-3, 8e-3], "max": [4e-3, 4e-3, 14e-3]}, "velocity": [0.3, 0, -1],
+              "diameter": {"uniform": ["1 mm", "1.5 mm"]}, "count_rate": 2e4, "seed": 3, "liquid_content": 0.02}  # fmt: skip
+    return poured(title="soaked", walls=walls, streams=[stream], measures={"energy": True, "residence": [{"name": "all"}]},
+                  grains=[{"material": "a", "liquid_content": 0.03, **heap}], gravity=[60, 0, -120],
+                  pairs=[{"materials": list(pair), **numbers} for pair in (("a", "a"), ("a", "b"), ("b", "b"))],
+                  contact={"normal": "hertz", "rolling": "constant", "liquid": "bridge_rabinovich"})  # fmt: skip
+
+
+ALL = stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped, soaked
+SCENES = {one.__name__: one for one in ALL}

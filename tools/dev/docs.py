@@ -30,6 +30,7 @@ PAGES = {
     "README.md": "Overview",
     "scenes/TUTORIAL.md": "From an STL file to a report",
     "scenes/README.md": "Scenes",
+    "scenes/KEYS.md": "Every key of a scene",
     "scenes/COMING_FROM.md": "Coming from LIGGGHTS, LAMMPS, YADE, EDEM",
     "kernels/README.md": "Kernels",
     "kernels/API.md": "Kernels in a program of your own",

@@ -1,10 +1,12 @@
 """Pictures that a notebook shows by itself."""
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from warpdem.drawing.rendering import render
+from warpdem.measure.contact_network import read_network
 from warpdem.output.write_vtk import VtkWriter
 from warpdem.simulation import Simulation
 
@@ -40,7 +42,12 @@ def picture(source: Simulation | Path | str, *, time: float | None = None, **sty
         if isinstance(source, Simulation):
             folder = Path(made)
             snapshot = source.snapshot()
-            VtkWriter(folder, source.wall_meshes(), clumps=snapshot.clumps is not None).write(snapshot)
+            if style.get("chains") and snapshot.contacts is None:
+                snapshot = replace(snapshot, contacts=read_network(source.view))
+            writer = VtkWriter(
+                folder, source.wall_meshes(), contacts=snapshot.contacts is not None, clumps=snapshot.clumps is not None
+            )
+            writer.write(snapshot)
         else:
             folder = Path(source)
         return Picture(render(folder, Path(made) / "picture.png", time=time, **style).read_bytes())

@@ -9,13 +9,13 @@ from matplotlib.colors import Normalize
 
 from warpdem.core.pose import FramePose
 from warpdem.errors import WarpdemError
-from warpdem.output.result_arrays import GRAIN_ARRAYS, TRIANGLE_ARRAYS, WEAR_ARRAYS
+from warpdem.output.result_arrays import CONTACT_ARRAYS, GRAIN_ARRAYS, TRIANGLE_ARRAYS, WEAR_ARRAYS
 
 CATEGORIES = "#4477aa #ee6677 #228833 #ccbb44 #66ccee #aa3377 #ee8866 #44bb99 #bbcc33 #999999".split()
 """Colours of categories, which have no order (Tol, colour schemes, 2021: distinct for the colour-blind too)."""
 _SHORT = {"speed": "v", "spin": "omega", "force": "f", "size": "radius", "speed_lab": "v"}
 """Short names of fields, and the array that holds each."""
-_ARRAYS = {array.name: array for array in (*GRAIN_ARRAYS, *TRIANGLE_ARRAYS, *WEAR_ARRAYS)}
+_ARRAYS = {array.name: array for array in (*CONTACT_ARRAYS, *GRAIN_ARRAYS, *TRIANGLE_ARRAYS, *WEAR_ARRAYS)}
 _RELATIVE = ("v", "omega")
 """Arrays that are relative to the frame."""
 _CATEGORICAL = ("type", "group", "clump")

@@ -13,12 +13,15 @@ from warpdem.core.pose import FramePose, RotationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.drawing.bodies import bodies_of, body_axes, spots
 from warpdem.drawing.camera import camera_of, upright, view_axes
+from warpdem.drawing.chains import ChainRenderer, Chains, chains_of
 from warpdem.drawing.colours import Field, Scale, field_of
 from warpdem.drawing.cuts import parsed_cut
 from warpdem.drawing.framing import Box, Framing
 from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
+from warpdem.drawing.ruler import ruler_of
 from warpdem.drawing.style import PictureStyle
 from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
+from warpdem.drawing.wall_nodes import at_nodes, nodes_of
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
 from warpdem.output.read_frames import AnyResults
@@ -42,6 +45,22 @@ class _Scenery:
     centre: np.ndarray
     """Centre of the body of each grain, its clump or itself, in frame axes [m], shape (n, 3)."""
     wall_fields: dict[str, dict[str, np.ndarray]]
+    contacts: dict[str, np.ndarray]
+    """Arrays of the contact network and its ``points``; empty unless force chains are drawn."""
+
+
+@dataclass(frozen=True)
+class _WallValues:
+    """Values that colour a wall."""
+
+    values: np.ndarray
+    """Of the vertices or of the triangles, shape (v,) or (t,)."""
+    vertices: np.ndarray
+    """Corners in frame axes [m], shape (v, 3)."""
+    triangles: np.ndarray
+    """Corner numbers of each triangle, shape (t, 3)."""
+    at_vertices: bool
+    """Whether the values are those of the vertices."""
 
 
 class FrameDrawer:
@@ -58,6 +77,7 @@ class FrameDrawer:
             style.colour_range,
         )
         self._on_walls = self._wall_scale(first, folder)
+        self._on_chains = Scale(Field("normal_force", "normal_force", ""), "YlOrRd", None) if style.chains else None
         start = runs[0].frame(0).frame.rotation if style.view == "frame" else np.eye(3)
         gravity = first.snapshot.gravity
         # in rotating axes a single picture is one of the film: upwards is as in the first frame of the results
@@ -76,35 +96,45 @@ class FrameDrawer:
         if opacity is None:
             opacity = _WALL_OPACITY if self._on_walls is None else _COLOURED_WALL_OPACITY
         self._camera = camera
+        self._ruler = ruler_of(camera, pane, height) if style.ruler else None
         self._legend = Legend(style.size, self._bars(), len(runs), style.background)
         self._names = _distinct_names([run.folder for run in runs])
         self._clock = _clock(runs[0].times)
         self._renderers: list[VtkRenderer] = []
         for left, right in self._spans:
             self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity))
+        self._chain_renderers: list[ChainRenderer] = []
+        for left, right in self._spans * style.chains:
+            self._chain_renderers.append(ChainRenderer((right - left, height), camera, style.background))
 
     def draw(self, time: float) -> np.ndarray:
         """Pixels of the picture of a time [s], shape (height, width, 3), uint8."""
         width, height = self._style.size
         image = np.empty((height, width, 3), dtype=np.uint8)
-        image[:] = np.round(255.0 * np.array(to_rgb(self._style.background)))
+        background = np.round(255.0 * np.array(to_rgb(self._style.background)))
+        image[:] = background
         panes = []
-        for run, renderer, (left, right), name in zip(
-            self._runs, self._renderers, self._spans, self._names, strict=True
+        for k, (run, renderer, (left, right), name) in enumerate(
+            zip(self._runs, self._renderers, self._spans, self._names, strict=True)
         ):
             scenery = self._scenery(run, time)
-            image[:, left:right] = renderer.draw(self._balls(scenery), self._surfaces(scenery))
+            drawn = renderer.draw(self._balls(scenery), self._surfaces(scenery))
+            if self._chain_renderers:
+                drawn = self._chain_renderers[k].draw_over(drawn, background, self._chains(scenery))
+            image[:, left:right] = drawn
             snapshot = scenery.snapshot
             axes = "laboratory axes" if self._style.view == "laboratory" else "frame axes"
             lines = f"{axes}{_rotation_line(snapshot.frame)}" if snapshot.frame.parts else ""
             title = heading(name, self._clock(scenery.time), right - left, height)
-            panes.append(Pane(title, lines, self._camera.axes))
+            panes.append(Pane(title, lines, self._camera.axes, self._ruler))
         return self._legend.draw(image, panes)
 
     def close(self) -> None:
         """Free the memory of the renderers."""
         for renderer in self._renderers:
             renderer.close()
+        for chains in self._chain_renderers:
+            chains.close()
 
     def _scenery(self, run: AnyResults, time: float) -> _Scenery:
         k = int(np.argmin(np.abs(run.times - time)))
@@ -116,7 +146,16 @@ class FrameDrawer:
         walls = [wall for wall in there if wall.name not in self._style.hide]
         on_walls = {wall.name: run.fields(k, wall.name) for wall in walls} if self._style.wall_colour else {}
         bodies = bodies_of(snapshot.position, run.fields(k), run.clumps(k))
-        return _Scenery(float(run.times[k]), snapshot, walls, bodies.fields, bodies.centre, on_walls)
+        return _Scenery(float(run.times[k]), snapshot, walls, bodies.fields, bodies.centre, on_walls, self._network(run, k))
+
+    def _network(self, run: AnyResults, k: int) -> dict[str, np.ndarray]:
+        if not self._style.chains:
+            return {}
+        if not run.has_contacts:
+            raise WarpdemError(
+                f"chains show the contacts, which {run.folder} does not hold: run the scene with output.contacts = true"
+            )
+        return run.contacts(k)
 
     def _wall_scale(self, first: _Scenery, folder: Path) -> Scale | None:
         name = self._style.wall_colour
@@ -149,10 +188,12 @@ class FrameDrawer:
             if len(centres):
                 ends += [centres.min(axis=0), centres.max(axis=0)]
             self._grains.include(self._grain_values(scenery)[shown])
+            if self._on_chains is not None:
+                self._on_chains.include(np.abs(scenery.contacts["normal_force"]))
             for wall in scenery.walls:
                 framing.include_wall(self._seen(wall.vertices, snapshot.frame), wall.infinite)
                 if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
-                    self._on_walls.include(values)
+                    self._on_walls.include(values.values)
         if ends and not any_shown:
             words = (", ".join(f"{x:.4g}" for x in side) for side in (np.min(ends, axis=0), np.max(ends, axis=0)))
             raise WarpdemError(
@@ -190,19 +231,42 @@ class FrameDrawer:
         snapshot = scenery.snapshot
         return self._grains.field.values(scenery.grain_fields, snapshot.frame, scenery.centre)
 
-    def _wall_values(self, scenery: _Scenery, wall: WallMesh) -> np.ndarray | None:
+    def _wall_values(self, scenery: _Scenery, wall: WallMesh) -> _WallValues | None:
+        """The values that colour a wall, and where they are; None for one without them."""
         assert self._on_walls is not None
-        arrays = scenery.wall_fields[wall.name]
-        return self._on_walls.field.values(arrays) if self._on_walls.field.array in arrays else None
+        arrays, field = scenery.wall_fields[wall.name], self._on_walls.field
+        if field.array not in arrays:
+            return None
+        values = field.values(arrays)
+        if not self._style.wall_smooth or field.array == "force":  # which is larger on larger triangles
+            return _WallValues(values, wall.vertices, wall.triangles, False)
+        nodes, triangles = nodes_of(wall.vertices, wall.triangles)
+        return _WallValues(at_nodes(values, nodes, triangles), nodes, triangles, True)
 
-    def _balls(self, scenery: _Scenery) -> Balls:
+    def _chains(self, scenery: _Scenery) -> Chains:
+        """Lines of the contacts of which all grains are shown."""
+        assert self._on_chains is not None
+        network, snapshot = scenery.contacts, scenery.snapshot
+        there = snapshot.id[self._drawn(scenery)]
+        shown = np.isin(network["i"], there) & ((network["j"] < 0) | np.isin(network["j"], there))
+        force = network["normal_force"][shown]
+        ends = self._seen(network["points"][shown].reshape(-1, 3), snapshot.frame).reshape(-1, 2, 3)
+        radius = float(np.median(snapshot.radius)) if len(force) else 0.0
+        return chains_of(ends, force, self._on_chains.limits[1], radius, self._on_chains.colours(np.abs(force)))
+
+    def _drawn(self, scenery: _Scenery) -> np.ndarray:
+        """Numbers of the grains that are drawn, shape (m,)."""
         snapshot, shown = scenery.snapshot, np.flatnonzero(self._shown(scenery))
-        position = self._seen(snapshot.position[shown], snapshot.frame)
         if self._style.position is None:
             # a grain far away would be a dot, and would leave fewer digits for the depths of all others
             middle, farthest = self._box.mean(axis=0), FARTHEST * np.ptp(self._box, axis=0).max()
-            near = np.linalg.norm(position - middle, axis=1) < farthest
-            shown, position = shown[near], position[near]
+            position = self._seen(snapshot.position[shown], snapshot.frame)
+            shown = shown[np.linalg.norm(position - middle, axis=1) < farthest]
+        return np.asarray(shown)
+
+    def _balls(self, scenery: _Scenery) -> Balls:
+        snapshot, shown = scenery.snapshot, self._drawn(scenery)
+        position = self._seen(snapshot.position[shown], snapshot.frame)
         balls = position, snapshot.radius[shown], self._grains.colours(self._grain_values(scenery)[shown])
         if self._style.spots:
             return Balls(*self._with_spots(scenery, shown, balls))
@@ -241,15 +305,16 @@ class FrameDrawer:
             moved = offset + float(rotated @ pose.translation) if self._style.view == "laboratory" else offset
             cuts.append((rotated, moved))
         surfaces = [
-            Surface(w.name, w.vertices, w.triangles, None, tuple(cuts)) for w in self._fitted(pose, scenery.walls)
+            Surface(w.name, w.vertices, w.triangles, None, False, tuple(cuts)) for w in self._fitted(pose, scenery.walls)
         ]
         for wall in scenery.walls:
             if wall.infinite:
                 continue
-            colour = None
-            if self._on_walls is not None and (values := self._wall_values(scenery, wall)) is not None:
-                colour = self._on_walls.colours(values)
-            surfaces.append(Surface(wall.name, self._seen(wall.vertices, pose), wall.triangles, colour, tuple(cuts)))
+            vertices, triangles, colour, at_corners = wall.vertices, wall.triangles, None, False
+            if self._on_walls is not None and (of := self._wall_values(scenery, wall)) is not None:
+                colour = self._on_walls.colours(of.values)
+                vertices, triangles, at_corners = of.vertices, of.triangles, of.at_vertices
+            surfaces.append(Surface(wall.name, self._seen(vertices, pose), triangles, colour, at_corners, tuple(cuts)))
         return surfaces
 
     def _bars(self) -> list[Bar]:
@@ -257,6 +322,8 @@ class FrameDrawer:
         bars = []
         if field.array != "clump":  # whose colours only tell bodies apart
             bars.append(Bar(self._grains, field.title(self._moving_frame), _category_names(self._runs[0].folder, field)))
+        if self._on_chains is not None:
+            bars.append(Bar(self._on_chains, f"contact {self._on_chains.field.title(False)}"))
         if self._on_walls is not None:
             bars.append(Bar(self._on_walls, f"wall {self._on_walls.field.title(self._moving_frame)}"))
         return bars

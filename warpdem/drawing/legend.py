@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from warpdem.drawing.colours import CATEGORIES, Scale
+from warpdem.drawing.ruler import Ruler
 
 _DPI = 72  # so that a point is a pixel
 _LETTER, _BOLD_LETTER = 0.55, 0.68
@@ -40,6 +41,8 @@ class Pane:
     """What stands below it in grey."""
     axes: np.ndarray
     """Right, up and forward direction of its camera as rows, shape (3, 3)."""
+    ruler: Ruler | None = None
+    """Bar at its lower edge."""
 
 
 def font_size(height: int) -> float:
@@ -99,6 +102,8 @@ class Legend:
             figure.text(
                 left, height - 0.6 * self._font - gap, pane.lines, size=0.78 * self._font, alpha=0.8, linespacing=1.3, **text
             )
+            if pane.ruler is not None:
+                self._draw_ruler(figure, (k + 1) * step - 1.5 * self._font, pane.ruler)
             self._draw_axes(figure, (k * step + 2.6 * self._font, 2.6 * self._font), pane.axes)
         return _over(_over(image, self._bars), _pixels(figure))
 
@@ -140,6 +145,16 @@ class Legend:
         axes.yaxis.set_offset_position("left")
         size = min(0.85 * font, length / (_LETTER * max(len(bar.title), 1)))  # no longer than the bar
         axes.set_ylabel(bar.title, size=size, color=self._ink, labelpad=0.35 * font)
+
+    def _draw_ruler(self, figure: Figure, right: float, ruler: Ruler) -> None:
+        """A bar with a stop at each end, and its length above it."""
+        left, low, stop = right - ruler.pixels, 1.6 * self._font, 0.35 * self._font
+        path = [left, left, left, right, right, right], [low - stop, low + stop, low, low, low - stop, low + stop]
+        line = Line2D(*path, color=self._ink, lw=0.14 * self._font, transform=None)
+        line.set_solid_joinstyle("miter")
+        figure.add_artist(line)
+        middle, style = 0.5 * (left + right), {"transform": None, "color": self._ink, "ha": "center", "va": "bottom"}
+        figure.text(middle, low + 0.5 * self._font, ruler.words, size=0.85 * self._font, **style)  # type: ignore[arg-type]
 
     def _draw_axes(self, figure: Figure, middle: tuple[float, float], axes: np.ndarray) -> None:
         """The three directions of the view's axes, seen by the camera."""

@@ -26,6 +26,10 @@ class PictureStyle:
     spots: bool = False
     """Six dark spots on each grain that is no member of a clump, at the ends of its body axes: they show how it rolls. The run
     needs output.orientation = true."""
+    chains: bool = False
+    """Force chains: grains and walls are faded, and over them each contact is a line from centre to centre, or to the contact
+    point of a wall, as wide and as dark as its normal force is large; blue where it pulls. The run needs output.contacts =
+    true."""
     colour_map: str | None = None
     """Colour map by its Matplotlib name; None for viridis, or coolwarm for components."""
     camera: Preset = "auto"
@@ -53,10 +57,15 @@ class PictureStyle:
     """Opacity of the walls, from 0 to 1; None for 0.16, or 0.6 where they are coloured."""
     wall_colour: str | None = None
     """Field of the walls' triangles that colours them, such as pressure; None for one tint."""
+    wall_smooth: bool = True
+    """Shade between the values of neighbouring triangles of a coloured wall, averaged at their corners, but not across sharp
+    edges; False for one colour per triangle, as the files hold it. Forces of triangles are never averaged."""
     wall_range: tuple[float, float] | None = None
     """As colour_range, for the walls."""
     size: tuple[int, int] = (1280, 960)
     """Width and height in pixels, 64 to 8192; of a comparison, all panes together."""
+    ruler: bool = False
+    """A bar of a round length at the lower edge; in a perspective view it is right at the depth of the focus."""
     background: str = "white"
     """Colour behind everything, by its Matplotlib name or as "#rrggbb"."""
 

@@ -1,26 +1,20 @@
 """The 3-d part of a picture: grains as true balls and see-through walls, drawn by VTK without a screen."""
 
-import ctypes.util
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import pyvista as pv
-from matplotlib.colors import to_rgb
 from vtkmodules.vtkFiltersHybrid import vtkPolyDataSilhouette
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
 
 from warpdem.drawing.camera import Camera
 from warpdem.drawing.legend import ink_on
+from warpdem.drawing.plotter import OVERSAMPLING, aim, open_plotter, reduced
 from warpdem.drawing.visibility import visible
-from warpdem.errors import WarpdemError
-from warpdem.output.vtk_files import quiet_vtk
+from warpdem.drawing.wall_nodes import SHARP_ANGLE
 
-_SHARP_ANGLE = 35.0  # [degree] between two faces, above which their edge is drawn
 _WALL = "#9db4c8"
-_OVERSAMPLING = 2
-"""Pixels drawn for one of the picture, in both directions: smooth edges at a quarter of
-the cost of VTK's own method without a GPU."""
 _BORDER = 8
 """Pixels drawn beyond each edge and cut off: there VTK takes the shade of the gaps from the opposite edge."""
 _SHADE_DISTANCE = 3.5
@@ -49,7 +43,9 @@ class Surface:
     triangles: np.ndarray
     """Corner numbers of each triangle, shape (t, 3)."""
     colour: np.ndarray | None
-    """Red, green, blue of each triangle, shape (t, 3), uint8; None for the tint of walls."""
+    """Red, green, blue of each triangle, shape (t, 3), or of each corner, shape (v, 3), uint8; None for the tint of walls."""
+    at_corners: bool
+    """Whether the colours are those of the corners, shaded in between."""
     cuts: tuple[tuple[np.ndarray, float], ...]
     """Half-spaces n . x > d in the axes of the view of which the wall is shown."""
 
@@ -61,7 +57,7 @@ class VtkRenderer:
         self._size, self._camera, self._opacity = size, camera, opacity
         self._ink = ink_on(background)
         drawn = (size[0] + 2 * _BORDER, size[1] + 2 * _BORDER)
-        self._plotter = _open_plotter((_OVERSAMPLING * drawn[0], _OVERSAMPLING * drawn[1]), background)
+        self._plotter = open_plotter(drawn, background)
         self._mapper = vtkOpenGLSphereMapper()
         self._mapper.SetScaleArray("radius")
         self._mapper.SetScalarModeToUsePointFieldData()
@@ -76,13 +72,7 @@ class VtkRenderer:
         light.SetSpecularPower(20.0)
         self._plotter.add_actor(self._actor, reset_camera=False, render=False)
         self._shade_distance = 0.0
-        view = self._plotter.camera
-        view.position, view.focal_point, view.up = tuple(camera.position), tuple(camera.focus), tuple(camera.up)
-        wider = drawn[1] / size[1]
-        view.view_angle = 2.0 * np.degrees(np.arctan(wider * np.tan(np.radians(0.5 * camera.angle))))
-        if camera.height is not None:
-            view.enable_parallel_projection()  # type: ignore[no-untyped-call]
-            view.parallel_scale = 0.5 * wider * camera.height
+        aim(self._plotter, camera, drawn[1] / size[1])
         self._walls: dict[str, Surface] = {}
 
     def draw(self, balls: Balls, walls: list[Surface]) -> np.ndarray:
@@ -98,9 +88,8 @@ class VtkRenderer:
         self._plotter.camera.clipping_range = self._depths(balls, walls)
         self._plotter.render()  # screenshot alone would give the pixels of the frame before
         fine = np.asarray(self._plotter.screenshot(return_img=True))[..., :3]
-        n, cut, (width, height) = _OVERSAMPLING, _OVERSAMPLING * _BORDER, self._size
-        fine = fine[cut:-cut, cut:-cut].reshape(height, n, width, n, 3)
-        return np.asarray(np.round(fine.mean(axis=(1, 3))).astype(np.uint8))
+        cut = OVERSAMPLING * _BORDER
+        return np.asarray(np.round(reduced(fine[cut:-cut, cut:-cut])).astype(np.uint8))
 
     def close(self) -> None:
         """Free what the plotter holds."""
@@ -142,7 +131,7 @@ class VtkRenderer:
         self._walls[wall.name] = wall
         mesh = pv.PolyData.from_regular_faces(wall.vertices, wall.triangles)
         if wall.colour is not None:
-            mesh.cell_data["colour"] = wall.colour
+            (mesh.point_data if wall.at_corners else mesh.cell_data)["colour"] = wall.colour
         for normal, offset in wall.cuts:
             mesh = mesh.clip(normal=tuple(-normal), origin=tuple(offset * normal))
         if not mesh.n_cells:
@@ -163,30 +152,13 @@ class VtkRenderer:
         outline.SetInputData(mesh.clean())
         outline.SetCamera(self._plotter.camera)
         outline.SetEnableFeatureAngle(True)
-        outline.SetFeatureAngle(_SHARP_ANGLE)
+        outline.SetFeatureAngle(SHARP_ANGLE)
         outline.BorderEdgesOn()
         outline.Update()
         lines = pv.wrap(outline.GetOutput())
         if lines.n_points:
-            width = max(1.0, 1.5e-3 * self._size[1]) * _OVERSAMPLING
+            width = max(1.0, 1.5e-3 * self._size[1]) * OVERSAMPLING
             self._plotter.add_mesh(
                 lines, color=self._ink, opacity=0.8, line_width=width, name=f"outline {wall.name}", **style
             )
 
-
-def _open_plotter(size: tuple[int, int], background: str) -> pv.Plotter:
-    """Plotter without a screen.
-
-    Raises:
-        WarpdemError: The machine has no OpenGL library at all, where VTK would crash.
-    """
-    with quiet_vtk():  # VTK reports at length that there is no screen before it draws without one
-        plotter = pv.Plotter(off_screen=True, window_size=list(size))
-        window = plotter.render_window
-        if window is not None and window.GetClassName() == "vtkOSOpenGLRenderWindow" and not ctypes.util.find_library("OSMesa"):
-            plotter.close()
-            raise WarpdemError(
-                "pictures need an OpenGL library and none was found; on Debian or Ubuntu: apt install libegl1"
-            )
-        plotter.set_background(to_rgb(background))  # type: ignore[arg-type]
-        return plotter

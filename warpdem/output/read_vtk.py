@@ -10,7 +10,7 @@ from warpdem.errors import WarpdemError
 from warpdem.output.pvd_index import read_index
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtk_files import load_polydata, points_of
-from warpdem.output.write_vtk import CLUMP_INDEX, INDEX
+from warpdem.output.write_vtk import CLUMP_INDEX, CONTACT_INDEX, INDEX
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class Results:
     """For each frame the wall files by wall name, and the grain file under ``""``."""
     clump_files: dict[float, Path] = field(default_factory=dict)
     """File of the clumps by time [s]; empty without any."""
+    contact_files: dict[float, Path] = field(default_factory=dict)
+    """File of the contact network by time [s]; empty without any."""
 
     def frame(self, k: int) -> Snapshot:
         """Snapshot of frame ``k``; its ``walls`` is empty, since wall files hold vertices that are in place already."""
@@ -44,6 +46,19 @@ class Results:
         path = self.clump_files[float(self.times[k])]
         return {**read_fields(path), "position": points_of(load_polydata(path))}
 
+    @property
+    def has_contacts(self) -> bool:
+        """Whether the results hold the contact network."""
+        return bool(self.contact_files)
+
+    def contacts(self, k: int) -> dict[str, np.ndarray]:
+        """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
+        time = float(self.times[k])
+        if time not in self.contact_files:
+            raise WarpdemError(f"{self.folder}: {CONTACT_INDEX} has no contacts at {time:g} s")
+        path = self.contact_files[time]
+        return {**read_fields(path), "points": points_of(load_polydata(path)).reshape(-1, 2, 3)}
+
 
 def read_results(folder: Path) -> Results:
     """Index of the results in ``folder``.
@@ -61,9 +76,11 @@ def read_results(folder: Path) -> Results:
     if not frames:
         raise WarpdemError(f"{index}: holds no frame")
     times = sorted(frames)
-    beside = folder / CLUMP_INDEX
-    clumps = {entry.time: folder / entry.file for entry in read_index(beside)} if beside.exists() else {}
-    return Results(folder, np.array(times), [frames[time] for time in times], clumps)
+    clumps, contacts = (
+        {entry.time: folder / entry.file for entry in read_index(beside)} if beside.exists() else {}
+        for beside in (folder / CLUMP_INDEX, folder / CONTACT_INDEX)
+    )
+    return Results(folder, np.array(times), [frames[time] for time in times], clumps, contacts)
 
 
 def read_frame(path: Path) -> Snapshot:

@@ -65,6 +65,11 @@ class VtkhdfResults:
         data = self._read(CLUMPS, lambda root: _frame(root, k))
         return {**data.point_data, "position": data.points}
 
+    @property
+    def has_contacts(self) -> bool:
+        """Whether the results hold the contact network."""
+        return (self.folder / CONTACTS).exists()
+
     def contacts(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
         data = self._read(CONTACTS, lambda root: _frame(root, k))

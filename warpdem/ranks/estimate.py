@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from warpdem.kernels import grain
+from warpdem.kernels import clump, grain
 from warpdem.model.model import Model
 from warpdem.ranks import halo
 from warpdem.ranks.cuts import Cuts
@@ -25,7 +25,8 @@ def estimate(model: Model, position: np.ndarray, radius: np.ndarray, skin: float
     boxes = [halo.boxes(position[owner == rank], radius[owner == rank]) for rank in range(ranks)]
     seen = np.array([halo.seen(position, radius, there, beyond, model.domain.period) & (owner != rank)
                      for rank, there in enumerate(boxes)]).reshape(ranks, -1)  # fmt: skip
-    width = 8 * grain.WIDTH[model.features.contact.spins]
+    contact = model.features.contact
+    width = 8 * (grain.WIDTH[contact.spins] + (clump.WIDTH[True] if contact.clumps else 0))
     return [
         {"grains": int((owner == rank).sum()), "ghosts": int(seen[rank].sum()),
          "bytes": width * int(seen[:, owner == rank].sum())}

@@ -16,12 +16,11 @@ from warpdem.core.timers import Timers
 from warpdem.engine.engine import Engine
 from warpdem.engine.run_loop import RunLoop
 from warpdem.errors import WarpdemError
-from warpdem.kernels import grain
 from warpdem.kernels.measure import window_sum
 from warpdem.model.decisions import Decisions
 from warpdem.model.model import Model
 from warpdem.ranks.cuts import Cuts
-from warpdem.ranks.portion import Portion, Table
+from warpdem.ranks.portion import Portion
 from warpdem.ranks.rank import Rank, nobody
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
@@ -97,6 +96,7 @@ class Front(RunLoop):
             self._tell("model", decided, threads.count)
             self.rank = Rank(world, replace(model, expected=decided.expected), threads)  # the skins are those of all ranks
             self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
+            self.rank.take_liquid = self._take_liquid
             world.raise_first(None)
 
     def _tell(self, name: str, *arguments: Any) -> None:
@@ -159,25 +159,29 @@ class Front(RunLoop):
             self._tell("insert", boxes)
             self.rank.insert(boxes, self._draw)
 
-    def _draw(self, others: np.ndarray) -> Table:
+    def _draw(self, others: np.ndarray) -> Portion:
         """The grains that streams bring at the present step, beside ``others``."""
         inserted = self._streams.insert(others)
         for slots in inserted:
             self.after_insertion(slots)
         slots = np.concatenate([np.zeros(0, dtype=np.int64), *inserted])
-        return {name: values[slots] for name, values in self._state.arrays().items()}
+        return Portion.of(Rank.arrays_of(self._state, slots))
 
-    def _count_left(self, grains: Table, where: np.ndarray) -> None:
-        """Count grains that leave; ``where``: number of the outlet of each."""
+    def _count_left(self, leaving: Portion) -> None:
+        """Count grains that leave by their ``way_out``."""
         self._clock.step_number = self.rank.clock.step_number  # which an error names
-        leaving = State.of(self._model, nobody())
-        leaving.restore({**grains, "next_id": 0})
-        self._engine.leavers.count(leaving, np.arange(len(where)), where, self.rank.clock.step_number)
+        state, where = State.of(self._model, nobody(self._model.features.contact.clumps)), leaving.grains["way_out"]
+        state.restore({**leaving.data, "next_id": 0})
+        self._engine.leavers.count(state, np.arange(len(where)), where, self.rank.clock.step_number)
+
+    def _take_liquid(self, counts: np.ndarray) -> None:
+        """Count the liquid that grains have taken along."""
+        self._state.liquid_left = self._state.liquid_left + counts
 
     def _before_leaving(self, whole: Portion, ids: np.ndarray) -> None:
         """Let the budgets count the grains ``ids`` that are about to leave."""
         self._clock.step_number = self.rank.clock.step_number
-        self._state.restore({**whole.grains, "next_id": self._state.next_id})
+        self._state.restore({**whole.data, "next_id": self._state.next_id})
         self._engine.restore(self._engine.extreme, {})
         contact_history.restore(self._engine.lists, whole.data, since=1)
         self._engine.leavers.before_leaving(np.flatnonzero(np.isin(self._state.id.numpy(), ids)))
@@ -201,9 +205,8 @@ class Front(RunLoop):
         """Deal the grains out to the ranks."""
         state, clock, world = self._state, self._clock, self._world
         view = RunView(self._model, state, clock, self._engine, None, self._engine.lists.view)
-        arrays = {name: values[state.rank] for name, values in state.arrays().items()}
-        whole = Portion.of({**contact_history.read(view), **arrays})
-        position = whole.grains["record"][:, grain.POSITION]
+        whole = Portion.of({**contact_history.read(view), **Rank.arrays_of(state, state.rank)})
+        position = whole.places
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():
             told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
@@ -220,7 +223,7 @@ class Front(RunLoop):
         portion, digits = found
         with self._timers.measure("gather"):
             state, engine, clock = self._state, self._engine, self._clock
-            state.restore({**portion.grains, "next_id": state.next_id})
+            state.restore({**portion.data, "next_id": state.next_id})
             each = [self._digits, *digits]
             engine.restore(
                 engine.extreme, {name: window_sum.joined(np.stack([one[name] for one in each])) for name in self._digits}
@@ -234,9 +237,9 @@ class Front(RunLoop):
 
     def _show_grains(self) -> None:
         """Let the whole hold the grains as they are, without contacts: the run has stopped where no forces can be evaluated."""
-        grains = self.on_all("gather_grains")
-        assert grains is not None
-        self._state.restore({**grains, "next_id": self._state.next_id})
+        whole = self.on_all("gather_grains")
+        assert whole is not None
+        self._state.restore({**whole.data, "next_id": self._state.next_id})
         self._forget_contacts()
         self._is_gathered = True
 

@@ -1,23 +1,31 @@
-"""Grains with their contacts, on the way from rank to rank: arrays of a checkpoint, by what their rows belong to."""
+"""Grains with their contacts and clumps, on the way from rank to rank: arrays of a checkpoint, by what their rows belong to.
+
+A clump is on the rank of its first member, with all others: by its number a checkpoint knows it, here by that member's id.
+"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from warpdem.filling.clump_grains import NONE
+from warpdem.kernels import grain
 from warpdem.state.blocks import Rows
+from warpdem.state.clumps import OF_CLUMPS
 
 Table = dict[str, np.ndarray]
 PAIRS, POINTS = "pair", "wall_contact_"
 """How the names of arrays begin that have a row per contact between grains, and per contact point at a wall."""
 OF_GRAINS = (
     "record", "inverse", "id", "material", "group", "came", "orientation", "energies", "momenta", "wall_work", "flow",
-    "wall_load", "wall_entry", "wall_power",
+    "wall_load", "wall_entry", "wall_power", "film", "clump_arm",
 )  # fmt: skip
 """Arrays that have a row per grain."""
+NUMBERS_OF_CLUMPS = tuple(f"clump_{name}" for name in (*OF_CLUMPS, "template", "axes") if name != "first")
+"""Arrays that have a row per clump."""
 OF_GHOSTS = ("record", "inverse", "id", "material")
-"""Those that a ghost needs."""
+"""Those that a ghost needs: to its neighbors it is no member of a clump, as all members of one are on one rank."""
 
 
 def made(values: Rows | np.ndarray) -> np.ndarray:
@@ -35,6 +43,8 @@ class Portion:
     """Contacts between grains of which one at least is among them, by the ids in ``pair``."""
     points: Table
     """Contact points at walls, by the id in ``wall_contact_grain``; those of a grain in their order."""
+    clumps: Table = field(default_factory=dict)
+    """Clumps in ascending order of ``id``, that of their first member, which ``clump`` of the grains names; -1: of its own."""
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Portion":
@@ -42,39 +52,60 @@ class Portion:
         grains = {name: made(data[name]) for name in OF_GRAINS if name in data}
         pairs = {name: made(data[name]) for name in data if name.startswith(PAIRS)}
         points = {name: made(data[name]) for name in data if name.startswith(POINTS)}
-        return cls(grains, pairs, points)
+        clumps: Table = {}
+        if "clump_of_grain" in data:
+            number = made(data["clump_of_grain"])
+            first = np.flatnonzero((number != NONE) & (np.concatenate([[NONE], number[:-1]]) != number))
+            first = first[np.argsort(number[first])]
+            clumps = {"id": grains["id"][first]} | {name: made(data[name]) for name in NUMBERS_OF_CLUMPS}
+            grains["clump"] = np.append(clumps["id"], NONE)[number]
+        return cls(grains, pairs, points, clumps)
 
     def __len__(self) -> int:
         return len(self.grains["id"])
 
     @property
     def data(self) -> Table:
-        """All arrays by name."""
-        return {**self.grains, **self.pairs, **self.points}
+        """The arrays of a checkpoint."""
+        return {**numbered(self.grains, self.clumps), **self.pairs, **self.points}
 
     @property
-    def nbytes(self) -> int:
-        """Size [B]."""
-        return sum(values.nbytes for values in self.data.values())
+    def places(self) -> np.ndarray:
+        """Positions that say on which rank grains are [m], shape (n, 3): of a member that of the first of its clump."""
+        position = self.grains["record"][:, grain.POSITION]
+        return position[self._leads] if self.clumps else position
+
+    @property
+    def _leads(self) -> np.ndarray:
+        """Row of the first member of the clump of each grain, its own of others, shape (n,)."""
+        of = self.grains["clump"]
+        return np.where(of == NONE, np.arange(len(of)), np.searchsorted(self.grains["id"], of))
 
     def split(self, owner: np.ndarray, parts: int) -> list["Portion"]:
         """What each of ``parts`` ranks gets; ``owner``: the rank of each grain, shape (n,)."""
         ids = self.grains["id"]
         sides = [_looked_up(ids, owner, self.pairs["pair"][:, k]) for k in (0, 1)] if self.pairs else []
         of_point = _looked_up(ids, owner, self.points["wall_contact_grain"]) if self.points else np.zeros(0)
+        of_clump = _looked_up(ids, owner, self.clumps["id"]) if self.clumps else np.zeros(0)
         out = []
         for rank in range(parts):
             grains = _rows(self.grains, np.flatnonzero(owner == rank))
             pairs = _rows(self.pairs, np.flatnonzero((sides[0] == rank) | (sides[1] == rank))) if sides else {}
-            out.append(Portion(grains, pairs, _rows(self.points, np.flatnonzero(of_point == rank))))
+            points = _rows(self.points, np.flatnonzero(of_point == rank))
+            clumps = _rows(self.clumps, np.flatnonzero(of_clump == rank))
+            out.append(Portion(grains, pairs, points, clumps))
         return out
 
     @classmethod
     def joined(cls, parts: Iterable["Portion"]) -> "Portion":
         """All together; a contact that several hold, with the same bits, counts once."""
         each = list(parts)
-        grains, pairs, points = (_joined([getattr(one, name) for one in each]) for name in ("grains", "pairs", "points"))
+        grains, pairs, points, clumps = (
+            _joined([getattr(one, name) for one in each]) for name in ("grains", "pairs", "points", "clumps")
+        )
         grains = _rows(grains, np.argsort(grains["id"], kind="stable"))
+        if clumps:
+            clumps = _rows(clumps, np.argsort(clumps["id"]))
         if pairs:
             order = np.lexsort((pairs["pair"][:, 1], pairs["pair"][:, 0]))
             pair = pairs["pair"][order]
@@ -83,11 +114,12 @@ class Portion:
             pairs = _rows(pairs, order[first])
         if points:
             points = _rows(points, np.argsort(points["wall_contact_grain"], kind="stable"))
-        return cls(grains, pairs, points)
+        return cls(grains, pairs, points, clumps)
 
-    def with_grains(self, new: Table) -> "Portion":
+    def with_grains(self, new: "Portion") -> "Portion":
         """The same with grains that touch nothing yet, whose ids are higher."""
-        return Portion(_joined([self.grains, {name: new[name] for name in self.grains}]), self.pairs, self.points)
+        grains = _joined([self.grains, {name: new.grains[name] for name in self.grains}])
+        return Portion(grains, self.pairs, self.points, _joined([self.clumps, new.clumps]))
 
     def keep_owned_pairs(self) -> None:
         """Keep of the contacts between grains those whose lower id is among the grains: each on one rank."""
@@ -104,10 +136,19 @@ class Portion:
         return _rows(self.pairs, np.flatnonzero((ids[at] == pair).all(axis=1)))
 
 
+def numbered(grains: Table, clumps: Table) -> Table:
+    """Arrays of grains and clumps as a checkpoint has them, where a grain has the number of its clump."""
+    if not clumps:
+        return grains
+    of, out = grains["clump"], {name: values for name, values in grains.items() if name != "clump"}
+    number = np.where(of == NONE, NONE, np.searchsorted(clumps["id"], of))
+    return out | {"clump_of_grain": number} | {name: clumps[name] for name in NUMBERS_OF_CLUMPS}
+
+
 def with_ghosts(grains: Table, ghosts: list[Table]) -> tuple[Table, np.ndarray]:
     """Own grains and ghosts together, in order of id, and the place of each there: own first, ghosts as they are given.
 
-    What is not known of a ghost is zero: nobody reads it.
+    What is not known of a ghost is zero, as nobody reads it, but it is a grain of its own.
     """
     count = sum(len(one["id"]) for one in ghosts)
     both = {}
@@ -115,7 +156,8 @@ def with_ghosts(grains: Table, ghosts: list[Table]) -> tuple[Table, np.ndarray]:
         if name in OF_GHOSTS:
             both[name] = np.concatenate([values, *(one[name] for one in ghosts)])
         else:
-            both[name] = np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
+            unknown = NONE if name == "clump" else 0
+            both[name] = np.concatenate([values, np.full((count, *values.shape[1:]), unknown, dtype=values.dtype)])
     by_id = np.argsort(both["id"], kind="stable")
     place = np.empty(len(by_id), dtype=np.int64)
     place[by_id] = np.arange(len(by_id))

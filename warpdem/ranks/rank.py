@@ -12,6 +12,7 @@ from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.engine import Engine
 from warpdem.engine.host_build import morton_order
 from warpdem.errors import StabilityError
+from warpdem.filling.clump_grains import no_clumps
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.filling.size_grids import finest_cell, size_classes
 from warpdem.guards.travel import TravelGuard
@@ -24,7 +25,7 @@ from warpdem.ranks import halo
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
-from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, with_ghosts
+from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, numbered, with_ghosts
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
 from warpdem.state.clock import Clock
@@ -68,20 +69,21 @@ class Rank:
         exchange: keeps ghosts up to date.
         counts: what was done.
         notice: takes a guard's verdict, on rank 0.
-        count_left: takes the grains that leave and the number of the outlet of each, on rank 0.
+        count_left: takes the grains that leave, and the number of the outlet of each as ``way_out`` of them, on rank 0.
         before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
+        take_liquid: takes the liquid of grains that have left, columns as of ``State.film``, on rank 0.
     """
 
     def __init__(self, world: World, model: Model, threads: Threads) -> None:
         self.world, self._model, features = world, model, model.features
         self.clock, self._timers = Clock(model.dt), Timers()
-        self.state = State.of(model, nobody())
+        self.state = State.of(model, nobody(features.contact.clumps))
         self.engine = Engine(model, self.state, self.clock, threads, self._timers, RankLists)
         lists, executor = self.engine.lists, self.engine.executor
         assert isinstance(lists, RankLists) and isinstance(executor, CpuExecutor)
         self.lists = lists
         lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
-        lists.leave = self._leave
+        lists.leave, lists.rebuilt = self._leave, self._connect_answers
         self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
         executor.exchange = self.exchange.address
         if self.engine.moves_walls:
@@ -90,9 +92,11 @@ class Rank:
         self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
         self._guard = TravelGuard(model)
         self.notice: Callable[[Verdict], None] = lambda verdict: None
-        self.count_left: Callable[[Table, np.ndarray], None] = lambda grains, where: None
+        self.count_left: Callable[[Portion], None] = lambda leaving: None
         self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
-        self._new: Table | None = None  # inserted, and in no list yet
+        self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
+        self._new: Portion | None = None  # inserted, and in no list yet
+        self._ghosts_of = np.zeros(0, dtype=np.int64)  # the rank that each ghost comes from
         self.counts, self._tried = Counts(), -WAIT
         self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
 
@@ -122,7 +126,7 @@ class Rank:
         """Let ``mine`` be the grains of this rank, find their ghosts, and build the lists."""
         own, sends, both, place, receives = self._with_ghosts(mine)
         state, lists = self.state, self.lists
-        state.restore({**both, "next_id": state.next_id})
+        state.restore({**numbered(both, mine.clumps), "next_id": state.next_id})
         state.ghosts = len(both["id"]) - len(own)
         lists.given_order = place
         data: dict[str, Any] = {**both, **mine.among(both["id"]), **mine.points}
@@ -135,8 +139,38 @@ class Rank:
             lists.force_parity = (self.clock.step_number - 1) & 1
             contact_history.remember(lists, data)
             lists.rebuild()
-        self.exchange.connect(state.record.numpy(), state.owned, sends, receives)
+        changing = [state.record, state.inverse] if state.clumps is not None else [state.record]
+        self.exchange.connect([values.numpy() for values in changing], state.owned, sends, receives)
+        self._ghosts_of = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
+        self._connect_answers()
         self.counts.rebuilds += 1
+
+    def _connect_answers(self) -> None:
+        """Exchange what films give to the bridges between grains of different ranks: both list the same contacts."""
+        state, lists, films = self.state, self.lists, self._model.kernels.films
+        if films is None:
+            return
+        contacts: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        view = lists.view()
+        if state.slots and view.contact_count:
+            lane, ids = view.real_lanes(), state.id.numpy()
+            assert view.owner is not None and view.partner is not None and view.slot_i is not None and view.slot_j is not None
+            grains, slots = (
+                np.stack([side.numpy().ravel()[lane] for side in sides])
+                for sides in ((view.owner, view.partner), (view.slot_i, view.slot_j))
+            )
+            side = np.argmax(grains >= state.owned, axis=0)  # which of the two is the ghost
+            each = np.arange(len(lane))
+            between = np.flatnonzero(grains[side, each] >= state.owned)
+            side, each = side[between], each[between]
+            own, other = grains[1 - side, each], grains[side, each]
+            rank = self._ghosts_of[other - state.owned]
+            for number in np.unique(rank):
+                here = np.flatnonzero(rank == number)
+                sent = here[np.lexsort((ids[other[here]], ids[own[here]]))]
+                got = here[np.lexsort((ids[own[here]], ids[other[here]]))]
+                contacts[int(number)] = slots[1 - side[sent], each[sent]], slots[side[got], each[got]]
+        self.exchange.connect_answers(lists.slot_force.numpy()[:, films.wish] if contacts else np.zeros(0), contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
         """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""
@@ -146,7 +180,7 @@ class Rank:
         boxes = self.world.everyone(halo.boxes(position, radius))
         order = np.zeros(0, dtype=np.int64)
         if len(radius):
-            order = morton_order(position, finest_cell(radius, size_classes(radius), beyond), self._model.device)
+            order = morton_order(mine.places, finest_cell(radius, size_classes(radius), beyond), self._model.device)
         own = {name: values[order] for name, values in mine.grains.items()}
         position, radius = position[order], radius[order]
         sends: dict[int, np.ndarray] = {}
@@ -183,8 +217,13 @@ class Rank:
         contacts = {k: v for k, v in contact_history.read(view).items() if forces or not k.startswith(OF_FORCES)}
         position = np.flatnonzero(state.rank < state.owned)
         beside = {name: made(contacts[name])[position] for name in contacts.keys() & set(OF_GRAINS)}
-        grains = {name: values[slots] for name, values in state.arrays().items()}
-        return Portion.of({**contacts, **grains, **beside})
+        return Portion.of({**contacts, **self.arrays_of(state, slots), **beside})
+
+    @staticmethod
+    def arrays_of(state: State, slots: np.ndarray) -> Table:
+        """Arrays of a checkpoint of the grains in memory slots ``slots``, whole clumps, in their order."""
+        clumps = state.clumps.arrays(slots) if state.clumps is not None else {}
+        return {name: values[slots] for name, values in state.arrays().items()} | clumps
 
     def _move_grains(self) -> None:
         """Deal the grains out anew, and build both lists."""
@@ -192,7 +231,7 @@ class Rank:
         if self._new is not None:
             mine = mine.with_grains(self._new)
             self._new = None
-        position = mine.grains["record"][:, grain.POSITION]
+        position = mine.places
         loads = np.ones(len(position))
         loads[: self._kept()] = self._loads()  # those that were inserted have the highest ids
         self._shift_cuts(position, loads)
@@ -209,7 +248,7 @@ class Rank:
         if not (state.slots and lists.built):
             return np.ones(self._kept())
         slots = state.rank[state.rank < state.owned]
-        listed: np.ndarray = np.diff(lists.row_start.numpy())[slots]
+        listed: np.ndarray = np.diff(lists.slot_start.numpy())[slots]
         return 1.0 + listed
 
     def _shift_cuts(self, position: np.ndarray, load: np.ndarray) -> None:
@@ -231,7 +270,7 @@ class Rank:
 
     # -- steps ----------------------------------------------------------------------------------
 
-    def insert(self, boxes: list[tuple[np.ndarray, np.ndarray]], draw: Callable[[np.ndarray], Table] | None = None) -> None:
+    def insert(self, boxes: list[tuple[np.ndarray, np.ndarray]], draw: Callable[[np.ndarray], Portion] | None = None) -> None:
         """Insert what streams bring at the present step.
 
         Args:
@@ -248,10 +287,9 @@ class Rank:
             apart = np.abs(self._model.domain.nearest(record[:, grain.POSITION] - middle))
             beside |= (apart < half + record[:, grain.RADIUS, None]).all(axis=1)
         found = self.world.gathered(record[beside])
-        new: Table = self.world.comm.bcast(draw(np.concatenate(found)) if draw is not None else None)
-        if len(new["id"]):
-            mine = self._cuts.owner(new["record"][:, grain.POSITION]) == self.world.rank
-            self._new = {name: values[mine] for name, values in new.items()}
+        new: Portion = self.world.comm.bcast(draw(np.concatenate(found)) if draw is not None else None)
+        if len(new):
+            self._new = new.split(self._cuts.owner(new.places), self.world.size)[self.world.rank]
             self.clock.forces_evaluated = False
 
     def _leave(self) -> None:
@@ -264,16 +302,21 @@ class Rank:
             whole = self._whole(self._before)
             if whole is not None:
                 self.before_leaving(whole, np.concatenate(ids))
-        found = world.gathered(({name: values[gone] for name, values in state.arrays().items()}, where))
-        error = None
+        by_id = np.argsort(state.id.numpy()[gone])
+        mine = Portion.of(self.arrays_of(state, gone[by_id]))
+        mine.grains["way_out"] = where[by_id]
+        found, error = world.gathered(mine), None
         if found:
-            table = {name: np.concatenate([one[name] for one, _ in found]) for name in found[0][0]}
             try:
-                self.count_left(table, np.concatenate([of_each for _, of_each in found]))
+                self.count_left(Portion.joined(found))
             except StabilityError as stop:
                 error = stop
         world.raise_first(error)
-        self.lists.remove(gone)
+        every = np.concatenate(world.everyone(state.id.numpy()[gone]))
+        self.lists.remove(gone, state.owned + np.flatnonzero(np.isin(state.id.numpy()[state.owned :], every)))
+        if state.film is not None:
+            for counts in world.gathered(state.film.numpy()[gone].sum(axis=0)):
+                self.take_liquid(counts)
 
     def advance(self, count: int, max_overlap: float, hold: bool) -> int:
         """Run up to ``count`` steps; returns how many were done: fewer where an overlap exceeds ``max_overlap`` [-].
@@ -361,12 +404,11 @@ class Rank:
         found = self.world.gathered(mine)
         return Portion.joined(found) if found else None
 
-    def gather_grains(self) -> Table | None:
+    def gather_grains(self) -> Portion | None:
         """All grains as they are, without contacts; on rank 0."""
         slots = self.state.rank[self.state.rank < self.state.owned]
-        found = self.world.gathered(Portion({name: v[slots] for name, v in self.state.arrays().items()}, {}, {}))
-        return Portion.joined(found).grains if found else None
-
+        found = self.world.gathered(Portion.of(self.arrays_of(self.state, slots)))
+        return Portion.joined(found) if found else None
 
     def report(self) -> list[dict[str, Any]]:
         """What each rank has done, on rank 0."""
@@ -383,7 +425,7 @@ def shifted(position: np.ndarray, weight: np.ndarray, cuts: Cuts) -> Cuts:
     return Cuts.of(position, weight, cuts.parts, like=cuts)
 
 
-def nobody() -> InitialGrains:
-    """No grains."""
-    numbers, rows = np.zeros(0, dtype=np.int32), np.zeros((0, 3))
-    return InitialGrains(numbers.astype(np.int64), numbers, numbers, np.zeros(0), rows, rows, rows)
+def nobody(clumps: bool) -> InitialGrains:
+    """No grains, in a run of clumps or not."""
+    numbers, rows, none = np.zeros(0, dtype=np.int32), np.zeros((0, 3)), no_clumps(0) if clumps else None
+    return InitialGrains(numbers.astype(np.int64), numbers, numbers, np.zeros(0), rows, rows, rows, clumps=none)
