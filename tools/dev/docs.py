@@ -33,6 +33,8 @@ OUT = ROOT / "build" / "site"
 PAGES = {
     "README.md": "Overview",
     "scenes/TUTORIAL.md": "From an STL file to a report",
+    "scenes/CONTACT_LAW.md": "A contact law of your own",
+    "scenes/CLUSTER.md": "On a cluster",
     "scenes/README.md": "Scenes",
     "scenes/COMING_FROM.md": "Coming from LIGGGHTS, LAMMPS, YADE, EDEM",
     "kernels/README.md": "Kernels",
