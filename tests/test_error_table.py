@@ -371,6 +371,15 @@ TABLE = {
         fill("count=10, diameter={uniform=['2 mm', '1 mm']}"),
         ["grains[0].fill.diameter.uniform", "must not be above the second"],
     ),
+    "short row of a sieve curve": (
+        fill("count=10, diameter={cumulative=[['1 mm'], ['2 mm', 1]]}"),
+        ["grains[0].fill.diameter.cumulative[0]", "an entry is missing", "Rows [diameter [m]"],
+    ),
+    "orientation of a filling": (
+        fill("count=10, orientation='upwards'"),
+        ["grains[0].fill.orientation = \"upwards\"", 'must be "random" or "aligned"'],
+    ),
+    "prim that is no path": ("frame={usd='plant.usda', prim='Arm'}", ["frame.prim", 'a prim, such as "/World/Drum"']),
     "region beside": (
         fill("count=10, diameter='2 mm', region={min=[1, 1, 1], max=[2, 2, 2]}"),
         ["grains[0].fill", "does not meet the mesh tub.stl"],

@@ -28,6 +28,12 @@ def test_the_page_of_scenes_has_the_keys_of_the_contact_laws_as_they_are():
     assert scene_keys.START + block + scene_keys.END in text, "run tools/dev/scene_keys.py"
 
 
+def test_the_page_of_keys_has_every_key_of_every_table_as_it_is():
+    page = scene_keys.keys_page()
+    assert "\n## Servo\n\nIn `walls[].servo`: A controller" in page and "\n* `max_rate`: " in page
+    assert scene_keys.KEYS_PAGE.read_text(encoding="utf-8") == page, "run tools/dev/scene_keys.py"
+
+
 def test_all_pages_are_looked_at():
     assert {"README.md", "CHANGELOG.md", "CONTRIBUTING.md"} <= {page.name for page in PAGES}
     assert len(PAGES) >= 10

@@ -36,6 +36,7 @@ PAGES = {
     "scenes/CONTACT_LAW.md": "A contact law of your own",
     "scenes/CLUSTER.md": "On a cluster",
     "scenes/README.md": "Scenes",
+    "scenes/KEYS.md": "Every key of a scene",
     "scenes/COMING_FROM.md": "Coming from LIGGGHTS, LAMMPS, YADE, EDEM",
     "kernels/README.md": "Kernels",
     "kernels/API.md": "Kernels in a program of your own",

@@ -1,6 +1,6 @@
-"""Write the keys of materials, contact laws and pairs into scenes/README.md: `python tools/dev/scene_keys.py`.
+"""Write the keys of scenes into scenes/README.md (materials, laws, pairs) and scenes/KEYS.md: `python tools/dev/scene_keys.py`.
 
-The list is made of the descriptions that the schema has, so it is of the code; a test compares the two.
+The lists are made of the descriptions that the schema has, so they are of the code; a test compares the two.
 """
 
 import sys
@@ -8,11 +8,15 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from warpdem import Scene
 from warpdem.scene import pair_keys
 from warpdem.scene.contact import Contact, Material, Pair
+from warpdem.scene.messages import PYTHON_ONLY, models_in
 
+KEYS_PAGE = Path(__file__).resolve().parents[2] / "scenes" / "KEYS.md"
 PAGE = Path(__file__).resolve().parents[2] / "scenes" / "README.md"
 START, END = "<!-- keys: made by tools/dev/scene_keys.py -->\n", "<!-- end of keys -->\n"
 WIDTH = 120
@@ -45,8 +49,46 @@ def block() -> str:
     return "\n" + "\n\n".join(parts) + "\n\n"
 
 
+KEYS_HEAD = """# Every key of a scene
+
+Made by `tools/dev/scene_keys.py` from the descriptions in the code, which are those of the
+[schema](scene.schema.json) too. [README.md](README.md) says how they go together, with examples; `NAME` is a name of
+your own, `[]` an entry of a list. Numbers are in SI units, or strings with a unit such as "5 mm". Keys of materials,
+contact laws and pairs are [there](README.md#materials-contact-laws-and-pairs).
+"""
+
+
+def tables_of(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """The tables that a table holds, and those of theirs, each with its key path; one alone or in a list is named alone."""
+    for key, field in model.model_fields.items():
+        found: dict[type[BaseModel], str] = {}
+        for table, suffix in models_in(field.annotation):
+            found[table] = min(suffix, found.get(table, suffix))
+        for table, suffix in found.items():
+            yield table, f"{prefix}{key}{suffix}"
+            yield from tables_of(table, f"{prefix}{key}{suffix}.")
+
+
+def keys_page() -> str:
+    """All tables of a scene but those of ``block``."""
+    places: dict[type[BaseModel], list[str]] = {Scene: []}
+    for table, place in tables_of(Scene):
+        places.setdefault(table, []).append(place)
+    parts = [KEYS_HEAD]
+    for table, where in places.items():
+        if table in (Material, Contact, Pair):
+            continue
+        said = " ".join((table.__doc__ or "").split("\n\n")[0].split()).replace("``", "`")
+        intro = f"In {', '.join(f'`{place}`' for place in where)}: {said}" if where else "What the file itself holds."
+        shown = {key: field for key, field in table.model_fields.items() if not (table is Scene and key in PYTHON_ONLY)}
+        wrapped = textwrap.fill(intro, WIDTH, break_on_hyphens=False)
+        parts.append(f"## {table.__name__}\n\n{wrapped}\n\n" + "\n".join(fields(shown, {})) + "\n")
+    return "\n".join(parts)
+
+
 def main() -> None:
-    """Put the list in its place on the page."""
+    """Put the lists in their places."""
+    KEYS_PAGE.write_text(keys_page(), encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
     head, rest = text.split(START)
     tail = rest.split(END)[1]

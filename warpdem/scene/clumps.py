@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from warpdem.scene.base import FileName, Length, Point, SceneModel, exactly_one, validation_error
 from warpdem.scene.units import Quantity, Vector
@@ -11,6 +11,12 @@ GIVEN = ("mass", "moments")
 """Keys of inertia = "given"."""
 ROUNDING = 1e-9
 """By how much a given moment may exceed the sum of the two others [-]."""
+Orientation = Annotated[
+    Annotated[Literal["random", "aligned"], Tag("~word")]
+    | Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4), Tag("~quaternion")],
+    Discriminator(lambda value: "~quaternion" if isinstance(value, (list, tuple)) else "~word"),
+]
+"""Directions of clumps that are packed or inserted: a word, or one quaternion for all."""
 
 
 class ClumpSphere(SceneModel):

@@ -20,12 +20,12 @@ from warpdem.scene.base import (
     exactly_one,
     validation_error,
 )
+from warpdem.scene.clumps import Orientation
 from warpdem.scene.regions import VOLUMES, Box, CylinderRegion, MeshRegion, SphereRegion
 from warpdem.scene.size_distribution import Diameter, Factor
 from warpdem.scene.units import Array, Quantity, Vector
 
 Copies = Annotated[int, Field(strict=True, ge=1)]
-Quaternion = Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4)]
 STATE_FILE_SUFFIXES = (".npz", ".csv", ".vtp")
 CHECKPOINT_SUFFIXES = (".h5", ".hdf5")
 OF_PACKING = ("region", "point", "height", "count", "mass", "solid_fraction", "diameter", "size", "orientation")
@@ -84,7 +84,7 @@ class Fill(SceneModel):
     size: Factor | None = Field(
         None, description="With clump: factor on its lengths [-], > 0, or a distribution of it, default 1."
     )
-    orientation: Literal["random", "aligned"] | Quaternion | None = Field(
+    orientation: Orientation | None = Field(
         None,
         description='With clump: "random" (default), all directions alike; "aligned", its axes along the frame axes; or a '
         "quaternion (w, x, y, z) [-] from its axes to the frame axes, not 0. The last two before the clumps are pushed apart.",

@@ -68,6 +68,9 @@ def _translate(detail: Mapping[str, Any], root: type[BaseModel]) -> str:
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "extra_forbidden":
         return line(key_path, value, unknown_key(key_path, root))
+    if kind == "missing" and isinstance(key_path[-1], int):  # a row that is too short
+        named = max(k for k, part in enumerate(key_path) if isinstance(part, str))
+        return line(key_path[:-1], value, f"an entry is missing: {_description(key_path[: named + 1], root)}")
     if kind == "missing":
         return line(key_path, None, f"missing: {_description(key_path, root)}")
     if kind == "value_error":
@@ -80,6 +83,10 @@ def _translate(detail: Mapping[str, Any], root: type[BaseModel]) -> str:
             + context["expected"].replace("'", '"')
             + nearest(value, re.findall("'(.*?)'", context["expected"]))
         )
+    elif kind == "string_pattern_mismatch":
+        text = "must be made of letters, digits, _ and - only"
+        if "/" in context["pattern"]:
+            text = 'must be the path of a prim, such as "/World/Drum"'
     elif kind in _WORDS:
         text = _WORDS[kind].format(**context)
         if kind in ("list_type", "model_type", "model_attributes_type", "dict_type"):
@@ -100,7 +107,6 @@ _WORDS = {
     "greater_than_equal": "must be >= {ge}",
     "too_short": "needs {min_length} or more entries, has {actual_length}",
     "too_long": "takes {max_length} entries at most, has {actual_length}",
-    "string_pattern_mismatch": "must be made of letters, digits, _ and - only",
 }
 """Texts for pydantic's error types; those not listed keep pydantic's own text."""
 
@@ -165,14 +171,14 @@ def unknown_key(key_path: KeyPath, root: type[BaseModel], also: Sequence[str] = 
 # --- the scene's models ----------------------------------------------------------------------------------------------
 
 
-def _parts(annotation: Any) -> Iterator[tuple[type[BaseModel], str]]:
+def models_in(annotation: Any) -> Iterator[tuple[type[BaseModel], str]]:
     """The models inside an annotation such as list[Wall] | None, and the suffix of the key path of each: "[]", ".NAME", ""."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation, ""
         return
     here = {list: "[]", dict: ".NAME"}.get(typing.get_origin(annotation), "")
     for inner in typing.get_args(annotation):
-        for model, suffix in _parts(inner):
+        for model, suffix in models_in(inner):
             yield model, here + suffix
 
 
@@ -185,7 +191,7 @@ def _models_at(key_path: Sequence[str | int], root: type[BaseModel]) -> list[typ
         following = [(model, "") for model, suffix in here if suffix == ("[]" if isinstance(part, int) else ".NAME")]
         for model, suffix in here:
             if not suffix and part in model.model_fields:
-                following += _parts(model.model_fields[part].annotation)
+                following += models_in(model.model_fields[part].annotation)
         here = following
     return [model for model, suffix in here if not suffix]
 
@@ -195,7 +201,7 @@ def _all_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
     for name, field in model.model_fields.items():
         yield f"{prefix}{name}"
         suffixes: dict[type[BaseModel], str] = {}
-        for part, suffix in _parts(field.annotation):
+        for part, suffix in models_in(field.annotation):
             suffixes[part] = min(suffix, suffixes.get(part, suffix))
         for part, suffix in suffixes.items():
             yield from _all_keys(part, f"{prefix}{name}{suffix}.")

@@ -1,7 +1,7 @@
 """Streams as scene data: grains that are inserted during the run, where, how many, of what."""
 
 import itertools
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
@@ -18,6 +18,7 @@ from warpdem.scene.base import (
     exactly_one,
     validation_error,
 )
+from warpdem.scene.clumps import Orientation
 from warpdem.scene.regions import VOLUMES, DiskFace, MeshFace, Region
 from warpdem.scene.size_distribution import Diameter, SizeLaw, size_law
 from warpdem.scene.units import Quantity, Vector
@@ -47,14 +48,6 @@ Table = list[tuple[float, float]]
 """Rates against time: [time, rate] in each row [s, 1/s or kg/s]."""
 MassRate = _rate("kg/s")
 CountRate = _rate("1/s")
-
-
-Orientation = Annotated[
-    Annotated[Literal["random", "aligned"], Tag("~word")]
-    | Annotated[tuple[float, float, float, float], Vector(Quantity("-"), 4), Tag("~quaternion")],
-    Discriminator(lambda value: "~quaternion" if isinstance(value, (list, tuple)) else "~word"),
-]
-"""How clumps come."""
 
 
 class _Bodies(SceneModel):
