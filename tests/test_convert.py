@@ -59,15 +59,17 @@ def test_scenes_come_back_equal_by_way_of_the_other_format(tmp_path, path):
 def test_a_value_of_every_key_of_every_law_is_here():
     for key, (_, laws) in pair_keys.of_package().items():
         for _, law in laws:
-            assert key in LAWS[law], (key, law)
+            assert key in LAWS.get(law, {}), f"BED of tests/kernels/normal/test_{law}.py lacks {key}"
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_keys_of_contact_laws_come_back_equal_from_every_format(tmp_path, law):
     scene = of_law(law, tmp_path)
+    told = scene.pairs[0].model_dump(exclude_unset=True)
     for again in there_and_back(scene, tmp_path):
         given = again.pairs[0].model_dump(exclude_unset=True)
-        assert {key: given[key] for key in LAWS[law]} == LAWS[law]
+        plainly = {key: told[key] if isinstance(value, str) else value for key, value in LAWS[law].items()}
+        assert {key: given[key] for key in LAWS[law]} == plainly
         assert plain(again) == plain(scene)
         assert again.notes == ()
 

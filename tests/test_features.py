@@ -152,7 +152,7 @@ def test_left_out_features_allocate_nothing(full):
     bare = run(scene(tangential="none", rolling="none", mu=0, mu_r=0, spins=False))
     assert bare.plan.memory == 0
     assert bare.state.record.numpy().shape[1] == grain.WIDTH[False] == 10
-    assert bare.lists.row.numpy().shape[1] == 3
+    assert bare.lists.slot_force.numpy().shape[1] == 3
     assert bare.lists.kind.size == 0
     assert bare.lists.constants.shape[1] == 3
     assert bare.lists.wall_contacts.point.numpy().shape[2] == 9

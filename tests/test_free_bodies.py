@@ -30,9 +30,9 @@ def test_a_top_flies_and_turns_exactly(frame):
     free = body(spin=spin, velocity=velocity, centre=[0.01, 0.02, 0.0])
     sim = run(scene(free, BALL | LAB, frame=frame, time={"end": 1, "step": 2e-5}))
     sim.step(5000)
-    q = motion(sim, "turn")
+    q = motion(sim, "orientation")
     exact = np.array([-0.35739232902914479, 0.91782939385206195, 0.076282208691741946, -0.15505144813702833])
-    start = body_of(sim).body[BODY.of("turn")]
+    start = body_of(sim).body[BODY.of("orientation")]
     turn = matrix_of(q) @ matrix_of(start).T
     np.testing.assert_allclose(turn, matrix_of(exact), rtol=0, atol=1e-11)
     exact = 100 * np.array([1.1474523355968126, -1.6653387455810364, 0.66998678157771149])
@@ -125,7 +125,7 @@ def test_a_plate_on_mounts_swings_up_and_down_and_tilts():
         sim.step(steps)
         t = sim.time
         np.testing.assert_allclose(motion(sim, "place"), [0, 0, -sag * (1 - math.cos(bounce * t))], rtol=0, atol=2e-4 * sag)
-        angle = 2 * math.asin(motion(sim, "turn") @ quaternion_of_y(sim))
+        angle = 2 * math.asin(motion(sim, "orientation") @ quaternion_of_y(sim))
         assert angle == pytest.approx(0.5 / tilt * math.sin(tilt * t), abs=1e-3 * 0.5 / tilt)
     shown = columns(sim)
     total = 0.5 * 1e-5 * 0.5**2
@@ -134,7 +134,7 @@ def test_a_plate_on_mounts_swings_up_and_down_and_tilts():
 
 def quaternion_of_y(sim):
     """What takes the component along y out of the quaternion of the rotation since the start."""
-    w, x, y, z = body_of(sim).body[BODY.of("turn")]
+    w, x, y, z = body_of(sim).body[BODY.of("orientation")]
     return np.array([-y, z, w, -x])  # (q start^-1) . (0, 0, 1, 0)
 
 

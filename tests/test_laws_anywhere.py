@@ -1,28 +1,17 @@
 """Every normal law of the package: bits in lanes, threads, graph and resume; frames, mixed precision, phases and budgets."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from law_beds import in_a_bed
 from switches import switched
 from warpdem import Scene, Simulation
 from warpdem.model.choose_features import choose_features
 from warpdem.scene.models import model_names
 from warpdem.state import restart
 
-NORMAL = Path(__file__).parent / "kernels" / "normal"
 WITH = " + "
 """Between a normal law and a law of liquid bridges."""
-
-
-def in_a_bed(law: str) -> dict | None:
-    """Keys of the pair of materials in the bed here, as the test file of a normal law states them: ``BED = {...}``."""
-    assigned = [node for node in ast.parse((NORMAL / f"test_{law}.py").read_text()).body if isinstance(node, ast.Assign)]
-    given = [node.value for node in assigned if [getattr(target, "id", "") for target in node.targets] == ["BED"]]
-    return ast.literal_eval(given[0]) if given else None
-
 
 LAWS = {law: keys for law in model_names("normal") if (keys := in_a_bed(law)) is not None} | {
     "hertz + bridge": {

@@ -106,7 +106,7 @@ def test_without_a_frame_nothing_turns():
         rows = made.rows(3, 2)
         np.testing.assert_array_equal(rows[:, 2:5], [GRAVITY] * 3)
         np.testing.assert_array_equal(rows[:, 5:29], 0.0)
-        assert not made.turning
+        assert not made.rotates
         assert not made.shifting
         assert made.moving == 0
         assert len(made.motions) == 1, "the laboratory is the frame then"
@@ -295,7 +295,7 @@ def test_walls_move_as_their_motions_say(frame, own, fixed_to):
 def test_a_wall_at_rest_in_the_laboratory_moves_in_a_frame_that_only_shifts():
     made = schedule([("laboratory", None), ("frame", None), ("laboratory", {"velocity": [0, 0, 0]})], SHAKER)
     assert made.moving == 1
-    assert not made.turning
+    assert not made.rotates
     np.testing.assert_array_equal(made.wall_motion, [0, 1, 0])
     np.testing.assert_allclose(made.placements(55, 0)[1, 0, 9:12], -made.pose(55 * DT).translation, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(made.placements(55, 0)[1, 0, 12:18], 0.0)

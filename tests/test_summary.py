@@ -10,7 +10,7 @@ from rich.console import Console
 from warpdem import Scene, Simulation
 from warpdem.app.run import run_scene
 from warpdem.app.summary import turning_line
-from warpdem.measure.dimensionless import TurningNumbers, turning_axes
+from warpdem.measure.dimensionless import TurningNumbers, rotating_axes
 
 RATE, RADIUS, SPEED = 4.0, 0.05, 0.3
 HALF_TURN = {"axis": [0, 0, 1], "schedule": [{"until": 5e-3, "rate": RATE}]}
@@ -92,7 +92,7 @@ def test_nested_rotations_count_from_the_instantaneous_axis():
 
 
 def test_nothing_turns_no_numbers():
-    assert turning_axes(scene()) is None
+    assert rotating_axes(scene()) is None
     assert numbers(scene()) is None
     assert numbers(scene({"velocity": [1, 0, 0]})) is None
 

@@ -68,7 +68,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
     pair_kernels = pair_contacts.build(real, pair_law, None, around, spins=True, gap=gap)
     arrays = structs.build(pair_kernels)
     evaluate_pair = thread_contact.build(
-        arrays, pair_kernels, pair_law.constants, spins=True, turning_frame=False, table=True, **met
+        arrays, pair_kernels, pair_law.constants, spins=True, rotating_frame=False, table=True, **met
     )
     outer = neighbors.build(around, spins=True, gap=gap)
     batches = contact_batches.build(
@@ -78,7 +78,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
     closest = feature.build(True, False, False, False)
     seen = images.build(closest, around, repeated=False)
     one = contact.build(
-        wall_law, None, around, seen, spins=True, turning_frame=False, moving_frame=False, moving=0, **met
+        wall_law, None, around, seen, spins=True, rotating_frame=False, moving_frame=False, moving=0, **met
     )
     walls = evaluate.build(arrays, one, closest, around, seen, table=True, meshes=True, gap=gap)
     WallContacts, evaluate_wall_contacts = walls.WallContacts, walls.evaluate
@@ -97,10 +97,10 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
         no_losses: wp.array3d(dtype=wp.int64),
     ):
         """Evaluate one contact per thread."""
-        no_turn = pair_kernels.Turn()
+        no_rotation = pair_kernels.AxesRotation()
         now = row[0]
         evaluate_pair(
-            wp.tid(), 0, no_turn, slip_time(now), kick_time(now), model, grains, contacts, contacts.history, no_losses, 0
+            wp.tid(), 0, no_rotation, slip_time(now), kick_time(now), model, grains, contacts, contacts.history, no_losses, 0
         )
 
     @kernel

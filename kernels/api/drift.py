@@ -17,7 +17,7 @@ def motion_kernels() -> KernelSet:
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     g = grain.build(True)
     acceleration_of = motion.build_acceleration((), spins=True, relative=False)
-    advance, _ = exact_drift.build(spins=True, turning_frame=False, moving_frame=False)
+    advance, _ = exact_drift.build(spins=True, rotating_frame=False, moving_frame=False)
     Numbers = motion.Numbers
 
     @kernel

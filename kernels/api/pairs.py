@@ -46,7 +46,7 @@ class Pairs(ListedGrains):
         self.history = wp.zeros((0, max(law.history, 1), 1), dtype=wp.float64, device=grains.device)
         if len(grains) < 2:
             self.owner = self.partner = self.ints((0, 1))
-            self.start = self._row_start = self.ints(len(grains) + 1)
+            self.start = self._slot_start = self.ints(len(grains) + 1)
             self._pair_force = wp.zeros(1, dtype=self.kernels.pair_kernels.PairForce, device=grains.device)
 
     def apply(self, dt: float) -> None:
@@ -58,11 +58,11 @@ class Pairs(ListedGrains):
         if len(self.owner):
             model, grains, contacts = k.structs.Model(), k.structs.Grains(), k.structs.ContactBatches()
             model.coefficients, model.dt = self._table, dt
-            grains.record, grains.inverse, grains.row = g.record, g.inverse, self._pair_force
+            grains.record, grains.inverse, grains.slot_force = g.record, g.inverse, self._pair_force
             contacts.owner, contacts.partner, contacts.kind = self.owner, self.partner, self._pair
             contacts.slot_i, contacts.slot_j, contacts.history = self._slot_i, self._slot_j, self.history
             self.launch(k.pair_forces, len(self.owner), [row, model, grains, contacts, None])
-        self.launch(k.pair_load, len(g), [self._row_start, self._pair_force, self._no_walls, self._no_load, g.load])
+        self.launch(k.pair_load, len(g), [self._slot_start, self._pair_force, self._no_walls, self._no_load, g.load])
 
     def _grid(self) -> SizeGrids:
         """One grid of cells as wide as two of the largest grains and the skin."""
@@ -103,21 +103,21 @@ class Pairs(ListedGrains):
         none = wp.zeros((0, 1, 1), dtype=batches.real, device=g.device)  # laws with bridges ask there what a contact holds
         self.launch(batches.select_contacts, n, [0, grains, rows, none, EVERYWHERE, flight, listed, counts])
         first = starts(counts.touching.numpy() + counts.near.numpy())
-        row_start = starts(counts.slots.numpy())
+        slot_start = starts(counts.slots.numpy())
         contacts, second = int(first[-1]), first[:-1] + counts.touching.numpy()
         owner, partner, pair, slot_i, slot_j = (self.ints((contacts, 1)) for _ in range(5))
         history = wp.zeros((contacts, max(self.law.history, 1), 1), dtype=wp.float64, device=g.device)
         constants = wp.zeros((0, 1, 1), dtype=wp.float64, device=g.device)
         upload = functools.partial(wp.array, dtype=wp.int32, device=g.device)
         begin, listed_contacts = Starts(), batches.ListedContacts()
-        begin.touching, begin.near, begin.slot = upload(first[:-1]), upload(second), upload(row_start)
+        begin.touching, begin.near, begin.slot = upload(first[:-1]), upload(second), upload(slot_start)
         for name, array in (("owner", owner), ("partner", partner), ("kind", pair), ("constants", constants),
                             ("slot_i", slot_i), ("slot_j", slot_j), ("history", history)):  # fmt: skip
             setattr(listed_contacts, name, array)
         law = self.law.materials, self._table
         self.launch(batches.fill_contacts, n, [0, grains, *law, rows, listed, begin, self.history, listed_contacts])
-        self._row_start = begin.slot
+        self._slot_start = begin.slot
         self.start, self.count, self.neighbor = start, count, slot
         self.owner, self.partner, self.history = owner, partner, history
         self._pair, self._slot_i, self._slot_j, self._old = pair, slot_i, slot_j, rows
-        self._pair_force = wp.zeros(int(row_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)
+        self._pair_force = wp.zeros(int(slot_start[-1]) + 1, dtype=self.kernels.pair_kernels.PairForce, device=g.device)

@@ -131,7 +131,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
     @wp.func
     def parts(
         # as the law got them
-        n: vec3, n_before: vec3, overlap: real, overlap_before: real, velocity: vec3, slip: vec3, turning: vec3,
+        n: vec3, n_before: vec3, overlap: real, overlap_before: real, velocity: vec3, slip: vec3, mean_rotation: vec3,
         spin: vec3, dt: real, k: Constants, radius: real, inertia: real, c: Coefficients, before: History,
         # as the law returned them
         force: vec3, moment: vec3, now: History,
@@ -152,7 +152,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             both = n + n_before
             mid = wp.dot(slip, both) / (real(2.0) + real(2.0) * wp.dot(n, n_before))
             step = across(slip - both * mid, n)
-            brought = transported(past.spring(before), n, n_before, turning) * retained(depth, depth_before)
+            brought = transported(past.spring(before), n, n_before, mean_rotation) * retained(depth, depth_before)
             k_t = c[wp.static(at.shear)] * k_n
             cut_spring = real(0.5) * k_t * wp.dot(brought + limited_spring, brought + step - limited_spring)
             trial = limited_spring * (-k_t) - (velocity - n * speed) * gamma_t
@@ -169,7 +169,7 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
                 if wp.static(not torsion):
                     roll = across(spin, n)
                 angle = past.angle(now)
-                transported_angle = transported(past.angle(before), n, n_before, turning)
+                transported_angle = transported(past.angle(before), n, n_before, mean_rotation)
                 torque_before = spring_torque(transported_angle, k_n, radius, inertia, c, dt)
                 torque_after = spring_torque(angle, k_n, radius, inertia, c, dt)
                 nonelastic = moment - torque_after
@@ -301,16 +301,16 @@ def build_impulses(real, at: Columns, losses: tuple[str, ...]):
         along = wp.float64(x[wp.static(at.damping)]) * wp.dot(n, velocity)
         across = wp.float64(0.0)
         share = wp.float64(0.0)
-        turned = wp.float64(0.0)
+        rolled = wp.float64(0.0)
         dragged = wp.float64(0.0)
         if wp.static(has_tangential):
             across = wp.dot(as_double(tangential(x)), velocity - wp.cross(swept, n))
         if wp.static(slides):
             share = wp.float64(x[wp.static(sliding_at)])
         if wp.static(has_rolling):
-            turned = wp.dot(as_double(rolling(x)), spin)
+            rolled = wp.dot(as_double(rolling(x)), spin)
         if wp.static(drags):
             dragged = wp.dot(as_double(drag(x)), velocity - wp.cross(swept, n))
-        return Work(-along, -((wp.float64(1.0) - share) * across), -(share * across), -turned, -dragged)
+        return Work(-along, -((wp.float64(1.0) - share) * across), -(share * across), -rolled, -dragged)
 
     return KernelSet(Impulses=Impulses, Work=Work, at=at, kept=kept, rotated=rotated, work=work)

@@ -90,15 +90,15 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
 
     @wp.func
     def exchange(
-        i: int, radius: f64, first_slot: int, last_slot: int, most: f64, row: wp.array(dtype=PairForce),
+        i: int, radius: f64, first_slot: int, last_slot: int, most: f64, slot_force: wp.array(dtype=PairForce),
         film: wp.array2d(dtype=wp.int64),
     ):  # fmt: skip
         """Give grain ``i`` its gifts, and answer its wishes from its film."""
         given = film[i, 1]
         wanted = f64(0.0)
         for e in range(first_slot, last_slot):
-            given += wp.int64(row[e][wp.static(gift)])
-            partner = f64(row[e][wp.static(wish)])
+            given += wp.int64(slot_force[e][wp.static(gift)])
+            partner = f64(slot_force[e][wp.static(wish)])
             if partner > f64(0.0):
                 wanted += share(radius, partner)
         if given == wp.int64(0) and wanted == f64(0.0):
@@ -106,13 +106,13 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
         left = film[i, 0] + given
         part = f64(left) / wp.max(f64(1.0), wanted)
         for e in range(first_slot, last_slot):
-            one = row[e]
+            one = slot_force[e]
             partner = f64(one[wp.static(wish)])
             if partner > f64(0.0):
                 taken = even_part(wp.min(part * share(radius, partner), f64(left)), most)
                 left -= taken
                 one[wp.static(wish)] = real(taken)
-                row[e] = one
+                slot_force[e] = one
         film[i, 0] = left
         film[i, 1] = wp.int64(0)
 
@@ -125,12 +125,12 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
     def settle(
         p: int, k: int, quantum: f64, record: wp.array(dtype=g.Record), owner: wp.array2d(dtype=wp.int32),
         partner: wp.array2d(dtype=wp.int32), kind: wp.array2d(dtype=wp.int32), coefficients: wp.array(dtype=Coefficients),
-        slot_i: wp.array2d(dtype=wp.int32), slot_j: wp.array2d(dtype=wp.int32), row: wp.array(dtype=PairForce),
+        slot_i: wp.array2d(dtype=wp.int32), slot_j: wp.array2d(dtype=wp.int32), slot_force: wp.array(dtype=PairForce),
         history: wp.array3d(dtype=real),
     ):  # fmt: skip
         """Make a bridge of what the films have given to the contact in lane ``k`` of batch ``p``, if it has asked."""
         if history[p, wp.static(at_bridge), k] == real(wp.static(liquid.PENDING)):
-            counts = row[slot_i[p, k]][wp.static(wish)] + row[slot_j[p, k]][wp.static(wish)]
+            counts = slot_force[slot_i[p, k]][wp.static(wish)] + slot_force[slot_j[p, k]][wp.static(wish)]
             if counts > real(0.0):
                 c = coefficients[0]
                 if wp.static(table):
@@ -157,7 +157,7 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
         coefficients: wp.array(dtype=Coefficients),
         slot_i: wp.array2d(dtype=wp.int32),
         slot_j: wp.array2d(dtype=wp.int32),
-        row: wp.array(dtype=PairForce),
+        slot_force: wp.array(dtype=PairForce),
         # written
         history: wp.array3d(dtype=real),
         film: wp.array2d(dtype=wp.int64),
@@ -169,9 +169,9 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
         t = first + wp.tid()
         p = t // lanes
         k = t % lanes
-        if slot_i[p, k] + 1 == row.shape[0] or history[p, wp.static(at_bridge), k] == real(0.0):
+        if slot_i[p, k] + 1 == slot_force.shape[0] or history[p, wp.static(at_bridge), k] == real(0.0):
             return
-        settle(p, k, quantum, record, owner, partner, kind, coefficients, slot_i, slot_j, row, history)
+        settle(p, k, quantum, record, owner, partner, kind, coefficients, slot_i, slot_j, slot_force, history)
         counts = history[p, wp.static(at_bridge), k]
         if counts > real(0.0):
             i = owner[p, k]
@@ -189,5 +189,5 @@ def build(pairs, liquid_law, *, table: bool, reach: float, longest: float):
 
     return KernelSet(
         exchange=exchange, asks=asks, settle=settle, settle_contacts=settle_contacts, even_part=even_part, formed=formed,
-        width=width, tension=tension, wetting=wetting,
+        width=width, tension=tension, wetting=wetting, wish=wish,
     )  # fmt: skip

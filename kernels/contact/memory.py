@@ -26,7 +26,7 @@ def build(real, law, border, impulses: Columns, *, spins: bool, energy: bool):
     """
     g = grain.build(spins)
     vec3d = wp.vec3d
-    History, Turn, remembers = law.History, law.history.Rotation, law.history.at.width
+    History, AxesRotation, remembers = law.History, law.history.Rotation, law.history.at.width
     Memory, Impulses = wp.types.vector(max(remembers + impulses.width, 1), real), impulses.vector(real)
     losses = len(law.losses)
     Losses, Common = scalars((*LOSSES, *law.losses)).vector(wp.float64), scalars(LOSSES).vector(wp.float64)
@@ -66,7 +66,7 @@ def build(real, law, border, impulses: Columns, *, spins: bool, energy: bool):
     of_impulses = build_impulses(real, impulses, law.losses)
 
     @wp.func
-    def rotated(memory: Memory, rate: Turn) -> Memory:
+    def rotated(memory: Memory, rate: AxesRotation) -> Memory:
         """The same in axes that turned by I + ``rate``."""
         return joined(
             law.history.rotated(history_of(memory), rate), of_impulses.rotated(impulses_of(memory), rate)

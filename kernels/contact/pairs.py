@@ -53,7 +53,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
     vec3 = wp.types.vector(3, real)
     vec3d = wp.vec3d
     Coefficients = law.at.vector(wp.float64)
-    Numbers, Constants, Turn = law.Coefficients, law.Constants, law.history.Rotation
+    Numbers, Constants, AxesRotation = law.Coefficients, law.Constants, law.history.Rotation
     wet = law.bridge_at is not None
     bridge_at = law.bridge_at or 0
     Result = (EXCHANGE_AT if wet else RESULT_AT).vector(real)
@@ -66,9 +66,9 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
     @wp.func
-    def cast_rotation(m: wp.mat33d) -> Turn:
+    def cast_rotation(m: wp.mat33d) -> AxesRotation:
         """The same matrix in the precision of the law."""
-        return Turn(
+        return AxesRotation(
             real(m[0, 0]), real(m[0, 1]), real(m[0, 2]), real(m[1, 0]), real(m[1, 1]), real(m[1, 2]),
             real(m[2, 0]), real(m[2, 1]), real(m[2, 2]),
         )  # fmt: skip
@@ -110,7 +110,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         overlap = radii - distance
         velocity = g.velocity(gi) - g.velocity(gj) + (g.acceleration(gi) - g.acceleration(gj)) * (wp.float64(0.5) * dt)
         slip = moved
-        turning = vec3d()
+        mean_rotation = vec3d()
         spin = vec3d()
         spin_predicted = vec3d()
         arm_i = gi[3] - wp.float64(0.5) * overlap
@@ -127,12 +127,12 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
             quarter = wp.float64(0.25) * (radii - distance_before - overlap)
             mid_surface = wp.cross(wi * (arm_i - quarter) + wj * (arm_j - quarter), n + n_before)
             slip = moved - mid_surface * (wp.float64(0.5) * slip_time)
-            turning = (wi + wj) * (wp.float64(0.5) * slip_time)
+            mean_rotation = (wi + wj) * (wp.float64(0.5) * slip_time)
             spin = wi - wj
             spin_predicted = wi_predicted - wj_predicted
         force, moment, now = law.force(
             cast_vector(n), cast_vector(n_before), real(overlap), real(radii - distance_before), cast_vector(velocity),
-            cast_vector(slip), cast_vector(turning), cast_vector(spin), cast_vector(spin_predicted),
+            cast_vector(slip), cast_vector(mean_rotation), cast_vector(spin), cast_vector(spin_predicted),
             real(dt), k, radius, inertia, c, history,
         )  # fmt: skip
         smaller = gi[3] if gi[3] < gj[3] else gj[3]
@@ -159,7 +159,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
             p = parts(
                 cast_vector(n), cast_vector(n_before), real(overlap), real(radii - distance_before),
                 cast_vector(velocity),
-                cast_vector(slip), cast_vector(turning), cast_vector(spin), real(dt),
+                cast_vector(slip), cast_vector(mean_rotation), cast_vector(spin), real(dt),
                 k, radius, inertia, c, history, force, moment, now,
             )  # fmt: skip
             impulse = kept.impulses_after(p, real(kick))
@@ -204,5 +204,5 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         margin_before=margin_before, reduced_radius=reduced_radius,
         cast_rotation=cast_rotation, cast_coefficients=cast_coefficients, law=law, real=real, spins=spins,
         has_parts=parts is not None, PairForce=PairForce, wet=wet, bridge_at=bridge_at, border=border,
-        grain=g, Coefficients=Coefficients, Turn=Turn, memory=kept,
+        grain=g, Coefficients=Coefficients, AxesRotation=AxesRotation, memory=kept,
     )  # fmt: skip

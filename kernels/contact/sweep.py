@@ -22,12 +22,12 @@ AHEAD = {4: 6, 8: 4}  # contact batches between the prefetch of a contact batch 
 
 
 @functools.cache
-def translated(pairs, turning_frame: bool) -> KernelSet:
+def translated(pairs, rotating_frame: bool) -> KernelSet:
     """The functions of one contact in C++, as ``text``, and their names.
 
     Args:
         pairs: namespace of ``pairs.build``.
-        turning_frame: the axes turn, and the contact history with them.
+        rotating_frame: the axes turn, and the contact history with them.
 
     Raises:
         NotStraight: the law cannot be evaluated in lanes; the message says where.
@@ -38,23 +38,23 @@ def translated(pairs, turning_frame: bool) -> KernelSet:
         functions["constants_of_clumps"] = pairs.constants_of_clumps
     if pairs.has_parts:
         functions["margin_before"] = pairs.margin_before
-    if turning_frame and pairs.memory.width:
+    if rotating_frame and pairs.memory.width:
         functions["rotated"] = pairs.memory.rotated
     names = {name: law.add(function).name for name, function in functions.items()}
     return KernelSet(text=law.text, **names)
 
 
 ARRAYS = {
-    "grains.inverse": "inverse", "grains.row": "row", "contacts.owner": "owner",
+    "grains.inverse": "inverse", "grains.slot_force": "slot_force", "contacts.owner": "owner",
     "contacts.partner": "partner", "contacts.constants": "constants", "contacts.kind": "kind", "contacts.history": "history_in",
     "contacts.slot_i": "slot_i", "contacts.slot_j": "slot_j", "model.coefficients": "coefficients",
 }  # fmt: skip
 """Arrays of the structs under names of their own: what is stored through one of them does not change where others are."""
 
 
-def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool, ranks: bool = False) -> str:
+def source(pairs, lanes: int, *, stored: Columns, rotating_frame: bool, table: bool, ranks: bool = False) -> str:
     """C++ of the sweep; arguments as in ``build``."""
-    law, of = translated(pairs, turning_frame), pairs.law
+    law, of = translated(pairs, rotating_frame), pairs.law
     real = pairs.real
     lane, number, width = LANE[real], NUMBER[real], grain.WIDTH[pairs.spins]
     remembers, coefficients, own = pairs.memory.width, of.at.width, of.Constants._length_
@@ -86,15 +86,15 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
         given = f"gi, gj, inv_i, inv_j, {radius}, batch::{law.cast_coefficients}(c)"
         of_clumps = f"        numbers = batch::{law.constants_of_clumps}({given});\n"
     history_in, history_out = (f"history_{way}.data + (p * {remembers} + {{f}}) * {lanes}" for way in ("in", "out"))
-    rotated = f"        remembered = batch::{law.rotated}(remembered, turn);\n" if hasattr(law, "rotated") else ""
+    rotated = f"        remembered = batch::{law.rotated}(remembered, rotation);\n" if hasattr(law, "rotated") else ""
     chosen = ""
     if table:
         by_kind = f"coefficients.data[kind.data[p * {lanes} + k]].c[f]"
         chosen = f"        for (int k = 0; k < {lanes}; ++k) for (int f = 0; f < {coefficients}; ++f) c.c[f][k] = {by_kind};\n"
     places = [f"slot_{side}.data[p * {lanes} + k]" for side, _ in sides]
     in_reach = f"~(batch::{law.margin}(gi, gj) < f64(0.0))"  # true of what is no number: it must be seen, not passed over
-    announced = ["row.data + slot_i.data[k]", "row.data + slot_j.data[k]"]
-    zeros = f"row.data[{places[0]}] = row.data[{places[1]}] = {{}};"
+    announced = ["slot_force.data + slot_i.data[k]", "slot_force.data + slot_j.data[k]"]
+    zeros = f"slot_force.data[{places[0]}] = slot_force.data[{places[1]}] = {{}};"
     if pairs.has_parts:  # the energy that a contact loses when it opens is found in the step after its last one
         in_reach = f"({in_reach}) | ~(batch::{law.margin_before}(gi, gj, f64(slip_time)) < f64(0.0))"
     if pairs.wet:  # a bridge acts beyond the reach of the law, and breaks there
@@ -111,7 +111,7 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
     wp::int64* const digits = {digits.replace("SPAN_", str(SPAN))};
     int added = 0;
 """
-        counted = f"(batch::numbers(slot_i.data + p * {lanes}) < f64(row.shape[0] - 1))"
+        counted = f"(batch::numbers(slot_i.data + p * {lanes}) < f64(slot_force.shape[0] - 1))"
         if ranks:  # a contact across the border of two ranks counts on that of its first grain
             counted += f" & (batch::numbers(owner.data + p * {lanes}) < f64(contacts.owned))"
         added = f"""        f64 value[{columns}];
@@ -140,8 +140,8 @@ def source(pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bo
 {"".join(f"    const auto {name} = {array};" + chr(10) for array, name in ARRAYS.items())}\
     const double dt = model.dt;
     const int at = part.slot, stride = part.stride, last = part.last;
-    wp::mat_t<3, 3, {lane}> turn;
-    for (int f = 0; f < 9; ++f) turn.data[f / 3][f % 3] = turn_rate.data[f / 3][f % 3];
+    wp::mat_t<3, 3, {lane}> rotation;
+    for (int f = 0; f < 9; ++f) rotation.data[f / 3][f % 3] = axes_rotation.data[f / 3][f % 3];
     wp::vec_t<{coefficients}, f64> c;
     for (int f = 0; f < {coefficients}; ++f) c.c[f] = coefficients.data[0].c[f];
 {declared}    {lane} worst = ({number})extreme.data[at], fastest = ({number})extreme.data[at + 1];
@@ -187,13 +187,13 @@ def _given(pairs, lanes: int, places: list[str]) -> str:
         on_i += [f"o.r0.c[{at.wish_i}]", f"o.r0.c[{at.gift}]"]
         on_j += [f"o.r0.c[{at.wish_j}]", f"o.r0.c[{at.gift}]"]
     text = rows.write(
-        pairs.real, lanes, "batch", [(f"row.data[{k}].c", on) for k, on in zip(places, (on_i, on_j), strict=True)]
+        pairs.real, lanes, "batch", [(f"slot_force.data[{k}].c", on) for k, on in zip(places, (on_i, on_j), strict=True)]
     )
     return text
 
 
 @functools.cache
-def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, table: bool, ranks: bool = False):
+def build(structs, pairs, lanes: int, *, stored: Columns, rotating_frame: bool, table: bool, ranks: bool = False):
     """Return ``sweep``: evaluates the contact batches of a range.
 
     Args:
@@ -201,7 +201,7 @@ def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, t
         pairs: namespace of ``pairs.build``.
         lanes: contacts of a batch: 2, 4 or 8.
         stored: columns of the constants that are kept of each contact.
-        turning_frame: the axes turn, and the contact history with them.
+        rotating_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
         ranks: some grains belong to other processes.
 
@@ -210,10 +210,10 @@ def build(structs, pairs, lanes: int, *, stored: Columns, turning_frame: bool, t
     """
     real = pairs.real
 
-    @wp.func_native(source(pairs, lanes, stored=stored, turning_frame=turning_frame, table=table, ranks=ranks))
+    @wp.func_native(source(pairs, lanes, stored=stored, rotating_frame=rotating_frame, table=table, ranks=ranks))
     def sweep(
         part: Range,
-        turn_rate: pairs.Turn,  # of the axes over the last step
+        axes_rotation: pairs.AxesRotation,  # over the last step
         slip_time: wp.float64,
         kick: wp.float64,
         model: structs.Model,

@@ -15,7 +15,7 @@ from warpdem.kernels.measure.window_sum import add_rounded
 
 @functools.cache
 def build(
-    structs, pairs, constants, *, spins: bool, rolling: bool, turning_frame: bool, table: bool, inertia_factor: float,
+    structs, pairs, constants, *, spins: bool, rolling: bool, rotating_frame: bool, table: bool, inertia_factor: float,
     ranks: bool = False,
 ):  # fmt: skip
     """Return ``evaluate``.
@@ -26,7 +26,7 @@ def build(
         constants: of ``law.build`` in float64.
         spins: grains spin.
         rolling: there is a rolling model, which meets the inertia of the grains times ``inertia_factor``.
-        turning_frame: the axes turn, and the contact history with them.
+        rotating_frame: the axes turn, and the contact history with them.
         table: coefficients differ between contacts.
         ranks: some grains belong to other processes.
     """
@@ -40,7 +40,7 @@ def build(
     def evaluate(
         p: int,
         k: int,
-        turn_rate: pairs.Turn,  # of the axes over the last step
+        axes_rotation: pairs.AxesRotation,  # over the last step
         slip_time: wp.float64,
         kick: wp.float64,
         model: structs.Model,
@@ -55,7 +55,7 @@ def build(
         """Evaluate lane ``k`` of contact batch ``p``; return its overlap ratio [-] and approach speed [m/s]."""
         at_i = contacts.slot_i[p, k]
         at_j = contacts.slot_j[p, k]
-        if at_i + 1 == grains.row.shape[0]:  # an empty lane of its contact batch
+        if at_i + 1 == grains.slot_force.shape[0]:  # an empty lane of its contact batch
             return wp.float64(0.0), wp.float64(0.0)
         i = contacts.owner[p, k]
         j = contacts.partner[p, k]
@@ -67,8 +67,8 @@ def build(
             if wp.static(pairs.wet):  # a bridge acts beyond the reach of the law, and breaks there
                 far = far and contacts.history[p, wp.static(pairs.bridge_at), k] == real(0.0)
             if far:
-                grains.row[at_i] = PairForce()
-                grains.row[at_j] = PairForce()
+                grains.slot_force[at_i] = PairForce()
+                grains.slot_force[at_j] = PairForce()
                 for f in range(wp.static(remembers)):
                     history_out[p, f, k] = real(0.0)
                 return wp.float64(0.0), wp.float64(0.0)
@@ -84,8 +84,8 @@ def build(
         memory = Memory()
         for f in range(wp.static(remembers)):
             memory[f] = contacts.history[p, f, k]
-        if wp.static(turning_frame and remembers > 0):
-            memory = pairs.memory.rotated(memory, turn_rate)
+        if wp.static(rotating_frame and remembers > 0):
+            memory = pairs.memory.rotated(memory, axes_rotation)
         c = pairs.cast_coefficients(coefficients_64)
         numbers = Constants()
         if wp.static(pairs.clumps.there):
@@ -113,14 +113,14 @@ def build(
             on_j[wp.static(wish)] = result[10]
             on_i[wp.static(wish + 1)] = result[11]
             on_j[wp.static(wish + 1)] = result[11]
-            grains.row[at_i] = on_i
-            grains.row[at_j] = on_j
+            grains.slot_force[at_i] = on_i
+            grains.slot_force[at_j] = on_j
         elif wp.static(spins):
-            grains.row[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
-            grains.row[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
+            grains.slot_force[at_i] = PairForce(result[0], result[1], result[2], result[3], result[4], result[5])
+            grains.slot_force[at_j] = PairForce(-result[0], -result[1], -result[2], result[6], result[7], result[8])
         else:
-            grains.row[at_i] = PairForce(result[0], result[1], result[2])
-            grains.row[at_j] = PairForce(-result[0], -result[1], -result[2])
+            grains.slot_force[at_i] = PairForce(result[0], result[1], result[2])
+            grains.slot_force[at_j] = PairForce(-result[0], -result[1], -result[2])
         if wp.static(parts):
             counts = bool(True)
             if wp.static(ranks):  # a contact across the border of two ranks counts on that of its first grain

@@ -15,7 +15,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import grain
-from warpdem.kernels.step.schedule import FrameRow, Row, drift_shift, drift_turn, kick_time
+from warpdem.kernels.step.schedule import FrameRow, Row, drift_rotation, drift_shift, kick_time
 
 ORDER = 2
 STAGES = (0.0,)
@@ -39,7 +39,7 @@ def shifted(rotation: wp.mat33d, shift: wp.vec3d, y: wp.vec3d) -> wp.vec3d:
 
 
 @functools.cache
-def build_drift(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build_drift(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``drift``: kick and drift of one record; arguments as of ``build``."""
     g = grain.build(spins)
 
@@ -49,8 +49,8 @@ def build_drift(*, spins: bool, turning_frame: bool, moving_frame: bool):
         v = g.velocity(state) + a * kick
         q = g.position(state) + v * dt
         w = g.spin(state) + b * kick
-        if wp.static(turning_frame):
-            rotation = drift_turn(row)
+        if wp.static(rotating_frame):
+            rotation = drift_rotation(row)
             q = q + shifted(rotation, drift_shift(row), q)
             v = v + rotation * v
             a = a + rotation * a
@@ -64,10 +64,10 @@ def build_drift(*, spins: bool, turning_frame: bool, moving_frame: bool):
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``advance`` and ``reading``."""
     g = grain.build(spins)
-    drift = build_drift(spins=spins, turning_frame=turning_frame, moving_frame=moving_frame)
+    drift = build_drift(spins=spins, rotating_frame=rotating_frame, moving_frame=moving_frame)
 
     @wp.func
     def advance(

@@ -16,6 +16,6 @@ STORE = 6
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``advance`` and ``reading``."""
     return runge_kutta.build(STAGES, WEIGHTS, spins=spins, moving_frame=moving_frame)

@@ -28,11 +28,11 @@ def solved(c: wp.vec3d, r: wp.vec3d) -> wp.vec3d:
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``advance`` and ``reading``."""
     g = grain.build(spins)
     frame = frame_terms.build(moving_frame)
-    _, reading = velocity_verlet.build(spins=spins, turning_frame=turning_frame, moving_frame=moving_frame)
+    _, reading = velocity_verlet.build(spins=spins, rotating_frame=rotating_frame, moving_frame=moving_frame)
 
     @wp.func
     def advance(

@@ -22,7 +22,7 @@ STORE = 0
 
 
 @wp.func
-def turned(axis: wp.vec3d, dt: wp.float64, v: wp.vec3d):
+def rotated(axis: wp.vec3d, dt: wp.float64, v: wp.vec3d):
     """E v and M v / dt for O = axis x."""
     one = wp.float64(1.0)
     square = wp.dot(axis, axis) * dt * dt
@@ -44,7 +44,7 @@ def turned(axis: wp.vec3d, dt: wp.float64, v: wp.vec3d):
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``advance`` and ``reading``."""
     g = grain.build(spins)
     frame = frame_terms.build(moving_frame)
@@ -75,8 +75,8 @@ def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
         v = v_now - frame.velocity_jump(f, q) + (a + frame.of_place(f, omega, q)) * half
         w = w_now - frame.spin_jump(f) + (b + frame.of_spin(f, omega, wp.vec3d())) * half
         middle = omega + frame.angular_acceleration(f) * half
-        v_end, v_mean = turned(middle * wp.float64(-2.0), dt, v)
-        w_end, w_mean = turned(-middle, dt, w)
+        v_end, v_mean = rotated(middle * wp.float64(-2.0), dt, v)
+        w_end, w_mean = rotated(-middle, dt, w)
         rate = wp.float64(2.0) / dt
         return g.record(q + v_mean * dt, state[3], v_mean, (v_end - v_mean) * rate, w_mean, (w_end - w_mean) * rate)
 

@@ -21,7 +21,7 @@ STORE = 0
 
 
 @functools.cache
-def build(*, spins: bool, turning_frame: bool, moving_frame: bool):
+def build(*, spins: bool, rotating_frame: bool, moving_frame: bool):
     """Return ``advance`` and ``reading``."""
     g = grain.build(spins)
     frame = frame_terms.build(moving_frame)

@@ -217,12 +217,12 @@ def build(
                 most = walls.fastest[motion]
                 body = local(walls.placements[now, motion], x)
                 closing = speed + most[0] + most[1] * wp.length(x)
-                turning = acceleration + wp.float64(2.0) * most[1] * closing
+                apparent = acceleration + wp.float64(2.0) * most[1] * closing
                 away = gap_to_box_alone(body, walls.watched.low[m], walls.watched.high[m])
                 # what is fast beside a mesh is for the guard of the travel to see (``travel``)
                 free = away - need - closing * dt * wp.float64(2.0)
                 slow = closing * dt * wp.float64(1.1) < walls.watched.max_travel[m] * radius
-                ahead = largest_distance(time, closing, turning)
+                ahead = largest_distance(time, closing, apparent)
                 if slow and free < ahead:
                     p = wp.vec3(float(body[0]), float(body[1]), float(body[2]))
                     # nothing further than that matters; somewhat more for the rounding of single precision
@@ -235,7 +235,7 @@ def build(
                         apart = body - wp.vec3d(wp.float64(point[0]), wp.float64(point[1]), wp.float64(point[2]))
                         rounding = wp.float64(1.0e-5) * (wp.length(body) + wp.length(apart)) + walls.surface.rounding[wall]
                         free = wp.length(apart) - need - rounding
-                time = wp.min(time, least_time(free, closing, turning))
+                time = wp.min(time, least_time(free, closing, apparent))
         if wp.static(shapes):
             for s in range(walls.surface.planes + walls.surface.revolutions + walls.surface.spheres):
                 feature = walls.surface.triangles + s
@@ -248,8 +248,8 @@ def build(
                     nearest, direction, distance, mask, weight = closest_on_feature(
                         walls.surface, feature, body, radius, wp.float64(FAR)
                     )
-                    turning = acceleration + wp.float64(2.0) * most[1] * closing
-                    time = wp.min(time, least_time(distance - need, closing, turning))
+                    apparent = acceleration + wp.float64(2.0) * most[1] * closing
+                    time = wp.min(time, least_time(distance - need, closing, apparent))
         return time
 
     @kernel

@@ -1,6 +1,6 @@
 r"""Energy and momentum budget: what acts on each grain, added up step by step.
 
-A kick changes the energy of motion by exactly the force times the velocity V_k that the integrator has at the instant:
+A kick changes the energy of motion by exactly the force times the velocity V_k that the integrator has at that time:
 
     (1/2) m (V_k+1/2^2 - V_k-1/2^2) = dt F_k . V_k,     V_k = (V_k-1/2 + V_k+1/2) / 2
 
@@ -26,7 +26,15 @@ from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import LOSSES, with_losses
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.motion import joined
-from warpdem.kernels.step.schedule import FrameRow, Row, drift_turn, frame_axes, frame_origin, frame_velocity, gravity
+from warpdem.kernels.step.schedule import (
+    FrameRow,
+    Row,
+    drift_rotation,
+    frame_axes,
+    frame_origin,
+    frame_velocity,
+    gravity,
+)
 
 ENERGIES = (*LOSSES, "fields", "carried")
 """What is added up per grain [J]: the first five are taken from it at walls, the others given to it. The LOSSES of the normal
@@ -93,9 +101,9 @@ def _field_power(before, number: int, force, in_laboratory: bool, conservative: 
 @functools.cache
 def build(
     structs, WallContacts, Control, fields: tuple, conservative: tuple[bool, ...], *, spins: bool, walls: bool, energy: bool,
-    momentum: bool, turning_frame: bool, moving_frame: bool, periodic: bool, losses: tuple[str, ...] = (),
+    momentum: bool, rotating_frame: bool, moving_frame: bool, periodic: bool, losses: tuple[str, ...] = (),
 ):  # fmt: skip
-    """Return ``energies``, ``momenta``, ``turned`` and ``wall_powers`` of one grain at one instant.
+    """Return ``energies``, ``momenta``, ``rotated`` and ``wall_powers`` of one grain at one time.
 
     Args:
         structs: namespace of ``step.structs.build``.
@@ -107,7 +115,7 @@ def build(
         walls: there are walls.
         energy: energies are added up.
         momentum: momenta are added up.
-        turning_frame: the axes turn, and momenta with them.
+        rotating_frame: the axes turn, and momenta with them.
         moving_frame: the frame's origin is not the laboratory's.
         periodic: there are periodic borders.
         losses: LOSSES of the normal law.
@@ -266,13 +274,13 @@ def build(
         return field_momenta(state, wp.float64(1.0) / grains.inverse[i][0], weight, at, model, control, found)
 
     @wp.func
-    def turned(all: Momenta, row: Row) -> Momenta:
-        """The same vectors in the axes of the next instant."""
+    def rotated(all: Momenta, row: Row) -> Momenta:
+        """The same vectors in the axes of the next force call."""
         out = all
-        if wp.static(turning_frame):
+        if wp.static(rotating_frame):
             for part in range(wp.static(2 * len(MOMENTA))):
                 v = wp.vec3d(all[3 * part], all[3 * part + 1], all[3 * part + 2])
-                v = v + drift_turn(row) * v
+                v = v + drift_rotation(row) * v
                 out[3 * part] = v[0]
                 out[3 * part + 1] = v[1]
                 out[3 * part + 2] = v[2]
@@ -303,7 +311,7 @@ def build(
 
     return KernelSet(
         acts=acts, contact_energies=contact_energies, field_energies=field_energies, energies=energies,
-        contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, turned=turned, lifted=lifted,
+        contact_momenta=contact_momenta, field_momenta=field_momenta, momenta=momenta, rotated=rotated, lifted=lifted,
         shifted=shifted, wall_works=wall_works,
         energy=energy, momentum=momentum,
     )  # fmt: skip

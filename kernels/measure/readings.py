@@ -94,15 +94,15 @@ def grain_sums(
     p = part(row, spread, i)
     q = position(record, i)
     mass = wp.float64(1.0) / inverse[i, 0]
-    turning = wp.vec3d(axes[0], axes[1], axes[2])
-    v = velocity[i] + (wp.vec3d(axes[3], axes[4], axes[5]) + wp.cross(turning, q))
+    frame_spin = wp.vec3d(axes[0], axes[1], axes[2])
+    v = velocity[i] + (wp.vec3d(axes[3], axes[4], axes[5]) + wp.cross(frame_spin, q))
     add(mass, p, wp.static(GRAIN_SUMS.mass), sums_out)
     add_vector(mass * q, p, wp.static(GRAIN_SUMS.moment), sums_out)
     add_vector(mass * v, p, wp.static(GRAIN_SUMS.momentum), sums_out)
     add(wp.float64(0.5) * mass * wp.dot(v, v), p, wp.static(GRAIN_SUMS.kinetic), sums_out)
     angular = mass * wp.cross(q, v)
     if spins > 0:
-        w = spin[i] + turning
+        w = spin[i] + frame_spin
         inertia = wp.float64(1.0) / inverse[i, 1]
         angular = angular + inertia * w
         add(wp.float64(0.5) * inertia * wp.dot(w, w), p, wp.static(GRAIN_SUMS.rotational), sums_out)

@@ -7,7 +7,7 @@ r"""What wears walls, added up at their contact points step by step: per feature
     erosion          sum m u^2 f(a) over touches,                                      [J]
                      f = sin 2a - (6/K) sin^2 a where tan a <= K/6, else (K/6) cos^2 a
 
-v is the velocity of the grain relative to the wall at the contact point, v_n along the normal; V_k and W_k of the instant, as
+v is the velocity of the grain relative to the wall at the contact point, v_n along the normal; V_k and W_k of that time, as
 in ``budget``, so that shear and impact work are what friction and normal force take from the relative motion, to round-off. u
 is the velocity of the grain's centre relative to the wall at first touch and a its angle to the wall: 0 for one that grazes. A
 touch begins where the overlap grows above 0: a law that reaches beyond it (a tail, a neck, a bridge) pulls without eroding, and

@@ -5,7 +5,7 @@ r"""Hertz contact that never attracts, damped so that the restitution asked for 
 
 Symbols, K and the tangential stiffness are those of ``hertz``; z [-] follows from the restitution e and does not depend on the
 speed. With u = d^(5/4) and ds = d^(1/4) dt the motion is that of a linear spring and dashpot, u'' + 2 z w u' + w^2 u = 0 with
-w^2 = (5/4) K/m* (Antypov and Elliott 2011); the force vanishes where u'' does in the speed's own equation, half a turn less
+w^2 = (5/4) K/m* (Antypov and Elliott 2011); the force vanishes where u'' does in the speed's own equation, half a period less
 2 asin(z) after the touch (Schwager and Poeschel 2007, for linear springs). From there on the bodies part freely: spring and
 dashpot are both at rest, and the overlap that is left is no force. It is the closed relation behind the fit of Thornton,
 Cummins and Cleary 2013.
@@ -41,7 +41,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 def given_back(ratio: float) -> float:
     """Restitution [-] at the damping ratio z [-]."""
-    return math.exp(-ratio * _turn(ratio))
+    return math.exp(-ratio * _duration(ratio))
 
 
 def damping_ratio(restitution: float) -> float:
@@ -64,11 +64,11 @@ def coefficients(a, b, pair) -> tuple[float, float, float, float]:
 def damped_time(restitution: float) -> float:
     """Time of contact over that without damping [-], from the closed path u(s); the free way out of the overlap counts."""
     ratio = damping_ratio(restitution)
-    left = float(_path(ratio, np.array(_turn(ratio)))) ** 0.8  # overlap where the force ends, and the speed there is e
+    left = float(_path(ratio, np.array(_duration(ratio)))) ** 0.8  # overlap where the force ends, and the speed there is e
     return (_time(ratio) + 1.25 * left / restitution) / _time(0.0)
 
 
-def _turn(ratio: float) -> float:
+def _duration(ratio: float) -> float:
     """Length of the force in units of 1/w in s [-]."""
     root = math.sqrt(abs(1.0 - ratio**2))
     if root < 1.0e-6:
@@ -85,7 +85,7 @@ def _path(ratio: float, s: np.ndarray) -> np.ndarray:
 
 def _time(ratio: float) -> float:
     """Integral of ds / d^(1/4) from the touch to the end of the force, in units of its scale [-]."""
-    end, x = _turn(ratio), 0.5 * (NODES + 1.0)
+    end, x = _duration(ratio), 0.5 * (NODES + 1.0)
     # s^(-1/5) at the touch, and at the end, too, without damping: both halves are taken from their ends outwards by x^(5/4)
     s = np.concatenate([0.5 * end * x**1.25, end - 0.5 * end * x**1.25])
     weight = np.tile(0.5 * WEIGHTS * 0.5 * end * 1.25 * x**0.25, 2)

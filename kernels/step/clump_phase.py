@@ -65,7 +65,7 @@ def build(
         control: Control,
     ) -> Momenta:  # fmt: skip
         """Impulses of member ``i`` of clump ``c`` over ``weight`` [s]."""
-        total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+        total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
         state = grains.record[i]
         if wp.static(border.images > 1):  # where it is on its clump, not the image of it within the borders
             arm = rotation_matrix(grains.clumps.turn[c]) * grains.clumps.arm[i]
@@ -83,7 +83,7 @@ def build(
         c: int, at: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control
     ) -> clump.Reading:  # fmt: skip
         """Motion of clump ``c`` at the present time, in row ``at``."""
-        total = clumps.total_load(c, grains.clumps, grains.row_start, grains.row, wall_contacts)
+        total = clumps.total_load(c, grains.clumps, grains.slot_start, grains.slot_force, wall_contacts)
         a, torque = clumps.accelerations(
             c, total, grains.clumps, control.row[at], control.frame, at, model.dt, control.field
         )
@@ -106,7 +106,7 @@ def build(
                     budget.wall_works(i, weight, wall_contacts, grains.wall_work)
             if wp.static(budget.momentum):
                 given = momenta(c, i, weight, at, model, grains, wall_contacts, control)
-                grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
+                grains.momenta[i] = budget.rotated(grains.momenta[i] + given, row)
 
     @wp.func
     def add_image_shift(c: int, shift: wp.vec3d, row: Row, grains: Grains):
@@ -128,7 +128,7 @@ def build(
         row = control.row[s]
         dt = model.dt
         all = grains.clumps
-        total = clumps.total_load(c, all, grains.row_start, grains.row, wall_contacts)
+        total = clumps.total_load(c, all, grains.slot_start, grains.slot_force, wall_contacts)
         a, torque = clumps.accelerations(c, total, all, row, control.frame, s, dt, control.field)
         if wp.static(budget is not None):
             motion = clumps.motion_now(c, a, torque, all, row, control.frame, s, dt)
@@ -180,7 +180,7 @@ def build(
         first = grains.clumps.first[c]
         for i in range(first, first + grains.clumps.count[c]):
             v, w = clumps.member_motion(i, axes, motion, grains.clumps)
-            load_out[i] = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+            load_out[i] = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
             velocity_out[i] = v
             spin_out[i] = w
 

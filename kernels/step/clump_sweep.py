@@ -28,20 +28,21 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     law = Translator()
     of = clumps.of_numbers
     functions = (rotation_matrix, with_member, what_drives, of.moved, of.inside, of.body_of, of.member_of)
-    turned, loaded, drives, moved, inside, body_of, member_of = (law.add(function).name for function in functions)
+    axes_of_clump, loaded, drives, moved, inside, body_of, member_of = (law.add(function).name for function in functions)
     Record = grain.build(True).Record
     width = Record._length_
     there = f"clumps.record.data[c].c[0] != {grain.REMOVED_X!r}" if leave else "true"
     at_walls = "if (wall_contacts.candidates.data[m] > 0) for (int f = 0; f < 6; ++f) one.c[f] += wall_load.data[m].c[f];"
     summed = f"""
         wp::vec_t<6, f64> total;
-        const auto axes = batch::{turned}(turn);
+        const auto axes = batch::{axes_of_clump}(turn);
         for (wp::int32 n = 0; n < most; ++n) {{
             wp::int32 at[{lanes}];
             wp::vec_t<6, f64> load;
             for (int k = 0; k < {lanes}; ++k) {{
                 const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
-                wp::vec_t<6, double> one = sum(grains.row_start.data[m], grains.row_start.data[m + 1], wp::vec_t<6, double>());
+                const wp::int32* slot = grains.slot_start.data + m;
+                wp::vec_t<6, double> one = sum(slot[0], slot[1], wp::vec_t<6, double>());
                 {at_walls if walls else ""}
                 for (int f = 0; f < 6; ++f) load.c[f][k] = n < count[k] ? one.c[f] : 0.0;
             }}
@@ -79,7 +80,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         enum {{ LANES = {lanes} }};
 {rows.helpers(wp.float64, lanes)}{law.text}    }};
     const auto& clumps = grains.clumps;
-    const auto& row = grains.row;
+    const auto& slot_force = grains.slot_force;
     const auto& wall_load = wall_contacts.load;
     const auto sum = [&](wp::int32 first, wp::int32 last, wp::vec_t<6, double> total) {{
 {sum_source(real, list(range(6)))}    }};

@@ -34,7 +34,7 @@ BODY = Columns(
     (
         ("center", 3),  # [m]
         ("axes", 9),  # from the principal axes to the frame axes
-        ("turned", 4),  # quaternion of the step, its vector part in frame axes
+        ("rotation", 4),  # quaternion of the step, its vector part in frame axes
         ("velocity", 3),  # of the centre over the step [m/s]
         ("spin", 3),  # mean of the step [rad/s]
         ("predicted_velocity", 3),  # of the centre at the time of the next force call [m/s]
@@ -198,7 +198,7 @@ def build_motion(drift, with_axes, border):
     def member_of(body: Body, arm: wp.vec3d, radius: wp.float64, dt: wp.float64):
         """Record and B of the member at ``arm`` [m] in the principal axes."""
         r = axes_of(body) * arm
-        at = wp.static(BODY.turned)
+        at = wp.static(BODY.rotation)
         u = wp.vec3d(body[at + 1], body[at + 2], body[at + 3])
         across = wp.cross(u, r)
         way = across * (wp.float64(2.0) * body[at]) - wp.cross(u, across) * wp.float64(2.0)  # r - p^-1 r
@@ -232,7 +232,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
 
     @wp.func
     def total_load(
-        c: int, clumps: Clumps, row_start: wp.array(dtype=wp.int32), row: wp.array(dtype=PairForce),
+        c: int, clumps: Clumps, slot_start: wp.array(dtype=wp.int32), slot_force: wp.array(dtype=PairForce),
         wall_contacts: WallContacts,
     ) -> vec6:  # fmt: skip
         """Contact force [N] on a clump and torque about its centre [N m]."""
@@ -240,7 +240,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         total = vec6()
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
-            one = load(m, row_start, row, wall_contacts.candidates, wall_contacts.load)
+            one = load(m, slot_start, slot_force, wall_contacts.candidates, wall_contacts.load)
             total = with_member(total, axes, clumps.arm[m], one)
         return total
 

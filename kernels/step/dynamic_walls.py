@@ -50,9 +50,9 @@ from warpdem.kernels.step.schedule import (
     gravity,
     kick_time,
     placed,
+    rotated,
     surface_circulation,
     surface_vector,
-    turned,
     wall_spin,
 )
 from warpdem.kernels.wall.mobility import MOBILITY, Mobility
@@ -60,7 +60,7 @@ from warpdem.kernels.wall.record import RESULT
 
 NUMBERS = Columns(
     (
-        ("turns", 1),  # 1 about the axis, 0 along it; 2 of a body with six degrees of freedom
+        ("rotates", 1),  # 1 about the axis, 0 along it; 2 of a body with six degrees of freedom
         ("axis", 3),  # unit vector, in the axes of the wall at s = 0
         ("origin", 3),  # a point on it [m]
         ("least", 1),  # least M of a servo; of a free wall 0
@@ -146,31 +146,31 @@ def rotation_about(axis: wp.vec3d, angle: wp.float64) -> wp.mat33d:
 
 
 @wp.func
-def displaced(p: Placement, turns: wp.float64, axis: wp.vec3d, origin: wp.vec3d, s: wp.float64, u: wp.float64) -> Placement:
+def displaced(p: Placement, rotates: wp.float64, axis: wp.vec3d, origin: wp.vec3d, s: wp.float64, u: wp.float64) -> Placement:
     """Placement of a wall at ``s`` moving at ``u``, from that at s = 0.
 
     Args:
         p: placement at s = 0, with the velocities of the axes that the wall moves in.
-        turns: 1 about the axis, 0 along it.
+        rotates: 1 about the axis, 0 along it.
         axis: unit vector a in axes of the wall.
         origin: point o on the axis, in axes of the wall [m].
         s: displacement [m] or angle [rad].
         u: its rate.
     """
     out = p
-    along = turned(p, axis)
-    if turns > wp.float64(0.0):
+    along = rotated(p, axis)
+    if rotates > wp.float64(0.0):
         outer = axes(p)
         change = rotation_about(axis, s)
-        turn = outer + outer * change
+        axes_now = outer + outer * change
         shift = wp.vec3d(p[9], p[10], p[11]) - outer * (change * origin)
         spin = wall_spin(p) + along * u
         velocity = wp.vec3d(p[15], p[16], p[17]) - wp.cross(along, placed(p, origin)) * u
-        vector = turn * (wp.transpose(outer) * surface_vector(p))
-        circulation = turn * (wp.transpose(outer) * surface_circulation(p))
+        vector = axes_now * (wp.transpose(outer) * surface_vector(p))
+        circulation = axes_now * (wp.transpose(outer) * surface_circulation(p))
         for i in range(3):
             for j in range(3):
-                out[3 * i + j] = turn[i, j]
+                out[3 * i + j] = axes_now[i, j]
             out[9 + i] = shift[i]
             out[12 + i] = spin[i]
             out[15 + i] = velocity[i]
@@ -227,9 +227,9 @@ def build(one, WallContacts, bodies: bool):
                 add_wall_contact(point, force, torque, thread, column, walls.sums)
                 if overlap > wp.float64(0.0):
                     arm = wp.float64(1.0)
-                    if walls.numbers[d, wp.static(NUMBERS.turns)] > wp.float64(0.0):
+                    if walls.numbers[d, wp.static(NUMBERS.rotates)] > wp.float64(0.0):
                         p = placements[now_row, walls.motion[d]]
-                        along = turned(p, vector_at(walls.numbers, d, wp.static(NUMBERS.axis)))
+                        along = rotated(p, vector_at(walls.numbers, d, wp.static(NUMBERS.axis)))
                         out = point - placed(p, vector_at(walls.numbers, d, wp.static(NUMBERS.origin)))
                         out = out - along * wp.dot(along, out)
                         arm = wp.dot(out, out)
@@ -263,7 +263,7 @@ def build(one, WallContacts, bodies: bool):
             now = placements[k + 1, motion]
             axis = vector_at(walls.numbers, d, wp.static(NUMBERS.axis))
             origin = vector_at(walls.numbers, d, wp.static(NUMBERS.origin))
-            turns = walls.numbers[d, wp.static(NUMBERS.turns)]
+            rotates = walls.numbers[d, wp.static(NUMBERS.rotates)]
             column = d * wp.static(SUMS.width)
             force = total_vector(threads, column + wp.static(SUMS.force), walls)
             moment = total_vector(threads, column + wp.static(SUMS.moment), walls)
@@ -272,9 +272,9 @@ def build(one, WallContacts, bodies: bool):
             inertia = walls.numbers[d, wp.static(NUMBERS.inertia)]
             if inertia == wp.float64(0.0):
                 inertia = wp.max(touched, walls.numbers[d, wp.static(NUMBERS.least)])
-            along = turned(now, axis)
+            along = rotated(now, axis)
             if wp.static(bodies):
-                if turns > wp.float64(1.0):
+                if rotates > wp.float64(1.0):
                     placements[k + 2, motion] = advance_body(
                         d, -force, -(moment + torque), gravity(rows[k]), now, placements[k + 2, motion], kick_time(rows[k]),
                         dt, walls.bodies, walls.motions,
@@ -283,10 +283,10 @@ def build(one, WallContacts, bodies: bool):
             pull = gravity(rows[k]) * walls.numbers[d, wp.static(NUMBERS.mass)]
             load = wp.dot(force, along)
             weight = wp.dot(pull, along)
-            if turns > wp.float64(0.0):
+            if rotates > wp.float64(0.0):
                 load = wp.dot(moment - wp.cross(placed(now, origin), force) + torque, along)
                 center = vector_at(walls.numbers, d, wp.static(NUMBERS.center))
-                weight = wp.dot(wp.cross(turned(now, center - origin), pull), along)
+                weight = wp.dot(wp.cross(rotated(now, center - origin), pull), along)
             drive = walls.drive[k, d]
             kick = kick_time(rows[k])
             before = walls.state[d, wp.static(STATE.rate)]
@@ -335,7 +335,7 @@ def build(one, WallContacts, bodies: bool):
                 mobility = walls.mobility[motion]
                 mobility[wp.static(MOBILITY.yields)] = wp.float64(1.0) - held
                 walls.mobility[motion] = mobility
-            placements[k + 2, motion] = displaced(placements[k + 2, motion], turns, axis, origin, position, predicted)
+            placements[k + 2, motion] = displaced(placements[k + 2, motion], rotates, axis, origin, position, predicted)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
     def advance_alone(

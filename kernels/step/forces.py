@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet
-from warpdem.kernels.step.schedule import Row, kick_time, past_turn, slip_time
+from warpdem.kernels.step.schedule import Row, kick_time, last_drift_rotation, slip_time
 from warpdem.kernels.step.structs import CONTACTS, SPAN, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
 
 
@@ -45,13 +45,13 @@ def build(
         part: Range, row: Row, history_out: wp.array3d(dtype=pairs.real), model: Model, grains: Grains,
         contacts: ContactBatches, report: Report,
     ):  # fmt: skip
-        turn = pairs.cast_rotation(past_turn(row))
+        axes_rotation = pairs.cast_rotation(last_drift_rotation(row))
         overlap_ratio = report.extreme[part.slot]
         approach = report.extreme[part.slot + 1]
         for p in range(part.first, part.last, part.stride):
             for k in range(wp.static(lanes)):
                 a, b = evaluate_lane(
-                    p, k, turn, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.losses,
+                    p, k, axes_rotation, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.losses,
                     part.slot // wp.static(SPAN),
                 )  # fmt: skip
                 overlap_ratio = wp.max(overlap_ratio, a)
@@ -71,16 +71,17 @@ def build(
                     for k in range(wp.static(lanes)):
                         films.settle(
                             p, k, model.quantum, grains.record, contacts.owner, contacts.partner, contacts.kind,
-                            model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+                            model.coefficients, contacts.slot_i, contacts.slot_j, grains.slot_force, contacts.history,
                         )  # fmt: skip
         history_out = contacts.history
         if call.stage > 0:
             history_out = contacts.trial
         if wp.static(sweep is not None):
-            turn = pairs.cast_rotation(past_turn(row))
+            axes_rotation = pairs.cast_rotation(last_drift_rotation(row))
             sweep(
-                part, turn, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.extreme, report.losses
-            )
+                part, axes_rotation, slip_time(row), kick_time(row), model, grains, contacts, history_out, report.extreme,
+                report.losses,
+            )  # fmt: skip
             if never():
                 pair_phase_by_lane(part, row, history_out, model, grains, contacts, report)
         else:

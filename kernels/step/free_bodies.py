@@ -37,7 +37,7 @@ BODY = Columns(
     (
         ("mass", 1),  # M [kg]
         ("center", 3),  # center of mass in the axes of the wall, where it begins [m]
-        ("turn", 4),  # Q at the start, unit quaternion
+        ("orientation", 4),  # Q at the start, unit quaternion
         ("rates", 3),  # one over each principal moment of inertia [1/(kg m2)]
         ("force", 3),  # F_0 [N]
         ("torque", 3),  # T_0 [N m]
@@ -48,7 +48,7 @@ BODY = Columns(
 MOTION = Columns(
     (
         ("place", 3),  # x [m]
-        ("turn", 4),  # Q, unit quaternion
+        ("orientation", 4),  # Q, unit quaternion
         ("velocity", 3),  # V in the middle of the last step [m/s]
         ("momentum", 3),  # L there [N m s]
         ("seen_velocity", 3),  # V and W that the contacts of this time see
@@ -74,7 +74,7 @@ def quaternion_at(values: wp.array2d(dtype=wp.float64), d: int, at: int) -> wp.v
 
 
 @wp.func
-def turn_since(q: wp.vec4d, start: wp.vec4d) -> wp.vec4d:
+def rotation_since(q: wp.vec4d, start: wp.vec4d) -> wp.vec4d:
     """The quaternion q start^-1, less 1: how the body has turned."""
     back = wp.vec4d(start[0] - wp.float64(1.0), -start[1], -start[2], -start[3])
     made = product(q, back)
@@ -82,12 +82,12 @@ def turn_since(q: wp.vec4d, start: wp.vec4d) -> wp.vec4d:
 
 
 @wp.func
-def placement_of(carrier: Placement, turn: wp.mat33d, x: wp.vec3d, center: wp.vec3d, v: wp.vec3d, w: wp.vec3d) -> Placement:
+def placement_of(carrier: Placement, rotation: wp.mat33d, x: wp.vec3d, center: wp.vec3d, v: wp.vec3d, w: wp.vec3d) -> Placement:
     """Placement of a body, from that of its carrier.
 
     Args:
         carrier: placement of the axes that the body is free in.
-        turn: R, from body axes to those.
+        rotation: R, from body axes to those.
         x: its center there [m].
         center: its center in body axes [m].
         v: velocity of the center there [m/s].
@@ -95,8 +95,8 @@ def placement_of(carrier: Placement, turn: wp.mat33d, x: wp.vec3d, center: wp.ve
     """
     out = carrier
     outer = axes(carrier)
-    axes_now = outer * turn
-    shift = placed(carrier, x - turn * center)
+    axes_now = outer * rotation
+    shift = placed(carrier, x - rotation * center)
     spin = outer * w
     velocity = outer * v - wp.cross(spin, placed(carrier, x))
     back = wp.transpose(outer)
@@ -135,15 +135,15 @@ def advance_body(
     """
     mass = bodies[d, wp.static(BODY.mass)]
     center = vector_at(bodies, d, wp.static(BODY.center))
-    start = quaternion_at(bodies, d, wp.static(BODY.turn))
+    start = quaternion_at(bodies, d, wp.static(BODY.orientation))
     rates = vector_at(bodies, d, wp.static(BODY.rates))
     x = vector_at(motions, d, wp.static(MOTION.place))
-    q = quaternion_at(motions, d, wp.static(MOTION.turn))
+    q = quaternion_at(motions, d, wp.static(MOTION.orientation))
     v = vector_at(motions, d, wp.static(MOTION.velocity))
     l = vector_at(motions, d, wp.static(MOTION.momentum))
     seen_v = vector_at(motions, d, wp.static(MOTION.seen_velocity))
     seen_w = vector_at(motions, d, wp.static(MOTION.seen_spin))
-    since = turn_since(q, start)
+    since = rotation_since(q, start)
     own = rotation_matrix(wp.vec4d(since[0] + wp.float64(1.0), since[1], since[2], since[3]))
     back = own * wp.transpose(axes(now))  # from frame axes to those of the carrier
     load = back * force
@@ -184,10 +184,10 @@ def advance_body(
         motions[d, wp.static(MOTION.seen_velocity) + k] = seen_v[k]
         motions[d, wp.static(MOTION.seen_spin) + k] = seen_w[k]
     for k in range(4):
-        motions[d, wp.static(MOTION.turn) + k] = q[k]
+        motions[d, wp.static(MOTION.orientation) + k] = q[k]
     motions[d, wp.static(MOTION.correction)] = motions[d, wp.static(MOTION.correction)] + correction
     motions[d, wp.static(MOTION.driven)] = motions[d, wp.static(MOTION.driven)] + given
     motions[d, wp.static(MOTION.lost)] = motions[d, wp.static(MOTION.lost)] + lost
-    since = turn_since(q, start)
+    since = rotation_since(q, start)
     own = rotation_matrix(wp.vec4d(since[0] + wp.float64(1.0), since[1], since[2], since[3]))
     return placement_of(carrier, own, x, center, seen_v, seen_w)

@@ -37,7 +37,7 @@ from warpdem.kernels.step.clock import (
 )
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.motion import BEYOND
-from warpdem.kernels.step.schedule import Placement, kick_time, past_turn, slip_time
+from warpdem.kernels.step.schedule import Placement, kick_time, last_drift_rotation, slip_time
 from warpdem.kernels.step.structs import Control, Report, build_call, one
 
 
@@ -82,14 +82,14 @@ def build(
         if wp.static(films is not None):
             films.settle(
                 t // wp.static(lanes), t % wp.static(lanes), model.quantum, grains.record, contacts.owner, contacts.partner,
-                contacts.kind, model.coefficients, contacts.slot_i, contacts.slot_j, grains.row, contacts.history,
+                contacts.kind, model.coefficients, contacts.slot_i, contacts.slot_j, grains.slot_force, contacts.history,
             )  # fmt: skip
         history_out = contacts.history
         if stage > 0:
             history_out = contacts.trial
         overlap_ratio, approach = evaluate(
-            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(past_turn(row)), slip_time(row), kick_time(row),
-            model, grains, contacts, history_out, report.losses, t % wp.max(report.losses.shape[0], 1),
+            t // wp.static(lanes), t % wp.static(lanes), pairs.cast_rotation(last_drift_rotation(row)), slip_time(row),
+            kick_time(row), model, grains, contacts, history_out, report.losses, t % wp.max(report.losses.shape[0], 1),
         )  # fmt: skip
         raise_to(report.extreme, 0, overlap_ratio)
         raise_to(report.extreme, 1, approach)

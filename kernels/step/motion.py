@@ -18,8 +18,8 @@ from warpdem.kernels.step.schedule import (
     FrameRow,
     Placement,
     Row,
+    drift_rotation,
     drift_shift,
-    drift_turn,
     frame_axes,
     frame_origin,
     frame_velocity,
@@ -33,14 +33,15 @@ vec6 = wp.types.vector(6, wp.float64)
 vec8 = wp.types.vector(8, wp.float64)
 
 
-# Sum over ``row``, number by number in its order: the bits of the plain loop, in few registers (19 -> 14 ns per grain and step)
+# Sum over ``slot_force``, number by number in its order: the bits of the plain loop, in few registers (19 -> 14 ns per grain
+# and step)
 SUM = """
 #if defined(__CUDA_ARCH__)
     for (wp::int32 e = first; e < last; ++e) {{
 {plain}    }}
 #else
 {types}    for (wp::int32 e = first; e < last; ++e) {{
-        const {number}* force = row.data[e].c;
+        const {number}* force = slot_force.data[e].c;
 {adds}    }}
 {gives}#endif
     return total;
@@ -49,7 +50,7 @@ NUMBER = {wp.float64: "wp::float64", wp.float32: "wp::float32"}
 
 
 def sum_source(real, columns: list[int]) -> str:
-    """C++ of a sum over ``row``, whose numbers are added up to the numbers ``columns`` of the total."""
+    """C++ of a sum over ``slot_force``, whose numbers are added up to the numbers ``columns`` of the total."""
     width, number = len(columns), NUMBER[real]
     first = width - width % 4 or 2  # registers of 4 and 2 numbers, or of 2 and 1
     starts = [*range(0, first, min(first, 4)), *([first] if first < width else [])]
@@ -60,7 +61,7 @@ def sum_source(real, columns: list[int]) -> str:
         types += f"    typedef wp::float64 sum{k} {vector}));\n    sum{k} part{k} = 0.0;\n"
         adds += f"        part{k} += __builtin_convertvector(*(const stored{k}*)(force + {at}), sum{k});\n"
         gives += "".join(f"    total.c[{columns[n]}] = part{k}[{n - at}];\n" for n in range(at, end))
-    plain = "".join(f"        total.c[{to}] += wp::float64(row.data[e].c[{n}]);\n" for n, to in enumerate(columns))
+    plain = "".join(f"        total.c[{to}] += wp::float64(slot_force.data[e].c[{n}]);\n" for n, to in enumerate(columns))
     return SUM.format(plain=plain, number=number, types=types, adds=adds, gives=gives)
 
 
@@ -73,20 +74,20 @@ def build_load(real, *, spins: bool, walls: bool, wet: bool = False):
     PairForce = wp.types.vector(pair_force_width(spins, wet), real)
 
     @wp.func_native(sum_source(real, list(range(force_width(spins)))))
-    def sum_of_pairs(first: int, last: int, row: wp.array(dtype=PairForce), total: vec6) -> vec6:
+    def sum_of_pairs(first: int, last: int, slot_force: wp.array(dtype=PairForce), total: vec6) -> vec6:
         """Add pair forces ``first`` to ``last`` to ``total``, which is zero."""
         ...
 
     @wp.func
     def load(
         i: int,
-        row_start: wp.array(dtype=wp.int32),
-        row: wp.array(dtype=PairForce),
+        slot_start: wp.array(dtype=wp.int32),
+        slot_force: wp.array(dtype=PairForce),
         candidates: wp.array(dtype=wp.int32),
         wall_load: wp.array(dtype=vec6),
     ) -> vec6:
         """Force [N] and torque [N m] on grain ``i``: pairs in order of partner id, then walls in order of contact point."""
-        total = sum_of_pairs(row_start[i], row_start[i + 1], row, vec6())
+        total = sum_of_pairs(slot_start[i], slot_start[i + 1], slot_force, vec6())
         if wp.static(walls):
             if candidates[i] > 0:
                 total += wall_load[i]
@@ -102,14 +103,14 @@ def build_wet_load(real, *, spins: bool):
     PairForce = wp.types.vector(pair_force_width(spins, True), real)
 
     @wp.func_native(sum_source(real, [*range(width), 6, 7]))
-    def sum_of_pairs(first: int, last: int, row: wp.array(dtype=PairForce), total: vec8) -> vec8:
+    def sum_of_pairs(first: int, last: int, slot_force: wp.array(dtype=PairForce), total: vec8) -> vec8:
         """Add pair forces ``first`` to ``last`` to ``total``, which is zero; wishes [m] and gifts [counts] are the last two."""
         ...
 
     @wp.func
-    def load(i: int, row_start: wp.array(dtype=wp.int32), row: wp.array(dtype=PairForce)):
+    def load(i: int, slot_start: wp.array(dtype=wp.int32), slot_force: wp.array(dtype=PairForce)):
         """Force [N] and torque [N m] of pairs on grain ``i``, and a number that is zero where it has no wish and no gift."""
-        total = sum_of_pairs(row_start[i], row_start[i + 1], row, vec8())
+        total = sum_of_pairs(slot_start[i], slot_start[i + 1], slot_force, vec8())
         return vec6(total[0], total[1], total[2], total[3], total[4], total[5]), total[6] + total[7]
 
     return load
@@ -251,7 +252,7 @@ def build_travel(
         """
         q = g.position(state)
         ahead = q + g.velocity(state) * dt
-        ahead = ahead + drift_turn(row) * ahead + drift_shift(row)
+        ahead = ahead + drift_rotation(row) * ahead + drift_shift(row)
         distance = wp.float64(0.0)
         if wp.static(in_frame):
             distance = wp.length(ahead - q)

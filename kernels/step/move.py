@@ -63,7 +63,7 @@ def build(
                 budget.wall_works(i, weight, wall_contacts, grains.wall_work)
         if wp.static(budget.momentum):
             given = budget.momenta(i, state, total, weight, at, model, grains, wall_contacts, control)
-            grains.momenta[i] = budget.turned(grains.momenta[i] + given, row)
+            grains.momenta[i] = budget.rotated(grains.momenta[i] + given, row)
 
     @wp.func
     def add_image_shift(i: int, state: g.Record, shift: wp.vec3d, row: Row, grains: Grains):
@@ -187,11 +187,11 @@ def build(
         for i in range(part.first, part.last, part.stride):
             total = vec6()
             if wp.static(films is not None):
-                total, asked = wet_load(i, grains.row_start, grains.row)
+                total, asked = wet_load(i, grains.slot_start, grains.slot_force)
                 if asked > wp.float64(0.0) or grains.film[i, wp.static(FILM_AT.returned)] != wp.int64(0):
                     films.exchange(
-                        i, grains.record[i][3], grains.row_start[i], grains.row_start[i + 1], model.most_from_film, grains.row,
-                        grains.film,
+                        i, grains.record[i][3], grains.slot_start[i], grains.slot_start[i + 1], model.most_from_film,
+                        grains.slot_force, grains.film,
                     )  # fmt: skip
                 if wp.static(walls):
                     if wall_contacts.candidates[i] > 0:
@@ -208,7 +208,7 @@ def build(
                 if g.is_removed(grains.record[i]):
                     continue
             if wp.static(films is None):
-                total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+                total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, at, dt, control.field)
             if wp.static(budget is not None):

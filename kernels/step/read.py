@@ -6,7 +6,7 @@ import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, KernelSet, clump
 from warpdem.kernels.measure.budget import Momenta
 from warpdem.kernels.measure.window_sum import add_rounded
-from warpdem.kernels.step.schedule import kick_time, past_turn, slip_time
+from warpdem.kernels.step.schedule import kick_time, last_drift_rotation, slip_time
 from warpdem.kernels.step.structs import Control
 
 vec6 = wp.types.vector(6, wp.float64)
@@ -15,7 +15,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     structs, pairs, WallContacts, load, acceleration, reading, budget, clumps=None, *, stages: int, walls: bool,
-    turning_frame: bool, ranks: bool = False,
+    rotating_frame: bool, ranks: bool = False,
 ):  # fmt: skip
     """Return the kernels ``read``, ``read_budget`` and those of ``losses``; the latter are None without budgets.
 
@@ -29,7 +29,7 @@ def build(
         clumps: of ``clump_phase.build``; None without clumps.
         stages: force calls per step.
         walls: there are walls.
-        turning_frame: the axes turn, and what contacts keep with them.
+        rotating_frame: the axes turn, and what contacts keep with them.
         ranks: some grains belong to other processes.
     """
     Model, Grains, ContactBatches = structs.Model, structs.Grains, structs.ContactBatches
@@ -56,7 +56,7 @@ def build(
                     clumps.read(c, s, model, grains, wall_contacts, control, load_out, velocity_out, spin_out)
                 return
         at = s * wp.static(stages)
-        total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+        total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
         row = control.row[at]
         state = grains.record[i]
         a, b = acceleration(state, total, grains.inverse[i], row, control.frame, at, model.dt, control.field)
@@ -90,7 +90,7 @@ def build(
                     )
                     return
             row = control.row[s]
-            total = load(i, grains.row_start, grains.row, wall_contacts.candidates, wall_contacts.load)
+            total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
             state = grains.record[i]
             a, b = acceleration(state, total, grains.inverse[i], row, control.frame, s, model.dt, control.field)
             v, w = reading(state, a, b, row, control.frame, s, model.dt)
@@ -116,7 +116,7 @@ def build(
 
         @wp.func
         def is_contact(p: int, k: int, grains: Grains, contacts: ContactBatches) -> bool:
-            return contacts.slot_i[p, k] + 1 < grains.row.shape[0]
+            return contacts.slot_i[p, k] + 1 < grains.slot_force.shape[0]
 
         @wp.func
         def kept_by(p: int, k: int, contacts: ContactBatches) -> Impulses:
@@ -153,8 +153,8 @@ def build(
                 contacts.history[p, wp.static(at) + f, k] = real(0.0)
             memory = pairs.memory.joined(History(), kept)
             row = control.row[s]
-            if wp.static(turning_frame):
-                memory = pairs.memory.rotated(memory, pairs.cast_rotation(past_turn(row)))
+            if wp.static(rotating_frame):
+                memory = pairs.memory.rotated(memory, pairs.cast_rotation(last_drift_rotation(row)))
             i = contacts.owner[p, k]
             if wp.static(ranks):
                 there = there and i < contacts.owned

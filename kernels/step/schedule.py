@@ -55,7 +55,7 @@ def gravity(row: Row) -> wp.vec3d:
 
 
 @wp.func
-def drift_turn(row: Row) -> wp.mat33d:
+def drift_rotation(row: Row) -> wp.mat33d:
     """R - I of the drift that follows."""
     return wp.mat33d(row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12], row[13])
 
@@ -67,20 +67,20 @@ def drift_shift(row: Row) -> wp.vec3d:
 
 
 @wp.func
-def past_turn(row: Row) -> wp.mat33d:
+def last_drift_rotation(row: Row) -> wp.mat33d:
     """R - I of the drift that led here."""
     return wp.mat33d(row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24], row[25])
 
 
 @wp.func
-def past_shift(row: Row) -> wp.vec3d:
+def last_drift_shift(row: Row) -> wp.vec3d:
     """Shift of the drift that led here [m]."""
     return wp.vec3d(row[26], row[27], row[28])
 
 
 @wp.func
 def frame_axes(f: FrameRow) -> wp.mat33d:
-    """Turn from frame axes to laboratory axes."""
+    """Rotation from frame axes to laboratory axes."""
     return wp.mat33d(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
 
 
@@ -134,7 +134,7 @@ def time_of(f: FrameRow) -> wp.float64:
 
 @wp.func
 def axes(p: Placement) -> wp.mat33d:
-    """Turn from body axes to frame axes."""
+    """Rotation from body axes to frame axes."""
     return wp.mat33d(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
 
 
@@ -145,7 +145,7 @@ def local(p: Placement, point: wp.vec3d) -> wp.vec3d:
 
 
 @wp.func
-def turned(p: Placement, vector: wp.vec3d) -> wp.vec3d:
+def rotated(p: Placement, vector: wp.vec3d) -> wp.vec3d:
     """A body-axes direction in frame axes."""
     return axes(p) * vector
 

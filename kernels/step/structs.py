@@ -188,7 +188,7 @@ def build(pairs):
         material: wp.array(dtype=wp.int32)  # (n,)
         reference: wp.array2d(dtype=wp.vec3d)  # (n, 1 + motions) of the inner list, of ``displacement``
         allowance: wp.array(dtype=wp.float64)  # (n,) of the outer list, of ``neighbors`` [m]
-        row_start: wp.array(dtype=wp.int32)  # (n + 1,) first force slot of each
+        slot_start: wp.array(dtype=wp.int32)  # (n + 1,) first force slot of each
         # written by the integrator
         record: wp.array(dtype=g.Record)  # (n,)
         orientation: wp.array(dtype=wp.vec4d)  # (n,), or of size 0
@@ -198,7 +198,7 @@ def build(pairs):
         clumps: Clumps  # of empty arrays without clumps
         film: wp.array2d(dtype=wp.int64)  # (n, 3) of ``contact.films.FILM_AT``; of a law with bridges
         # written by the contacts
-        row: wp.array(dtype=pairs.PairForce)  # (force slots + 1,)
+        slot_force: wp.array(dtype=pairs.PairForce)  # (force slots + 1,)
         # added up
         energies: wp.array(dtype=Energies)  # (n,) by walls, fields and what is carried
         momenta: wp.array(dtype=Momenta)  # (n,)

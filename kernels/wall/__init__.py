@@ -14,4 +14,12 @@
     distance                   signed distance to a mesh
 
 No file here is a model that a scene names: which shapes are compiled follows from the walls that it has.
+
+A new analytic shape is, here: a file with its ``closest``; its numbers and its count in ``surface``; its branch in ``feature``;
+its count where features are gone through (``candidates``, ``images``, ``lists.flight``, ``measure.readings``,
+``api.mesh_wall``). In ``warpdem``: a class in ``scene.wall_shapes`` with ``numbers`` and ``nearest``, in ``Shape`` and
+``SHAPES``, and its key in ``scene.walls``; its count in ``model.features``, ``model.choose_features`` and ``model.compiled``;
+its upload in ``model.walls``; its periodic images in ``model.wall_images``; its triangles, for pictures and files, in
+``mesh.tessellation``; what fits into it in ``filling.start_check``, and whether it holds what falls in ``engine.open_below``;
+``usd.walls``. Tests: ``tests/kernels/wall`` and ``tests/test_wall_shapes.py``; the schema.
 """

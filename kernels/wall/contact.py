@@ -19,14 +19,14 @@ from warpdem.kernels.measure.budget import WALL_ENTRY_AT, wall_entry
 from warpdem.kernels.step.schedule import (
     Placement,
     Row,
-    past_shift,
-    past_turn,
+    last_drift_rotation,
+    last_drift_shift,
     placed,
+    rotated,
     slip_time,
     surface_circulation,
     surface_vector,
     surface_velocity,
-    turned,
     wall_spin,
     wall_velocity,
 )
@@ -40,7 +40,7 @@ vec6 = wp.types.vector(6, wp.float64)
 
 @functools.cache
 def build(
-    law, dissipation, border, around, *, spins: bool, rolling: bool, turning_frame: bool, moving_frame: bool,
+    law, dissipation, border, around, *, spins: bool, rolling: bool, rotating_frame: bool, moving_frame: bool,
     inertia_factor: float, moving: int, conveying: bool = False, wear: bool = False, clumps: bool = False,
     yielding: bool = False,
 ):  # fmt: skip
@@ -53,7 +53,7 @@ def build(
         around: of ``images.build``.
         spins: grains spin.
         rolling: there is a rolling model, which meets the inertia of the grain times ``inertia_factor``.
-        turning_frame: the axes turn, and the contact history with them.
+        rotating_frame: the axes turn, and the contact history with them.
         moving_frame: the frame moves at all.
         inertia_factor: of ``columns.inertia_factor`` [-].
         moving: number of wall motions relative to the frame.
@@ -154,10 +154,10 @@ def build(
             out[wp.static(WALL_ENTRY_AT.width) + f] = p[wp.static(PARTS_AT.width) + f]
         if wp.static(drags):
             drag = wp.vec3d(p[wp.static(at_drag)], p[wp.static(at_drag + 1)], p[wp.static(at_drag + 2)])
-            turning = wp.cross(drag, n) * distance
+            drag_torque = wp.cross(drag, n) * distance
             for d in range(3):
                 out[wp.static(drag_in) + d] = drag[d]
-                out[wp.static(torque_in) + d] = turning[d]
+                out[wp.static(torque_in) + d] = drag_torque[d]
             out[wp.static(power_in)] = wp.dot(drag, u)
         return out
 
@@ -192,7 +192,7 @@ def build(
         """
         radius = state[3]
         slip_dt = slip_time(row)
-        turn = past_turn(row)
+        axes_rotation = last_drift_rotation(row)
         v = g.velocity(state)
         w = g.spin(state)
         half = wp.float64(0.5) * dt
@@ -204,7 +204,7 @@ def build(
         n = body_normal
         point = body_point
         if wp.static(moving > 0):
-            n = turned(now, n)
+            n = rotated(now, n)
             point = placed(now, body_point)
         overlap = radius - distance
         midway = body_point
@@ -218,25 +218,25 @@ def build(
             midway = body_point + border.nearest(point_in(before) - body_point) * wp.float64(0.5)
             arm = radius - wp.float64(0.5) * (overlap + overlap_before)
             history = history_of(before)
-            if wp.static(turning_frame):
-                n_before = n_before + turn * n_before
-                history = past.rotated(history, turn)
+            if wp.static(rotating_frame):
+                n_before = n_before + axes_rotation * n_before
+                history = past.rotated(history, axes_rotation)
         after_step = midway
         before_step = midway
         if wp.static(moving > 0):
             after_step = placed(now, midway)
             before_step = placed(then, midway)
         wall_displacement = around.nearest_displacement(after_step - before_step)
-        if wp.static(turning_frame):
-            wall_displacement = wall_displacement - turn * before_step
+        if wp.static(rotating_frame):
+            wall_displacement = wall_displacement - axes_rotation * before_step
         if wp.static(moving_frame):
-            wall_displacement = wall_displacement - past_shift(row)
+            wall_displacement = wall_displacement - last_drift_shift(row)
         if wp.static(conveying):  # halfway between the force calls, as all of the slip
             vector_then = surface_vector(then)
             circulation_then = surface_circulation(then)
-            if wp.static(turning_frame):
-                vector_then = vector_then + turn * vector_then
-                circulation_then = circulation_then + turn * circulation_then
+            if wp.static(rotating_frame):
+                vector_then = vector_then + axes_rotation * vector_then
+                circulation_then = circulation_then + axes_rotation * circulation_then
             vector = (vector_then + surface_vector(now)) * wp.float64(0.5)
             circulation = (circulation_then + surface_circulation(now)) * wp.float64(0.5)
             halfway = (n + n_before) * wp.float64(0.5)
@@ -256,9 +256,9 @@ def build(
             inverse_mass = inverse_mass + inverse_mass_of_wall(mobility, body_normal, body_point)
         numbers = law.constants(c, radius, wp.float64(1.0) / inverse_mass, wp.float64(0.0))
         inertia = inertia_of(inv)
-        turning = (w + w_wall) * (wp.float64(0.5) * slip_dt)
+        mean_rotation = (w + w_wall) * (wp.float64(0.5) * slip_dt)
         full_force, full_moment, history_now = law.force(
-            n, n_before, overlap, overlap_before, velocity, slip, turning, w - w_wall, w_predicted - w_wall, dt, numbers,
+            n, n_before, overlap, overlap_before, velocity, slip, mean_rotation, w - w_wall, w_predicted - w_wall, dt, numbers,
             radius, inertia, c, history,
         )  # fmt: skip
         weight = hit[1]
@@ -266,8 +266,8 @@ def build(
         power = wp.float64(0.0)
         if wp.static(parts is not None):
             force_parts = parts(
-                n, n_before, overlap, overlap_before, velocity, slip, turning, w - w_wall, dt, numbers, radius, inertia, c,
-                history, full_force, full_moment, history_now,
+                n, n_before, overlap, overlap_before, velocity, slip, mean_rotation, w - w_wall, dt, numbers, radius, inertia,
+                c, history, full_force, full_moment, history_now,
             )  # fmt: skip
             entry = entry_of(n, distance, v_wall, w_wall, force_parts) * weight
             power = weight * (wp.dot(full_force, v_wall) + wp.dot(full_moment, w_wall))

@@ -17,8 +17,8 @@ MOBILITY = Columns(
     (
         ("yields", 1),  # y: 1, or 0 where nothing can push it
         ("center", 3),  # c [m]
-        ("push", 6),  # B: xx, yy, zz, xy, xz, yz [1/kg]
-        ("turn", 6),  # J: xx, yy, zz, xy, xz, yz [1/(kg m2)]
+        ("inverse_mass", 6),  # B: xx, yy, zz, xy, xz, yz [1/kg]
+        ("inverse_inertia", 6),  # J: xx, yy, zz, xy, xz, yz [1/(kg m2)]
     )
 )
 """What the mobility of a wall is made of."""
@@ -30,9 +30,9 @@ def inverse_mass(m: Mobility, n: wp.vec3d, point: wp.vec3d) -> wp.float64:
     """1/M_eff of a wall along ``n`` at ``point`` [m], both in its axes [1/kg]."""
     two = wp.float64(2.0)
     t = wp.cross(point - wp.vec3d(m[1], m[2], m[3]), n)
-    pushed = n[0] * (m[4] * n[0] + two * (m[7] * n[1] + m[8] * n[2])) + n[1] * (m[5] * n[1] + two * m[9] * n[2])
-    turned = t[0] * (m[10] * t[0] + two * (m[13] * t[1] + m[14] * t[2])) + t[1] * (m[11] * t[1] + two * m[15] * t[2])
-    return m[0] * (pushed + m[6] * n[2] * n[2] + turned + m[12] * t[2] * t[2])
+    translation = n[0] * (m[4] * n[0] + two * (m[7] * n[1] + m[8] * n[2])) + n[1] * (m[5] * n[1] + two * m[9] * n[2])
+    rotation = t[0] * (m[10] * t[0] + two * (m[13] * t[1] + m[14] * t[2])) + t[1] * (m[11] * t[1] + two * m[15] * t[2])
+    return m[0] * (translation + m[6] * n[2] * n[2] + rotation + m[12] * t[2] * t[2])
 
 
 assert MOBILITY.width == 16, "inverse_mass is written for these columns"

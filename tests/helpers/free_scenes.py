@@ -26,6 +26,10 @@ def scene(free, wall=PLATE, positions=FAR, velocities=None, *, e=0.5, friction=0
     return Scene.model_validate(given | keys)
 
 
+def slider(mass, **keys):
+    return {"joint": "slider", "axis": [0, 0, 1], "mass": mass, **keys}
+
+
 def run(given, threads=1):
     return Simulation(given, device="cpu", threads=threads)
 

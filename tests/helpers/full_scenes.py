@@ -6,10 +6,12 @@ from typing import get_args
 import numpy as np
 from pydantic import BaseModel
 
+from law_beds import in_a_bed
 from usd_stages import new_stage
 from warpdem import Scene
 from warpdem.scene import pair_keys
 from warpdem.scene.file import scene_from_dict
+from warpdem.scene.models import model_names
 
 NAMES = ("glass bead", "glass_bead", "é", "steel")
 LIQUID = {"surface_tension": 0.0712, "contact_angle": 0.31, "viscosity": 1.1e-3, "roughness": 1.3e-6}
@@ -30,7 +32,9 @@ LAWS = {
     "spring": {"rolling_damping": 0.21},
     "bridge": LIQUID, "bridge_rabinovich": LIQUID,
 }  # fmt: skip
-"""A value of each key that a law of the package reads."""
+"""A value of each key that a law of the package reads; a normal law that is not here takes those of its test file."""
+READ = pair_keys.of_package().keys()
+LAWS |= {law: keys for law in model_names("normal") if law not in LAWS and (keys := in_a_bed(law)) and READ & keys.keys()}
 
 
 def everything(folder: Path) -> Scene:

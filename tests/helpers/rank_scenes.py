@@ -192,4 +192,18 @@ def clumped() -> Scene:
                  engine={"skin": 0.4 * RADIUS, "max_overlap": 0.5})  # fmt: skip
 
 
-SCENES = {one.__name__: one for one in (stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped)}
+def soaked() -> Scene:
+    """Wet grains that rain on a wet floor, in bridges with each other, and leave by a hole and an open border."""
+    numbers = {**NUMBERS, "surface_tension": 0.02, "contact_angle": "20 deg", "viscosity": "5 mPa s", "roughness": "2 um"}
+    heap = lattice((6, 6, 2), 2.1e-3, (-5.2e-3, -5.2e-3, 1e-3), 4)
+    walls = [{"name": "floor", "material": "a", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "liquid_film": "20 um"}]
+    stream = {"material": "b", "box": {"min": [-4e-3, -4e-3, 8e-3], "max": [4e-3, 4e-3, 14e-3]}, "velocity": [0.3, 0, -1],
+              "diameter": {"uniform": ["1 mm", "1.5 mm"]}, "count_rate": 2e4, "seed": 3, "liquid_content": 0.02}  # fmt: skip
+    return poured(title="soaked", walls=walls, streams=[stream], measures={"energy": True, "residence": [{"name": "all"}]},
+                  grains=[{"material": "a", "liquid_content": 0.03, **heap}], gravity=[60, 0, -120],
+                  pairs=[{"materials": list(pair), **numbers} for pair in (("a", "a"), ("a", "b"), ("b", "b"))],
+                  contact={"normal": "hertz", "rolling": "constant", "liquid": "bridge_rabinovich"})  # fmt: skip
+
+
+ALL = stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped, soaked
+SCENES = {one.__name__: one for one in ALL}

@@ -16,7 +16,7 @@ from warpdem.ranks import launcher
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
 TASKS = [("stirred", "4"), ("sizes", "3"), ("few", "3"), ("poured", "2+3"), ("drained", "3"), ("milled", "2"),
-         ("pressed", "4"), ("held", "3"), ("phased", "3"), ("clumped", "3"), ("clumped", "2+4"),
+         ("pressed", "4"), ("held", "3"), ("phased", "3"), ("clumped", "3"), ("clumped", "2+4"), ("soaked", "3"),
          ("few", "1+4"), ("few", "4+1")]
 OTHERS = [(name, size) for name in SCENES for size in ("2", "3", "4") if (name, size) not in TASKS]
 OTHERS += [("drained", f"{first}+{second}") for first in (1, 2, 3, 4) for second in (1, 2, 3, 4)]

@@ -75,7 +75,7 @@ def run(
         loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                             allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
         if world is not None:
-            refuse(loaded, device)
+            refuse(str(loaded.source), device)
         try:
             while True:
                 folder = out or (named_folder(scene) if resume else default_folder(scene))
@@ -191,7 +191,7 @@ def check(
         return
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
     if ranks is not None and ranks > 1:
-        refuse(loaded, device)
+        refuse(str(loaded.source), device)
     for k in range(len(loaded.phases)):
         needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves

@@ -113,7 +113,7 @@ def _idle_servos(sim: Simulation) -> Iterator[str]:
     for one in sim.schedule.dynamic:
         if not isinstance(one.given, Servo) or not history.rows:
             continue
-        unit, per = ("N m", 1.0) if one.given.turns else ("N", 1.0)
+        unit, per = ("N m", 1.0) if one.given.rotates else ("N", 1.0)
         load = history[f"{one.wall.name} load [{unit}]"]
         if one.given.pressure is not None:
             unit, per = "Pa", one.area

@@ -66,7 +66,7 @@ class Parts:
         """The parts of a run at its first step; arguments and errors as of ``Simulation``."""
         require_scene(scene)
         if world is not None:
-            refuse(scene, device)
+            refuse(str(scene.source), device)
             device = "cpu"
         given = Given.of(scene if start is None else started_from(scene, start))
         where = pick_device(device)

@@ -79,14 +79,14 @@ class ContactLists:
             grains, number of their coefficients, force slots.
         constants, history: numbers of each contact that stay and that change, shape (batches, numbers, lanes).
         trial: what a stage within a step makes of ``history``; ``next_history``: where it is carried over to.
-        row_start: (n + 1,) first force slot of each grain.
+        slot_start: (n + 1,) first force slot of each grain.
         listed: of each entry of the outer list: -1, or its number in the row and whether it touches (``select_contacts``).
         touching, near, width: (n,) contacts of either class that a grain owns, and its force slots.
         touching_start, near_start: (n,) where those contacts begin.
         near_feature: wall features within the allowance, in the wall slots of their grain.
         grids: cell grids of the grains.
         given_order: order in memory that the next outer list brings the grains to in place of its own; None for its own.
-        row: pair force on one grain in each force slot; the last belongs to no grain.
+        slot_force: pair force on one grain in each force slot; the last belongs to no grain.
     """
 
     # built by ``host_build``
@@ -101,7 +101,7 @@ class ContactLists:
     width: wp.array
     touching_start: wp.array
     near_start: wp.array
-    row_start: wp.array
+    slot_start: wp.array
     owner: wp.array
     partner: wp.array
     kind: wp.array
@@ -109,7 +109,7 @@ class ContactLists:
     slot_j: wp.array
     constants: wp.array
     trial: wp.array
-    row: wp.array
+    slot_force: wp.array
     next_history: wp.array
 
     def __init__(self, model: Model, state: State, clock: Clock, pool: BufferPool, skin: float) -> None:
@@ -141,12 +141,12 @@ class ContactLists:
 
     @property
     def row_vectors(self) -> wp.array:
-        """``row`` as an array of vectors."""
-        row = self.row
+        """``slot_force`` as an array of vectors."""
+        force = self.slot_force
         out: wp.array = wp.array(
-            ptr=row.ptr, shape=row.shape[:1], dtype=self.model.kernels.pairs.PairForce, device=row.device
+            ptr=force.ptr, shape=force.shape[:1], dtype=self.model.kernels.pairs.PairForce, device=force.device
         )
-        out._ref = row  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+        out._ref = force  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
         return out
 
     @property

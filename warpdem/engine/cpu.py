@@ -42,7 +42,7 @@ class CpuStorage:
 
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
         """As ``host_build.Storage``."""
-        return self.pool.buffer("row", shape, real)
+        return self.pool.buffer("slot force", shape, real)
 
     def next_history(self, shape: tuple[int, int, int], version: int, real: type) -> wp.array:
         """As ``host_build.Storage``."""

@@ -74,7 +74,7 @@ class ThreadedBuild(HostBuild):
         put(self._scratch, listed=a.listed, sums=b.scratch(n).sums, found=found, report=self._report)
         self._arrivals[:] = 0
         put(
-            self._work, mode=mode, schedule_row=b.row()[0], inner_share=inner_share, unused_slot=a.row.shape[0] - 1,
+            self._work, mode=mode, schedule_row=b.row()[0], inner_share=inner_share, unused_slot=a.slot_force.shape[0] - 1,
             near_feature=a.near_feature, old_history=a.history,
         )  # fmt: skip
         read = structs.grains(), structs.outer(), structs.references(outer_share)

@@ -76,7 +76,7 @@ class GraphStorage:
         """As ``host_build.Storage``; ``scratch`` lies in the same memory."""
         width, device = wp.types.type_size_in_bytes(real), self._device
         carried = -(-max(width * int(np.prod(history)), 4 * entries) // 8) * 8
-        memory = self.pool.buffer("row", (max(int(np.prod(shape)), -(-(carried + 4 * entries) // width)),), real)
+        memory = self.pool.buffer("slot force", (max(int(np.prod(shape)), -(-(carried + 4 * entries) // width)),), real)
         self.scratch = BuildScratch(
             history=wp.array(ptr=memory.ptr, shape=history, dtype=real, device=device),
             contact=wp.array(ptr=memory.ptr, shape=entries, dtype=wp.int32, device=device),
@@ -208,7 +208,7 @@ class Captured:
         lists.new = NewOuterList(
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
             allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id,
-            feature_count=lists.near, first=lists.row_start,
+            feature_count=lists.near, first=lists.slot_start,
         )  # fmt: skip
 
     # -- the loop -------------------------------------------------------------------------------
@@ -278,7 +278,7 @@ class Captured:
             write()
             self.step.forces(0)
 
-        lanes, slots = self.contacts.owner.size, self.lists.row.shape[0] - 1
+        lanes, slots = self.contacts.owner.size, self.lists.slot_force.shape[0] - 1
         self.launch.once(self.model.kernels.graph.check_capacity, lanes, slots, self.batch.clock)
         wp.capture_if(self._condition(BUILD_INNER), write_and_evaluate)
 

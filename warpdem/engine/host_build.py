@@ -304,7 +304,7 @@ class HostBuild:
         a.listed = self.storage.selection(a.outer.slot.shape[0])
         for name in ("touching", "near", "width", "touching_start", "near_start"):
             setattr(a, name, buffer(name, (n,), wp.int32))
-        a.row_start = buffer("row start", (n + 1,), wp.int32)
+        a.slot_start = buffer("slot start", (n + 1,), wp.int32)
         a.reference = buffer("reference", (n, 1 + self.model.features.walls.moving), wp.vec3d)
         a.give_films_to_walls()
         if a.wall_contacts is not None:
@@ -322,7 +322,7 @@ class HostBuild:
         law, width = features.contact, features.backend.lanes
         batches, slots = pool.capacity("contact batches", a.totals[0] // width), pool.capacity("force slots", a.totals[1])
         lanes, history = (batches, width), (batches, max(features.memory, 1), width)
-        a.row = self.storage.force_slots((slots + 1, law.pair_force_width), history, a.outer.slot.shape[0], a.real)
+        a.slot_force = self.storage.force_slots((slots + 1, law.pair_force_width), history, a.outer.slot.shape[0], a.real)
         for name in ("owner", "partner", "slot_i", "slot_j"):
             setattr(a, name, pool.buffer(name, lanes, wp.int32))
         a.kind = pool.buffer("kind", lanes if law.table else (0, width), wp.int32)

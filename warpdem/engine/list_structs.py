@@ -73,7 +73,7 @@ class ListStructs:
         """``Starts`` of the inner list."""
         a = self._lists
         wall_grain = a.wall_contacts.grain if a.wall_contacts is not None else None
-        return put(self._starts, touching=a.touching_start, near=a.near_start, slot=a.row_start, wall_grain=wall_grain)
+        return put(self._starts, touching=a.touching_start, near=a.near_start, slot=a.slot_start, wall_grain=wall_grain)
 
     def contacts(self) -> Any:
         """``ListedContacts``, with the history that is carried over."""

@@ -216,7 +216,7 @@ class ListBuild:
 
     def _write_inner(self) -> None:
         a, k, m, structs = self.lists, self.kernels.batches, self.model, self.structs
-        unused_slot, contacts = a.row.shape[0] - 1, structs.contacts()
+        unused_slot, contacts = a.slot_force.shape[0] - 1, structs.contacts()
         self.launch(k.clear_contacts, a.owner.shape[0], structs.grains(), structs.outer(), unused_slot, contacts)
         law = m.features.contact.materials, m.coefficients
         lists = structs.outer(), a.listed, structs.starts(), a.history

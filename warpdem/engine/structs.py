@@ -50,8 +50,8 @@ class Structs:
         grains, n, device = self._grains, self._state.slots, self._model.device
         put(
             grains, record=state.record, inverse=state.inverse, material=state.material, reference=lists.reference,
-            allowance=lists.outer.allowance, row_start=lists.row_start, flight=lists.flight,
-            row=self._view("row", lists.row, model.kernels.pairs.PairForce),
+            allowance=lists.outer.allowance, slot_start=lists.slot_start, flight=lists.flight,
+            slot_force=self._view("slot_force", lists.slot_force, model.kernels.pairs.PairForce),
         )  # fmt: skip
         if state.clumps is not None:
             put(grains, clumps=state.clumps.struct(model.kernels.pairs.clumps.Clumps))

@@ -66,7 +66,7 @@ def yielding(view: RunView, contacts: Contacts | ContactColumns) -> np.ndarray:
 
 def inverse_mass(mobility: np.ndarray, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
     """``kernels.wall.mobility.inverse_mass`` [1/kg] of normals and points [m] in the axes of the wall, shape (c, 3)."""
-    push, turn = (_matrix(mobility[MOBILITY.of(name)]) for name in ("push", "turn"))
+    push, turn = (_matrix(mobility[MOBILITY.of(name)]) for name in ("inverse_mass", "inverse_inertia"))
     arm = np.cross(point - mobility[MOBILITY.of("center")], normal)
     return np.asarray(
         mobility[MOBILITY.yields] * (np.einsum("ci,ij,cj->c", normal, push, normal) + np.einsum("ci,ij,cj->c", arm, turn, arm))
@@ -111,14 +111,14 @@ def levers(one: DynamicWall, body: np.ndarray, point: np.ndarray) -> tuple[np.nd
     """``levers`` at points [m], shape (c, 3), and ``wall`` of a coupling, of a wall at the placement ``body``, shape (24,)."""
     turn, shift = body[:9].reshape(3, 3), body[9:12]
     if isinstance(one.given, FreeBody):
-        axes = turn @ matrix_of(one.body[BODY.of("turn")])
+        axes = turn @ matrix_of(one.body[BODY.of("orientation")])
         out = point - (turn @ one.center + shift)
         turning = np.stack([np.cross(axis, out) for axis in axes.T], axis=2)
         levers = np.concatenate([np.tile(np.eye(3), (len(point), 1, 1)), turning], axis=2)
         return levers, np.concatenate([np.full(3, one.mass), 1.0 / one.body[BODY.of("rates")]])
     axis = turn @ np.array(one.given.axis)
     along = np.tile(axis, (len(point), 1))
-    if one.given.turns:
+    if one.given.rotates:
         along = np.cross(axis, point - (turn @ np.array(one.given.origin) + shift))
     return along[:, :, None], np.array([one.inertia])
 

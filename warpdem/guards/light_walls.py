@@ -48,7 +48,7 @@ def light_walls(
         if isinstance(one.given, Servo) or not len(start.id):
             continue
         count, point, normal = _touched(one, meshes.get(one.wall.name), start)
-        arm = 1.0 if isinstance(one.given, FreeBody) or not one.given.turns else largest_arm(one.given, point)
+        arm = 1.0 if isinstance(one.given, FreeBody) or not one.given.rotates else largest_arm(one.given, point)
         for case in contact_cases(scene, start):
             if not (case.wall and case.materials[1] == one.wall.material and arm > 0.0):
                 continue
@@ -121,5 +121,5 @@ def _load(scene: Scene, one: DynamicWall) -> float:
     if isinstance(one.given, FreeBody):
         return float(np.linalg.norm(one.given.force)) + weight
     drive = np.nan_to_num(one.drive(np.linspace(0.0, scene.time.end, TIMES)))
-    arm = np.linalg.norm(one.center - np.array(one.given.origin)) if one.given.turns else 1.0
+    arm = np.linalg.norm(one.center - np.array(one.given.origin)) if one.given.rotates else 1.0
     return float(np.abs(drive).max() + weight * arm)

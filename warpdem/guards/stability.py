@@ -268,7 +268,7 @@ def _wall_ratio(view: RunView, now: Totals) -> Ratio:
         coupling = free_walls.coupling(one, now.bodies[one.number], touching, found, p.mass, p.inertia)
         if coupling is None or (limit := free_walls.stable_step(coupling, dt)) >= worst.limit:
             continue
-        kind, unit = ("moment of inertia", "kg m2") if one.given.turns == 1 else ("mass", "kg")
+        kind, unit = ("moment of inertia", "kg m2") if one.given.rotates == 1 else ("mass", "kg")
         worst = Ratio(
             dt / limit, limit,
             f"free wall {one.wall.name!r}, its {kind} {coupling.mass[-1]:.3g} {unit}, with the {len(coupling.mass) - 1} grains "

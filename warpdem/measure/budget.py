@@ -53,7 +53,7 @@ class Budget:
         self._view, self._totals, self._given = view, view.totals, now
 
     def begin(self) -> None:
-        """Note what there is at the first instant; later calls do nothing."""
+        """Note what there is at the start; later calls do nothing."""
         if not self._totals.start:
             now = self._now()
             self._totals.start = {"energy": [_stored(now)], "momentum": now.momentum.tolist()}
@@ -129,8 +129,8 @@ class Budget:
         return self._given or Totals(self._view)
 
     def _carry(self, slots: np.ndarray, sign: float) -> None:
-        """Add what grains bring at mid-step, before the force call of the present instant."""
-        if not self._totals.start:  # what is there at the first instant is part of the start
+        """Add what grains bring at mid-step, before the force call of the present time."""
+        if not self._totals.start:  # what is there at first is part of the start
             return
         model, state, clock = self._view.model, self._view.state, self._view.clock
         record, mass, spin, angular = _moving(state, slots)

@@ -43,12 +43,13 @@ class ContactColumns:
         self._lane, self._pair_overlap = np.zeros(0, dtype=np.int64), np.zeros(0)
         if not len(self._state) or not lists.contact_count:
             return
-        assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None and lists.row is not None
+        assert lists.owner is not None and lists.partner is not None
+        assert lists.slot_i is not None and lists.slot_force is not None
         owner, partner, slot = (reader.flat(k, getattr(lists, k)) for k in ("owner", "partner", "slot_i"))
         count, record = owner.shape[0], reader.plain("record", self._state.record)
         overlap, normal = (reader.buffer(k, (count,), t) for k, t in (("overlap", wp.float64), ("normal", wp.vec3d)))
         period = self._view.kept.setdefault("period", wp.vec3d(*model.domain.period))  # the same for each launch
-        inputs = owner, partner, slot, lists.row.shape[0] - 1, period, overlap, normal
+        inputs = owner, partner, slot, lists.slot_force.shape[0] - 1, period, overlap, normal
         reader.each(kernels.pair_overlaps, count, record, *inputs)
         overlaps = overlap.numpy()
         acts = overlaps > -self._law.force_gap
@@ -177,8 +178,8 @@ class ContactColumns:
         """On i [N]."""
         if not self.pairs:
             return self._points["force"] if self._walls else np.zeros((0, 3))
-        assert self._lists.row is not None and self._lists.slot_i is not None
-        pairs = self._lists.row.numpy()[self._lists.slot_i.numpy().ravel()[self._lane], :3]
+        assert self._lists.slot_force is not None and self._lists.slot_i is not None
+        pairs = self._lists.slot_force.numpy()[self._lists.slot_i.numpy().ravel()[self._lane], :3]
         return self._joined(pairs, self._points.get("force", self._g))
 
     @cached_property

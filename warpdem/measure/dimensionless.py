@@ -47,7 +47,7 @@ class Turning:
     """Fr [-]; None without gravity."""
 
 
-def turning_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
+def rotating_axes(scene: Scene) -> tuple[str, list[Chain]] | None:
     """Name of the axes that the numbers of ``scene`` refer to, and their motions, outermost first; None if none rotate."""
     frame = frame_chain(scene)
     if frame.rotates:
@@ -71,7 +71,7 @@ class TurningNumbers:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.axes, self.motions = turning_axes(scene) or ("", [])
+        self.axes, self.motions = rotating_axes(scene) or ("", [])
         self.times, self.square_rate, self.square_speed, self.radius = 0, 0.0, 0.0, 0.0
 
     def add(self, view: RunView) -> None:

@@ -21,7 +21,7 @@ def columns(wall: Wall) -> list[Column]:
         return []
     if isinstance(wall.free, FreeBody):
         return _body_columns(wall.name)
-    turns = wall.dynamic.turns
+    turns = wall.dynamic.rotates
     names = [("angle", "rad"), ("rate", "rad/s")] if turns else [("displacement", "m"), ("speed", "m/s")]
     of_state = [Column(f"{wall.name} {name}", unit, _state(wall.name, key)) for (name, unit), key in zip(
         names, ("position", "predicted"), strict=True
@@ -94,7 +94,7 @@ def axial_load(now: Totals, name: str) -> float:
     axes = body[:9].reshape(3, 3)
     along = axes @ one.given.axis
     force, moment, rolling = (sums[WALL_SUMS.of(key)] for key in ("force", "moment", "torque"))
-    if not one.given.turns:
+    if not one.given.rotates:
         return float(force @ along)
     about = axes @ one.given.origin + body[9:12]
     return float((moment - cross(about, force) + rolling) @ along)

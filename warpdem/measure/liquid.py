@@ -72,9 +72,9 @@ def _of_pairs(view: RunView, lists: ListedContacts) -> tuple[int, int, int, int]
     """Counts in bridges between grains, how many there are, counts given to grains that are present, and to others."""
     if not lists.contact_count or lists.owner is None:
         return 0, 0, 0, 0
-    assert lists.history is not None and lists.slot_i is not None and lists.row is not None
+    assert lists.history is not None and lists.slot_i is not None and lists.slot_force is not None
     history = lists.history.numpy()[:, view.model.features.contact.history.of(COUNT), :].ravel()
-    real = lists.slot_i.numpy().ravel() < lists.row.shape[0] - 1
+    real = lists.slot_i.numpy().ravel() < lists.slot_force.shape[0] - 1
     held = history[real & (history > 0.0)]
     given, here = gifts(lists, view.state.slots), view.state.here
     return int(held.astype(np.int64).sum()), len(held), int(given[here].sum()), int(given[~here].sum())

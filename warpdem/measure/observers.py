@@ -12,7 +12,7 @@ from warpdem.measure.totals import Totals, reader_of
 from warpdem.model.coefficients import field_numbers
 from warpdem.model.model import Model
 from warpdem.scene.models import model
-from warpdem.state.particles import unturned
+from warpdem.state.particles import unrotated
 from warpdem.state.view import RunView
 
 
@@ -65,7 +65,7 @@ class Particles:
         if not scene.output.orientation:
             raise SceneError(f"{scene.source}: output.orientation = false: how grains turn is not kept")
         if self._state.orientation is None:
-            return unturned(len(self._state))
+            return unrotated(len(self._state))
         return self._state.orientation.numpy()[self._state.rank]
 
     @property

@@ -29,7 +29,7 @@ def torque_point(scene: Scene, number: int) -> np.ndarray:
     wall = scene.walls[number]
     if wall.torque_about is not None:
         return np.array(wall.torque_about)
-    if wall.dynamic is not None and wall.dynamic.turns:
+    if wall.dynamic is not None and wall.dynamic.rotates:
         return np.array(wall.dynamic.origin)
     around = scene.frame or () if wall.fixed_to == "frame" else ()
     point = np.zeros(3)

@@ -92,7 +92,7 @@ def compile_observers(scene: Scene, device: wp.Device) -> None:
                 wp.load_module(build_each(model("observer", name).build()).module, device=device)
 
 
-def turning(features: Features) -> bool:
+def axes_rotate(features: Features) -> bool:
     """Whether contacts see the axes rotate: a scheme with frame-relative velocities sees them as if the frame were at rest."""
     return features.frame.rotates and not features.backend.scheme.RELATIVE
 
@@ -123,7 +123,7 @@ def no_lanes(features: Features) -> str:
     with using([laws.normal, laws.tangential or "", laws.rolling or "", laws.twisting or ""]):
         made = of_pairs(features)
     try:
-        sweep.translated(made, turning(features))
+        sweep.translated(made, axes_rotate(features))
     except NotStraight as error:
         return str(error)
     except Exception as error:  # whatever the translator has not foreseen in a law: one contact after the other is right
@@ -149,7 +149,7 @@ def _built(features: Features) -> KernelSet:
     shared = {**spins, "table": laws.table, "gap": laws.gap}
     met = {"rolling": laws.moments, "inertia_factor": laws.inertia_factor}
     scheme = backend.scheme
-    turns = turning(features)
+    rotates = axes_rotate(features)
     shifting = frame.moves and not scheme.RELATIVE
     images = border.build(domain.period, domain.lower)
     pair_kernels = of_pairs(features)
@@ -158,7 +158,7 @@ def _built(features: Features) -> KernelSet:
         of_bridges = model("normal", laws.normal).LIQUID
         liquid = films.build(pair_kernels, of_bridges, table=laws.table, reach=laws.gap, longest=laws.gap / TRAVEL)
     arrays = structs.build(pair_kernels)
-    seen = {"turning_frame": turns, "table": laws.table, "ranks": backend.ranks}
+    seen = {"rotating_frame": rotates, "table": laws.table, "ranks": backend.ranks}
     by_lane = thread_contact.build(arrays, pair_kernels, wall_law.constants, **spins, **met, **seen)
     swept = None
     if backend.lanes > 1 and not backend.resident:
@@ -168,8 +168,8 @@ def _built(features: Features) -> KernelSet:
     closest_on_feature = feature.build(meshes, *shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
-        wall_law, wall_parts, images, around, **spins, **met, turning_frame=turns, moving_frame=shifting, moving=walls.moving,
-        conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
+        wall_law, wall_parts, images, around, **spins, **met, rotating_frame=rotates, moving_frame=shifting,
+        moving=walls.moving, conveying=walls.conveying, wear=measures.wear, clumps=laws.clumps, yielding=walls.free > 0,
     )
     wall_kernels = evaluate.build(
         arrays, one, closest_on_feature, images, around, table=laws.table, meshes=meshes, gap=laws.gap, of_films=liquid,
@@ -187,7 +187,7 @@ def _built(features: Features) -> KernelSet:
         sums = budget.build(
             arrays, WallContacts, structs.Control, fields,
             tuple(hasattr(model("field", name), "energy") for name, _ in features.fields), **spins, walls=walls.present,
-            energy=measures.energy, momentum=measures.momentum, turning_frame=frame.rotates,
+            energy=measures.energy, momentum=measures.momentum, rotating_frame=frame.rotates,
             moving_frame=frame.moves, periodic=any(domain.period), losses=measures.losses,
         )  # fmt: skip
     # a stage may look ahead of the step's beginning by about a step
@@ -202,22 +202,22 @@ def _built(features: Features) -> KernelSet:
     )  # fmt: skip
     load = motion.build_load(backend.real, **spins, walls=walls.present, wet=laws.wet)
     acceleration = motion.build_acceleration(fields, **spins, relative=scheme.RELATIVE, clumps=laws.clumps)
-    integrator = scheme.build(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
-    grain_turned = orientation.build(turning_axes=turns) if measures.orientation else None
+    integrator = scheme.build(**spins, rotating_frame=frame.rotates, moving_frame=frame.moves)
+    orientation_of = orientation.build(rotating_axes=rotates) if measures.orientation else None
     flowing = flow.build(moving_frame=frame.moves) if measures.flows else None
     bodies = None
     if laws.clumps:
-        with_axes = orientation.build_axes(turning_axes=turns)
-        drift = exact_drift.build_drift(**spins, turning_frame=frame.rotates, moving_frame=frame.moves)
+        with_axes = orientation.build_axes(rotating_axes=rotates)
+        drift = exact_drift.build_drift(**spins, rotating_frame=frame.rotates, moving_frame=frame.moves)
         rigid = clumps.build(
             arrays, WallContacts, load, acceleration, integrator, clumps.build_motion(drift, with_axes, images)
         )
         bodies = clump_phase.build(
-            arrays, WallContacts, rigid, load, travel, images, grain_turned, sums, flowing, walls=walls.present,
+            arrays, WallContacts, rigid, load, travel, images, orientation_of, sums, flowing, walls=walls.present,
             leave=domain.outlets > 0, driven=bool(fields), lanes=1 if backend.resident else backend.lanes,
         )  # fmt: skip
     moved_by = move.build(
-        arrays, WallContacts, load, acceleration, travel, integrator, images, grain_turned, sums, flowing,
+        arrays, WallContacts, load, acceleration, travel, integrator, images, orientation_of, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0, films=liquid, wetting=wall_kernels.wetting,
         wet_load=motion.build_wet_load(backend.real, **spins) if laws.wet else None,
@@ -226,7 +226,7 @@ def _built(features: Features) -> KernelSet:
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)
     readers = read.build(
         arrays, pair_kernels, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps,
-        turning_frame=turns, ranks=backend.ranks,
+        rotating_frame=rotates, ranks=backend.ranks,
     )  # fmt: skip
     outer = neighbors.build(images, **spins, gap=laws.gap, clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks)
     batches = contact_batches.build(

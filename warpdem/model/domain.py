@@ -96,14 +96,14 @@ class Domain:
     def wrapped(self, position: np.ndarray) -> np.ndarray:
         """Images of positions (n, 3) [m] within the periodic borders."""
         period, lower = np.array(self.period), np.array(self.lower)
-        turns = np.floor_divide(position - lower, np.where(period > 0, period, np.inf))
-        return position - np.where(period > 0, turns * period, 0.0)
+        periods = np.floor_divide(position - lower, np.where(period > 0, period, np.inf))
+        return position - np.where(period > 0, periods * period, 0.0)
 
     def nearest(self, way: np.ndarray) -> np.ndarray:
         """The shortest of the differences (n, 3) [m] between images, as ``kernels.step.border`` computes it."""
         period = np.array(self.period)
-        turns = np.where(way > 0.5 * period, 1.0, np.where(way < -0.5 * period, -1.0, 0.0))
-        return way - np.where(period > 0, turns * period, 0.0)
+        periods = np.where(way > 0.5 * period, 1.0, np.where(way < -0.5 * period, -1.0, 0.0))
+        return way - np.where(period > 0, periods * period, 0.0)
 
 
 def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: Exits) -> None:
@@ -145,9 +145,9 @@ def check(scene: Scene, start: InitialGrains, frame: Chain, gap: float, exits: E
                     "nor at which periodic images it acts; take the periodic border away, or driven"
                 )
             by_load = wall.dynamic
-            if by_load is not None and (abs(by_load.axis[k]) != 1.0 if by_load.turns else by_load.axis[k] != 0.0):
+            if by_load is not None and (abs(by_load.axis[k]) != 1.0 if by_load.rotates else by_load.axis[k] != 0.0):
                 kind = "servo" if wall.servo is not None else "free"
-                how = "turns it about another axis" if by_load.turns else "moves it along that axis"
+                how = "turns it about another axis" if by_load.rotates else "moves it along that axis"
                 raise SceneError(
                     f"{key}: periodic, but walls[{number}].{kind} {how}, to where the wall would not repeat itself; only an "
                     "axis across the periodic ones will do"

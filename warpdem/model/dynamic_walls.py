@@ -81,7 +81,8 @@ class DynamicWall:
     def numbers(self) -> np.ndarray:
         """``NUMBERS``, shape (numbers,)."""
         given = self.given
-        common = [float(given.turns), *given.axis, *given.origin, self.least, given.most, self.inertia, self.mass, *self.center]
+        axis = float(given.rotates), *given.axis, *given.origin
+        common = [*axis, self.least, given.most, self.inertia, self.mass, *self.center]
         if isinstance(given, Servo | FreeBody):
             return np.array([*common, 0.0, 0.0, 0.0, -np.inf, np.inf])
         return np.array([*common, given.stiffness, given.rest, given.damping, *(given.range or (-np.inf, np.inf))])
@@ -99,13 +100,14 @@ class DynamicWall:
             return out
         none, center = np.zeros((3, 3)), np.array(given.origin)
         if isinstance(given, FreeBody):
-            axes, center = free_bodies.matrix_of(self.body[BODY.of("turn")]), self.center
-            push, turn = np.eye(3) / self.mass, axes @ np.diag(self.body[BODY.of("rates")]) @ axes.T
+            axes, center = free_bodies.matrix_of(self.body[BODY.of("orientation")]), self.center
+            inverse_mass, inverse_inertia = np.eye(3) / self.mass, axes @ np.diag(self.body[BODY.of("rates")]) @ axes.T
         else:
             along = np.outer(given.axis, given.axis) / self.inertia
-            push, turn = (none, along) if given.turns else (along, none)
+            inverse_mass, inverse_inertia = (none, along) if given.rotates else (along, none)
         pairs = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
-        values = {"yields": 1.0 - self.value("held"), "center": center, "push": push[pairs], "turn": turn[pairs]}
+        tensors = {"inverse_mass": inverse_mass[pairs], "inverse_inertia": inverse_inertia[pairs]}
+        values = {"yields": 1.0 - self.value("held"), "center": center, **tensors}
         for name, value in values.items():
             out[MOBILITY.of(name)] = value
         return out
@@ -127,7 +129,7 @@ class DynamicWall:
         axis, s, rate = rigid_motion.unit(self.given.axis), self.value("position"), self.value("predicted")
         along = np.tile(axis, (count, 1))
         none = np.zeros_like(along)
-        if not self.given.turns:
+        if not self.given.rotates:
             return rigid_motion.translation_by(s * along, rate * along, none)
         change = rigid_motion.rotation_increment(axis, np.full(count, s))
         return rigid_motion.rotation_about(np.array(self.given.origin), change, rate * along, none)
@@ -205,7 +207,7 @@ def _complete_free(one: DynamicWall, given: Slider | Hinge, solid: SolidBody | N
     own = given.mass if given.mass is not None else solid.mass if solid is not None else 0.0
     one.mass = own
     one.center = np.array(given.centre) if given.centre is not None else solid.center if solid is not None else origin
-    if not given.turns:
+    if not given.rotates:
         one.inertia = own
     elif given.inertia is not None:
         one.inertia = given.inertia
@@ -244,7 +246,7 @@ def _check_free(key: str, one: DynamicWall, heaviest: float, dt: float) -> None:
     turn, springs = dt * np.sqrt(stiffness / one.inertia), "mounts" if isinstance(given, FreeBody) else "stiffness"
     if turn > LARGEST_TURN:
         raise SceneError(
-            f"{key}.{springs}: {stiffness:.3g} {'N m' if given.turns else 'N/m'} lets the wall swing by {turn:.3g} rad in a "
+            f"{key}.{springs}: {stiffness:.3g} {'N m' if given.rotates else 'N/m'} lets the wall swing by {turn:.3g} rad in a "
             f"step of {dt:.3g} s; at most "
             f"{LARGEST_TURN} is computed well: take a time.step below {rounded_down(dt * LARGEST_TURN / turn)} s, a softer "
             "spring, or more mass"
@@ -252,7 +254,7 @@ def _check_free(key: str, one: DynamicWall, heaviest: float, dt: float) -> None:
     for name, coefficient in coefficients.items():
         if (share := dt * coefficient / one.inertia) > 1.0:
             raise SceneError(
-                f"{key}.{name}: {coefficient:.3g} {'N m s' if given.turns else 'N s/m'} change its rate by {share:.3g} of "
+                f"{key}.{name}: {coefficient:.3g} {'N m s' if given.rotates else 'N s/m'} change its rate by {share:.3g} of "
                 f"itself in a step of {dt:.3g} s, at most 1 is computed well: take a time.step below "
                 f"{rounded_down(dt / share)} s, less of it, or more mass"
             )
@@ -266,7 +268,7 @@ def least_mass(servo: Servo, heaviest: float, points: np.ndarray) -> float:
         heaviest: mass of the heaviest grain that is expected [kg].
         points: corners of its mesh, or feet of the grains on its shape [m], shape (n, 3).
     """
-    if not servo.turns or not len(points):
+    if not servo.rotates or not len(points):
         return heaviest
     return heaviest * largest_arm(servo, points) ** 2
 

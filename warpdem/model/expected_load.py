@@ -44,7 +44,7 @@ def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMes
     walls = [wall_chain(scene, k) for k, motion in enumerate(motions) if motion not in motions[:k]]
     g = float(np.linalg.norm(scene.gravity))
     lifted = frame.moves or any(chain.moves for chain in walls) or any(
-        wall.dynamic is not None and (wall.dynamic.turns or np.dot(wall.dynamic.axis, scene.gravity) < 0.0)
+        wall.dynamic is not None and (wall.dynamic.rotates or np.dot(wall.dynamic.axis, scene.gravity) < 0.0)
         for wall in scene.walls
     )
     from_where = cloud if lifted else start.position
@@ -85,7 +85,7 @@ def servo_pressure(scene: Scene, meshes: dict[str, TriangleMesh]) -> float:
     largest = 0.0
     for wall in scene.walls:
         servo = wall.dynamic
-        if not isinstance(servo, Servo) or servo.turns:
+        if not isinstance(servo, Servo) or servo.rotates:
             continue
         course = servo.pressure if servo.pressure is not None else servo.force
         most = max((abs(load) for _, load in course), default=0.0) if isinstance(course, list) else abs(course or 0.0)

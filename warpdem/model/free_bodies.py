@@ -26,19 +26,19 @@ def complete(one: "DynamicWall", given: FreeBody, solid: SolidBody | None) -> No
     one.center = np.array(given.centre) if given.centre is not None else solid.center
     tensor = given_tensor(given) if given.inertia is not None else solid.inertia * one.mass / solid.mass
     moments, axes = principal(tensor)
-    turn = quaternion_of(axes).astype(float)
+    rotation = quaternion_of(axes).astype(float)
     mounts = np.zeros((MOUNTS, MOUNT.width))
     for row, mount in zip(mounts, given.mounts, strict=False):
         row[:] = [*mount.point, *(mount.anchor or mount.point), mount.stiffness, mount.damping]
     values: dict[str, Any] = {
-        "mass": one.mass, "center": one.center, "turn": turn, "rates": 1.0 / moments, "force": given.force,
+        "mass": one.mass, "center": one.center, "orientation": rotation, "rates": 1.0 / moments, "force": given.force,
         "torque": given.torque, "mounts": mounts.ravel(),
     }  # fmt: skip
     one.body = np.concatenate([np.atleast_1d(values[name]) for name in BODY.names])
     one.inertia = float(moments.min())
-    if not one.motion[MOTION.of("turn")].any():
+    if not one.motion[MOTION.of("orientation")].any():
         begins = {
-            "place": one.center, "turn": turn, "velocity": given.velocity, "momentum": tensor @ np.array(given.spin),
+            "place": one.center, "orientation": rotation, "velocity": given.velocity, "momentum": tensor @ np.array(given.spin),
             "seen_velocity": given.velocity, "seen_spin": given.spin,
         }  # fmt: skip
         for name, value in begins.items():
@@ -47,8 +47,8 @@ def complete(one: "DynamicWall", given: FreeBody, solid: SolidBody | None) -> No
 
 def given_tensor(given: FreeBody) -> np.ndarray:
     """Inertia tensor that a scene gives [kg m2], shape (3, 3): its moments about its axes."""
-    turn = matrix_of(np.array(given.axes or (1.0, 0.0, 0.0, 0.0)))
-    return np.asarray(turn @ np.diag(given.inertia or ()) @ turn.T)
+    rotation = matrix_of(np.array(given.axes or (1.0, 0.0, 0.0, 0.0)))
+    return np.asarray(rotation @ np.diag(given.inertia or ()) @ rotation.T)
 
 
 def principal(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,13 +64,13 @@ def principal(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def pose(one: "DynamicWall", count: int) -> Pose:
     """Present pose in the axes of the carrier, ``count`` times."""
-    turn = matrix_of(one.motion[MOTION.of("turn")]) @ matrix_of(one.body[BODY.of("turn")]).T
+    rotation = matrix_of(one.motion[MOTION.of("orientation")]) @ matrix_of(one.body[BODY.of("orientation")]).T
     place, velocity, spin = (one.motion[MOTION.of(name)] for name in ("place", "seen_velocity", "seen_spin"))
-    arm = turn @ one.center
-    vectors = place - arm, turn.T @ spin, turn.T @ (velocity - np.cross(spin, arm))
+    arm = rotation @ one.center
+    vectors = place - arm, rotation.T @ spin, rotation.T @ (velocity - np.cross(spin, arm))
     origin, body_spin, body_velocity = (np.tile(vector.astype(WIDE), (count, 1)) for vector in vectors)
     none = np.zeros((count, 3), dtype=WIDE)
-    return Pose(np.tile(turn.astype(WIDE), (count, 1, 1)), origin, body_spin, body_velocity, none, none)
+    return Pose(np.tile(rotation.astype(WIDE), (count, 1, 1)), origin, body_spin, body_velocity, none, none)
 
 
 def matrix_of(quaternion: np.ndarray) -> np.ndarray:
@@ -88,9 +88,9 @@ def matrix_of(quaternion: np.ndarray) -> np.ndarray:
 def energies(one: "DynamicWall") -> dict[str, float]:
     """Energy of its motion and in its mounts, and what was given and lost [J]."""
     motion, body = one.motion, one.body
-    turn = matrix_of(motion[MOTION.of("turn")])
-    own = turn @ matrix_of(body[BODY.of("turn")]).T
-    velocity, spin = motion[MOTION.of("seen_velocity")], turn.T @ motion[MOTION.of("seen_spin")]
+    rotation = matrix_of(motion[MOTION.of("orientation")])
+    own = rotation @ matrix_of(body[BODY.of("orientation")]).T
+    velocity, spin = motion[MOTION.of("seen_velocity")], rotation.T @ motion[MOTION.of("seen_spin")]
     mounts = body[BODY.of("mounts")].reshape(MOUNTS, MOUNT.width)
     points = motion[MOTION.of("place")] + (mounts[:, MOUNT.of("point")] - one.center) @ own.T
     stretch = ((points - mounts[:, MOUNT.of("anchor")]) ** 2).sum(axis=1)

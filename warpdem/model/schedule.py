@@ -62,7 +62,7 @@ class Schedule:
 
     Attributes:
         dt: time step [s], to be set before any table is asked for.
-        turning: whether the frame's axes ever rotate.
+        rotates: whether the frame's axes ever rotate.
         shifting: whether the frame moves at all.
         motions: wall motions, those that move relative to the frame first; then those of regions alone.
         wall_motion: motion number of each wall of the scene, shape (w,).
@@ -83,7 +83,7 @@ class Schedule:
         self.stages, self.relative = np.array(stages), relative
         self.gravity = np.array(scene.gravity, dtype=float)
         self.frame = frame_chain(scene)
-        self.turning, self.shifting, self.max_rate = self.frame.rotates, self.frame.moves, self.frame.max_rate
+        self.rotates, self.shifting, self.max_rate = self.frame.rotates, self.frame.moves, self.frame.max_rate
         found: dict[str, WallMotion] = {}
         keys = []
         self.driven: dict[str, DrivenMotion] = {}

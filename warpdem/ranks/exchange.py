@@ -1,6 +1,8 @@
 """What changes of the ghosts, from their owners, after every stage of every step; what all ranks agree on; loads on walls.
 
 Called by the kernel of the step (``kernels.step.exchange``) on one thread. Ghosts are received where they stand in memory.
+Beside them come the answers of their films to the wishes of bridges (``kernels.contact.films``): only the rank of a grain knows
+all its wishes.
 """
 
 import ctypes
@@ -16,6 +18,57 @@ from warpdem.ranks.world import World
 
 TAG = 19
 """Of the messages with the first of the arrays; the next one has the next number."""
+OF_ANSWERS = 29
+"""Tag of the messages with what films give to bridges."""
+
+
+class Links:
+    """Messages to and from other ranks that are sent again and again, from and to the same memory."""
+
+    def __init__(self, comm: Any) -> None:
+        from mpi4py import MPI
+
+        self._mpi, self._comm = MPI, comm
+        self._requests: list[Any] = []
+        self._sends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._receives: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def send(self, values: np.ndarray, rows: np.ndarray, rank: int, tag: int) -> None:
+        """Send the ``rows`` of ``values`` to ``rank``."""
+        buffer = np.empty((len(rows), *values.shape[1:]), dtype=values.dtype)
+        self._sends.append((values, rows, buffer))
+        self._requests.append(self._comm.Send_init(buffer, dest=rank, tag=tag))
+
+    def receive(self, values: np.ndarray, rank: int, tag: int) -> None:
+        """Receive all of ``values``, whose memory is contiguous, from ``rank``."""
+        self._requests.append(self._comm.Recv_init(values, source=rank, tag=tag))
+
+    def receive_rows(self, values: np.ndarray, rows: np.ndarray, rank: int, tag: int) -> None:
+        """Receive the ``rows`` of ``values`` from ``rank``."""
+        buffer = np.empty((len(rows), *values.shape[1:]), dtype=values.dtype)
+        self._receives.append((values, rows, buffer))
+        self.receive(buffer, rank, tag)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes that are sent each time."""
+        return sum(buffer.nbytes for _, _, buffer in self._sends)
+
+    def exchange(self) -> None:
+        """Send and receive all."""
+        for values, rows, buffer in self._sends:
+            np.take(values, rows, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
+        if self._requests:
+            self._mpi.Prequest.Startall(self._requests)
+            self._mpi.Request.Waitall(self._requests)
+        for values, rows, buffer in self._receives:
+            values[rows] = buffer
+
+    def free(self) -> None:
+        """Let go of the memory."""
+        for request in self._requests:
+            request.Free()
+        self._requests, self._sends, self._receives = [], [], []
 
 
 class Exchange:
@@ -39,8 +92,7 @@ class Exchange:
         from mpi4py import MPI
 
         self._mpi, self._world, self._last = MPI, world, stages - 1
-        self._requests: list[Any] = []
-        self._sends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._ghosts, self._answers = Links(world.comm), Links(world.comm)
         self._mine, self._all = np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int32)
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32)(self.call)
         self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
@@ -59,24 +111,34 @@ class Exchange:
             sends: by rank, the slots of the grains that it sees.
             receives: by rank, how many ghosts come from it, in the order in which they stand.
         """
-        self.disconnect()
-        comm = self._world.comm
+        self._ghosts.free()
         for tag, values in enumerate(changing, TAG):
             at = owned
             for rank, count in receives.items():
-                self._requests.append(comm.Recv_init([values[at : at + count], self._mpi.DOUBLE], source=rank, tag=tag))
+                self._ghosts.receive(values[at : at + count], rank, tag)
                 at += count
             for rank, slots in sends.items():
-                buffer = np.empty((len(slots), values.shape[1]))
-                self._sends.append((values, slots, buffer))
-                self._requests.append(comm.Send_init([buffer, self._mpi.DOUBLE], dest=rank, tag=tag))
-        self.bytes_per_call = sum(buffer.nbytes for _, _, buffer in self._sends)
+                self._ghosts.send(values, slots, rank, tag)
+        self.bytes_per_call = self._ghosts.bytes + self._answers.bytes
+
+    def connect_answers(self, answer: np.ndarray, contacts: dict[int, tuple[np.ndarray, np.ndarray]]) -> None:
+        """Exchange the answers of films from now on.
+
+        Args:
+            answer: the answer in each force slot, shape (force slots,).
+            contacts: by rank, the force slots of own grains in contacts with its grains, in order of the own id, then the
+                other; and those of its grains, in order of its id, then the own.
+        """
+        self._answers.free()
+        for rank, (own, others) in contacts.items():
+            self._answers.send(answer, own, rank, OF_ANSWERS)
+            self._answers.receive_rows(answer, others, rank, OF_ANSWERS)
+        self.bytes_per_call = self._ghosts.bytes + self._answers.bytes
 
     def disconnect(self) -> None:
         """Let go of the memory that was exchanged."""
-        for request in self._requests:
-            request.Free()
-        self._requests, self._sends = [], []
+        self._ghosts.free()
+        self._answers.free()
 
     def call(self, step: int, stage: int, found: int) -> int:
         """As ``kernels.step.exchange.exchange``; an error, which a kernel cannot raise, ends all ranks."""
@@ -86,11 +148,8 @@ class Exchange:
                 self._add_loads()
                 self.seconds += time.perf_counter() - began
                 return found
-            for values, slots, buffer in self._sends:
-                np.take(values, slots, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
-            if self._requests:
-                self._mpi.Prequest.Startall(self._requests)
-                self._mpi.Request.Waitall(self._requests)
+            self._ghosts.exchange()
+            self._answers.exchange()
             self.bytes += self.bytes_per_call
             if stage == self._last:
                 self._mine[0] = found

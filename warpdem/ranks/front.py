@@ -96,6 +96,7 @@ class Front(RunLoop):
             self._tell("model", decided, threads.count)
             self.rank = Rank(world, replace(model, expected=decided.expected), threads)  # the skins are those of all ranks
             self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
+            self.rank.take_liquid = self._take_liquid
             world.raise_first(None)
 
     def _tell(self, name: str, *arguments: Any) -> None:
@@ -172,6 +173,10 @@ class Front(RunLoop):
         state, where = State.of(self._model, nobody(self._model.features.contact.clumps)), leaving.grains["way_out"]
         state.restore({**leaving.data, "next_id": 0})
         self._engine.leavers.count(state, np.arange(len(where)), where, self.rank.clock.step_number)
+
+    def _take_liquid(self, counts: np.ndarray) -> None:
+        """Count the liquid that grains have taken along."""
+        self._state.liquid_left = self._state.liquid_left + counts
 
     def _before_leaving(self, whole: Portion, ids: np.ndarray) -> None:
         """Let the budgets count the grains ``ids`` that are about to leave."""

@@ -12,9 +12,11 @@ import numpy as np
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.stops import crossed_domain, not_finite
 from warpdem.errors import WarpdemError
+from warpdem.kernels import grain
 from warpdem.kernels.lists.displacement import CROSSED, FAST, IN_OUTLET, NOT_FINITE, OUT_OF_DATE, OUTLET_NUMBER
 from warpdem.kernels.step.motion import LEFT
 from warpdem.ranks.world import World
+from warpdem.state.particles import changed
 
 HERE = (1 << OUTLET_NUMBER) - 1
 """Bits of what is found of a grain, without the number of the outlet that it is in."""
@@ -28,12 +30,14 @@ class RankLists(NeighborLists):
         move_grains: called where outer lists are to be built: deals the grains out anew and builds them.
         leave: called on all ranks where a grain of some is in an outlet: counts and removes those.
         fast_found: called on all ranks where a grain of some is fast beside a mesh, with whether one is on this rank.
+        rebuilt: called where inner lists were built.
     """
 
     world: World
     move_grains: Callable[[], None]
     fast_found: Callable[[bool], None]
     leave: Callable[[], None]
+    rebuilt: Callable[[], None]
 
     @property
     def share_that_holds(self) -> float:
@@ -54,6 +58,7 @@ class RankLists(NeighborLists):
         force_rebuild |= grown or not self.rebuilds
         if not (force_rebuild or pending):
             return
+        self.settle_liquid()
         found = self._found_on_all_ranks()
         if found & IN_OUTLET:
             self.leave()
@@ -71,6 +76,7 @@ class RankLists(NeighborLists):
             self.force_parity = (self.clock.step_number - 1) & 1
             self._rebuild_inner()
             self._count()
+            self.rebuilt()
 
     def _found_on_all_ranks(self) -> int:
         """What has become of the grains of all ranks, by bits.
@@ -108,8 +114,10 @@ class RankLists(NeighborLists):
         self._last_refresh = self._last_rebuild = self.clock.step_number
         self.rebuild()
 
-    def remove(self, gone: np.ndarray) -> None:
-        """Grains in slots ``gone`` have left the domain."""
+    def remove(self, gone: np.ndarray, ghosts: np.ndarray) -> None:
+        """Grains in slots ``gone`` have left the domain, and those of others of which ``ghosts`` are the copies."""
+        with changed(self.state.record) as record:
+            record[ghosts, 0] = grain.REMOVED_X
         self._remove(gone)
 
     def in_outlets(self) -> np.ndarray:

@@ -19,7 +19,7 @@ PAIRS, POINTS = "pair", "wall_contact_"
 """How the names of arrays begin that have a row per contact between grains, and per contact point at a wall."""
 OF_GRAINS = (
     "record", "inverse", "id", "material", "group", "came", "orientation", "energies", "momenta", "wall_work", "flow",
-    "wall_load", "wall_entry", "wall_power", "clump_arm",
+    "wall_load", "wall_entry", "wall_power", "film", "clump_arm",
 )  # fmt: skip
 """Arrays that have a row per grain."""
 NUMBERS_OF_CLUMPS = tuple(f"clump_{name}" for name in (*OF_CLUMPS, "template", "axes") if name != "first")

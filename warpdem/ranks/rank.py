@@ -71,6 +71,7 @@ class Rank:
         notice: takes a guard's verdict, on rank 0.
         count_left: takes the grains that leave, and the number of the outlet of each as ``way_out`` of them, on rank 0.
         before_leaving: takes all grains and contacts, and the ids of those that leave, on rank 0, where budgets ask for it.
+        take_liquid: takes the liquid of grains that have left, columns as of ``State.film``, on rank 0.
     """
 
     def __init__(self, world: World, model: Model, threads: Threads) -> None:
@@ -82,7 +83,7 @@ class Rank:
         assert isinstance(lists, RankLists) and isinstance(executor, CpuExecutor)
         self.lists = lists
         lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
-        lists.leave = self._leave
+        lists.leave, lists.rebuilt = self._leave, self._connect_answers
         self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
         executor.exchange = self.exchange.address
         if self.engine.moves_walls:
@@ -93,7 +94,9 @@ class Rank:
         self.notice: Callable[[Verdict], None] = lambda verdict: None
         self.count_left: Callable[[Portion], None] = lambda leaving: None
         self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
+        self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
         self._new: Portion | None = None  # inserted, and in no list yet
+        self._ghosts_of = np.zeros(0, dtype=np.int64)  # the rank that each ghost comes from
         self.counts, self._tried = Counts(), -WAIT
         self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
 
@@ -138,7 +141,36 @@ class Rank:
             lists.rebuild()
         changing = [state.record, state.inverse] if state.clumps is not None else [state.record]
         self.exchange.connect([values.numpy() for values in changing], state.owned, sends, receives)
+        self._ghosts_of = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
+        self._connect_answers()
         self.counts.rebuilds += 1
+
+    def _connect_answers(self) -> None:
+        """Exchange what films give to the bridges between grains of different ranks: both list the same contacts."""
+        state, lists, films = self.state, self.lists, self._model.kernels.films
+        if films is None:
+            return
+        contacts: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        view = lists.view()
+        if state.slots and view.contact_count:
+            lane, ids = view.real_lanes(), state.id.numpy()
+            assert view.owner is not None and view.partner is not None and view.slot_i is not None and view.slot_j is not None
+            grains, slots = (
+                np.stack([side.numpy().ravel()[lane] for side in sides])
+                for sides in ((view.owner, view.partner), (view.slot_i, view.slot_j))
+            )
+            side = np.argmax(grains >= state.owned, axis=0)  # which of the two is the ghost
+            each = np.arange(len(lane))
+            between = np.flatnonzero(grains[side, each] >= state.owned)
+            side, each = side[between], each[between]
+            own, other = grains[1 - side, each], grains[side, each]
+            rank = self._ghosts_of[other - state.owned]
+            for number in np.unique(rank):
+                here = np.flatnonzero(rank == number)
+                sent = here[np.lexsort((ids[other[here]], ids[own[here]]))]
+                got = here[np.lexsort((ids[own[here]], ids[other[here]]))]
+                contacts[int(number)] = slots[1 - side[sent], each[sent]], slots[side[got], each[got]]
+        self.exchange.connect_answers(lists.slot_force.numpy()[:, films.wish] if contacts else np.zeros(0), contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
         """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""
@@ -216,7 +248,7 @@ class Rank:
         if not (state.slots and lists.built):
             return np.ones(self._kept())
         slots = state.rank[state.rank < state.owned]
-        listed: np.ndarray = np.diff(lists.row_start.numpy())[slots]
+        listed: np.ndarray = np.diff(lists.slot_start.numpy())[slots]
         return 1.0 + listed
 
     def _shift_cuts(self, position: np.ndarray, load: np.ndarray) -> None:
@@ -280,7 +312,11 @@ class Rank:
             except StabilityError as stop:
                 error = stop
         world.raise_first(error)
-        self.lists.remove(gone)
+        every = np.concatenate(world.everyone(state.id.numpy()[gone]))
+        self.lists.remove(gone, state.owned + np.flatnonzero(np.isin(state.id.numpy()[state.owned :], every)))
+        if state.film is not None:
+            for counts in world.gathered(state.film.numpy()[gone].sum(axis=0)):
+                self.take_liquid(counts)
 
     def advance(self, count: int, max_overlap: float, hold: bool) -> int:
         """Run up to ``count`` steps; returns how many were done: fewer where an overlap exceeds ``max_overlap`` [-].

@@ -70,14 +70,14 @@ class _Joint(SceneModel):
                 raise validation_error([(("motor", k, 0), curve[k][0], f"must be above {curve[k - 1][0]:g}, the entry before")])
         return self
 
-    turns: ClassVar[bool] = False
+    rotates: ClassVar[bool] = False
     """Whether the wall turns about the axis."""
     most: ClassVar[float] = np.inf
     """Largest speed: there is no bound."""
 
     def target(self, times: np.ndarray) -> np.ndarray:
         """Force [N] or torque [N m] on the wall at ``times`` [s] of the run, shape (k,)."""
-        return at_times(getattr(self, "torque" if self.turns else "force"), times + self.elapsed)
+        return at_times(getattr(self, "torque" if self.rotates else "force"), times + self.elapsed)
 
     def later(self, time: float) -> Self:
         """The same from ``time`` [s] on."""
@@ -92,12 +92,12 @@ class _Joint(SceneModel):
         position, rate = then["position"], then["rate"]
         span, rest = getattr(self, "range", None), getattr(self, "rest", 0.0)
         moved = span and (min(span[0] - position, 0.0), max(span[1] - position, 0.0))
-        return self.model_copy(update={"rate" if self.turns else "velocity": rate, "rest": rest - position, "range": moved})
+        return self.model_copy(update={"rate" if self.rotates else "velocity": rate, "rest": rest - position, "range": moved})
 
     @property
     def begins(self) -> float:
         """Rate at time 0 [m/s or rad/s]."""
-        return float(getattr(self, "rate" if self.turns else "velocity"))
+        return float(getattr(self, "rate" if self.rotates else "velocity"))
 
     def speed_bound(self, points: np.ndarray, fall: float) -> float:
         """Speed that body points, shape (n, 3), may be expected to reach [m/s]: at the start, by the motor, or in a ``fall``.
@@ -106,7 +106,7 @@ class _Joint(SceneModel):
         """
         rates = [abs(rate) for rate, load in (getattr(self, "motor", None) or ()) if rate * load >= 0.0]
         most = max([abs(self.begins), *rates])
-        if self.turns:
+        if self.rotates:
             arm = np.cross(points - np.array(getattr(self, "origin")), np.array(self.axis))  # noqa: B009  of hinges
             most *= float(np.linalg.norm(arm, axis=1).max(initial=0.0))
         return float(max(most, fall))
@@ -144,7 +144,7 @@ class Hinge(_Joint):
     """A wall of a moment of inertia that is free about an axis."""
 
     joint: Joint = Field(description=JOINT)
-    turns: ClassVar[bool] = True
+    rotates: ClassVar[bool] = True
     origin: Point = Field((0.0, 0.0, 0.0), description="A point on the axis [m], default (0, 0, 0).")
     inertia: Annotated[float, Quantity("kg m2", gt=0)] | None = Field(
         None, description="Moment of inertia about the axis [kg m2], > 0; default that of the closed mesh."
@@ -198,7 +198,7 @@ class FreeBody(SceneModel):
     torque: Annotated[Vec3, Vector(Quantity("N m"))] = Field((0.0, 0.0, 0.0), description="Constant torque [N m], default 0.")
     mounts: Annotated[list[Mount], Field(max_length=MOUNTS)] = Field([], description="Springs and dampers, at most 8.")
 
-    turns: ClassVar[int] = 2
+    rotates: ClassVar[int] = 2
     axis: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     most: ClassVar[float] = np.inf

@@ -101,11 +101,11 @@ class Servo(Timed):
     @model_validator(mode="after")
     def _keys_fit(self) -> "Servo":
         exactly_one(self, "force", "pressure", "torque")
-        needed, stray = ("max_rate", "max_speed") if self.turns else ("max_speed", "max_rate")
+        needed, stray = ("max_rate", "max_speed") if self.rotates else ("max_speed", "max_rate")
         if getattr(self, needed) is None:
             raise validation_error([((needed,), None, f"missing: a servo needs its largest {needed[4:]}")])
         given = "torque" if self.torque is not None else "force" if self.force is not None else "pressure"
-        wrong = [(stray, getattr(self, stray) is not None), ("origin", not self.turns and any(self.origin))]
+        wrong = [(stray, getattr(self, stray) is not None), ("origin", not self.rotates and any(self.origin))]
         wrong.append(("area", self.pressure is None and self.area is not None))
         for key, found in wrong:
             if found:
@@ -118,14 +118,14 @@ class Servo(Timed):
         return self.model_copy(update={"elapsed": time})
 
     @property
-    def turns(self) -> bool:
+    def rotates(self) -> bool:
         """Whether the wall turns about the axis."""
         return self.torque is not None
 
     @property
     def most(self) -> float:
         """Largest speed [m/s] or angular rate [rad/s]."""
-        return float(self.max_rate if self.turns else self.max_speed)  # type: ignore[arg-type]  # one of them is given
+        return float(self.max_rate if self.rotates else self.max_speed)  # type: ignore[arg-type]  # one of them is given
 
     def target(self, times: np.ndarray) -> np.ndarray:
         """Load asked for at ``times`` [s] of the run, shape (k,) [N, Pa or N m]; NaN where the wall is held."""
@@ -137,7 +137,7 @@ class Servo(Timed):
 
     def speed_bound(self, points: np.ndarray, fall: float) -> float:
         """Upper bound of the speed of body points, shape (n, 3), by the servo [m/s]; a ``fall`` [m/s] adds nothing."""
-        if not self.turns:
+        if not self.rotates:
             return self.most
         arm = np.linalg.norm(np.cross(points - np.array(self.origin), np.array(self.axis)), axis=1)
         return self.most * float(arm.max(initial=0.0))

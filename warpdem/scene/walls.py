@@ -180,7 +180,7 @@ class Wall(SceneModel):
             needed = ["mass"]
             if isinstance(self.free, FreeBody):
                 needed = ["mass", "centre", "inertia"]
-            elif self.free.turns:
+            elif self.free.rotates:
                 needed = ["inertia"] if self.free.centre is None else ["inertia", "mass"]
             for key in needed:
                 if getattr(self.free, key) is None:

@@ -12,7 +12,7 @@ class BudgetTotals:
     gone: dict[str, list[float]]
     """Sums of the grains that have left, by the names of ``MeasureFeatures.sums``."""
     start: dict[str, list[float]] = field(default_factory=dict)
-    """Energy [J] and momenta at the first instant; empty before."""
+    """Energy [J] and momenta at the start; empty before."""
     carried: list[float] = field(default_factory=lambda: [0.0] * 7)
     """Energy [J], momentum [N s] and angular momentum [N m s] of grains that were inserted less those that have left."""
 

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.contact.columns import LOAD, TWIST, VECTORS, Columns
+from warpdem.kernels.contact.liquid import COUNT
 from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.blocks import Rows, each_block
@@ -43,7 +44,7 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
         impulses = {"pair_impulses": np.zeros((0, features.impulses.width), dtype=real)}
         return none | (impulses if features.measures.energy else {})
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
-    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
+    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.slot_force is not None
     lane, ids, history = _live_lanes(view), view.state.id.numpy(), contacts.history.numpy()
     owner, partner = contacts.owner.numpy().ravel(), contacts.partner.numpy().ravel()
     count, lanes = len(lane), history.shape[2]
@@ -61,7 +62,7 @@ def _pair_contacts(view: RunView) -> dict[str, Rows | np.ndarray]:
     out: dict[str, Rows | np.ndarray] = {"pair": Rows((count, 2), ids.dtype, pair)}
     out["pair_history"] = Rows((count, springs), history.dtype, remembered(slice(springs))) if springs else unsprung
     slots = (("i", contacts.slot_i.numpy().ravel()), ("j", contacts.slot_j.numpy().ravel()))
-    out |= {f"pair_share_{side}": in_slots(contacts.row.numpy(), slot) for side, slot in slots}
+    out |= {f"pair_share_{side}": in_slots(contacts.slot_force.numpy(), slot) for side, slot in slots}
     out |= {f"pair_own_{name}": Rows((count,), history.dtype, remembered(at.of(name))) for name in own}
     if features.measures.energy:
         kept = features.impulses.width
@@ -73,15 +74,15 @@ def _live_lanes(view: RunView) -> np.ndarray:
     """Numbers of the lanes whose contact has a force or a history, in order of both ids: the same however pairs are listed."""
     contacts, ids = view.contacts, view.state.id.numpy()
     assert contacts.owner is not None and contacts.partner is not None and contacts.history is not None
-    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.row is not None
-    lane, history, row = contacts.real_lanes(), contacts.history.numpy(), contacts.row.numpy()
+    assert contacts.slot_i is not None and contacts.slot_j is not None and contacts.slot_force is not None
+    lane, history, force = contacts.real_lanes(), contacts.history.numpy(), contacts.slot_force.numpy()
     slots = [side.numpy().ravel() for side in (contacts.slot_i, contacts.slot_j)]
 
     def live(part: slice) -> np.ndarray:
         some, lanes = lane[part], history.shape[2]
         out = history[some // lanes, :, some % lanes].any(axis=1)
         for slot in slots:
-            out |= row[slot[some]].any(axis=1)
+            out |= force[slot[some]].any(axis=1)
         return out
 
     alive = Rows((len(lane), history.shape[1]), history.dtype, live)
@@ -155,9 +156,25 @@ def restore(lists: "NeighborLists", data: dict[str, Any], since: int = 0) -> Non
     if len(lists.state) == 0:
         return
     lists.force_parity = (lists.clock.step_number - since) & 1
-    remember(lists, data)
+    broken = _just_broken(data)
+    if broken.any():  # lists hold them for a force call more: as if there were still something in them
+        held = f"pair_own_{COUNT}"
+        remember(lists, data | {held: np.where(broken, 1.0, data[held])})
+    else:
+        remember(lists, data)
     lists.make()
     _put_forces(lists, data)
+    if broken.any():
+        lane, there = _found(lists.view(), data)
+        emptied, lanes = lane[broken[there]], lists.model.features.backend.lanes
+        with changed(lists.history) as history:
+            history[emptied // lanes, lists.model.features.contact.history.of(COUNT), emptied % lanes] = 0.0
+
+
+def _just_broken(data: dict[str, Any]) -> np.ndarray:
+    """Whether each contact is a bridge that broke in the last force call: its force and gifts are still due, shape (pairs,)."""
+    held = data.get(f"pair_own_{COUNT}", np.zeros(0))
+    return (held == 0.0) & (data["pair_share_i"] != 0.0).any(axis=1) if len(held) else np.zeros(len(held), dtype=bool)
 
 
 def _put_wall_contacts(lists: "NeighborLists", data: dict[str, Any], n: int) -> None:
@@ -179,14 +196,14 @@ def _put_forces(lists: "NeighborLists", data: dict[str, Any]) -> None:
     """Pair forces, wall loads and wall contact forces of a checkpoint, in their slots of the new lists."""
     state, n = lists.state, len(lists.state)
     contacts = lists.view()
-    with changed(lists.row) as row:
-        row[...] = 0.0
+    with changed(lists.slot_force) as force:
+        force[...] = 0.0
         if contacts.contact_count and len(data["pair"]):
             lane, there = _found(contacts, data)
             for side, slots in (("i", contacts.slot_i), ("j", contacts.slot_j)):
                 assert slots is not None
                 slot = slots.numpy().ravel()[lane]
-                row[slot] = data[f"pair_share_{side}"][there]
+                force[slot] = data[f"pair_share_{side}"][there]
     if lists.wall_contacts is None:
         return
     load = np.zeros((n, 6))

@@ -17,12 +17,13 @@ def gifts(lists: ListedContacts, slots: int) -> np.ndarray:
     """
     out = np.zeros(slots, dtype=np.int64)
     if lists.contact_count and lists.owner is not None:
-        assert lists.partner is not None and lists.slot_i is not None and lists.slot_j is not None and lists.row is not None
-        row = lists.row.numpy()
+        assert lists.partner is not None and lists.slot_force is not None
+        assert lists.slot_i is not None and lists.slot_j is not None
+        force = lists.slot_force.numpy()
         for side, of_side in ((lists.owner, lists.slot_i), (lists.partner, lists.slot_j)):
             slot = of_side.numpy().ravel()
-            real = slot < len(row) - 1
-            np.add.at(out, side.numpy().ravel()[real], row[slot[real], -1].astype(np.int64))
+            real = slot < len(force) - 1
+            np.add.at(out, side.numpy().ravel()[real], force[slot[real], -1].astype(np.int64))
     return out
 
 
@@ -33,11 +34,11 @@ def _unsaved(view: RunView) -> np.ndarray:
     if not given.any() or len(state) == state.slots:
         return np.zeros_like(given)
     assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None
-    assert lists.slot_j is not None and lists.row is not None
-    row, told = lists.row.numpy(), np.zeros_like(given)
+    assert lists.slot_j is not None and lists.slot_force is not None
+    force, told = lists.slot_force.numpy(), np.zeros_like(given)
     lane = lists.real_lanes()
     for side, of_side in ((lists.owner, lists.slot_i), (lists.partner, lists.slot_j)):
-        np.add.at(told, side.numpy().ravel()[lane], row[of_side.numpy().ravel()[lane], -1].astype(np.int64))
+        np.add.at(told, side.numpy().ravel()[lane], force[of_side.numpy().ravel()[lane], -1].astype(np.int64))
     return given - told
 
 

@@ -12,7 +12,7 @@ from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.wall import record as wall_record
 from warpdem.state.particles import State
 
-CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "row", "history")
+CONTACT_ARRAYS = ("owner", "partner", "slot_i", "slot_j", "slot_force", "history")
 """Arrays of contacts between grains that a copy holds."""
 WALL_ARRAYS = ("first", "grain", "point_count", "point", "result")
 """Arrays of contacts with walls that a copy holds."""
@@ -41,7 +41,7 @@ class ListedContacts:
     """Force slot of the owner, shape (batches, lanes)."""
     slot_j: wp.array | None
     """Force slot of the partner, shape (batches, lanes)."""
-    row: wp.array | None
+    slot_force: wp.array | None
     """Pair force on one grain [N], and torque [N m] where grains spin, shape (force slots + 1, 3 or 6)."""
     history: wp.array | None
     """Contact history, and after it what the energy budget keeps (``Features.impulses``), shape (batches, numbers, lanes)."""
@@ -52,8 +52,8 @@ class ListedContacts:
 
     def real_lanes(self) -> np.ndarray:
         """Numbers of the lanes that hold a contact of grains that are present, shape (contacts,)."""
-        assert self.slot_i is not None and self.row is not None  # there are contacts
-        real = self.slot_i.numpy().ravel() < self.row.shape[0] - 1
+        assert self.slot_i is not None and self.slot_force is not None  # there are contacts
+        real = self.slot_i.numpy().ravel() < self.slot_force.shape[0] - 1
         if len(self.state) < self.state.slots:
             for side in (self.owner, self.partner):
                 assert side is not None

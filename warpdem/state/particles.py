@@ -33,7 +33,7 @@ def changed(array: wp.array) -> Iterator[np.ndarray]:
         array.assign(values)
 
 
-def unturned(count: int) -> np.ndarray:
+def unrotated(count: int) -> np.ndarray:
     """Quaternions of grains whose body axes are the frame axes, shape (count, 4)."""
     return np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
 
@@ -91,7 +91,7 @@ class State:
         self.came: np.ndarray | None = None
         self.orientation: wp.array | None = None
         if orientation:
-            self.orientation = wp.array(unturned(n), dtype=wp.vec4d, device=device)
+            self.orientation = wp.array(unrotated(n), dtype=wp.vec4d, device=device)
         for name, width in sums.items():
             setattr(self, name, wp.zeros((n, width), dtype=wp.float64, device=device))
         self.liquid = liquid
@@ -247,7 +247,7 @@ class State:
             array = getattr(self, name)
             n = len(data["id"])
             # a run that kept no orientation, or added nothing up, can start one that does
-            values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unturned(n))
+            values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unrotated(n))
             setattr(self, name, in_huge_pages(wp.array(values, dtype=array.dtype, device=self.device)))
         self.group = np.asarray(data["group"], dtype=np.int32)
         if self.came is not None:

@@ -253,9 +253,9 @@ def test_a_state_that_is_no_number_is_not_passed_over(lanes, monkeypatch):
     })  # fmt: skip
     sim = in_lanes(of, lanes, monkeypatch)
     sim.prepare()
-    assert np.isfinite(sim.lists.row.numpy()[:2]).all()
+    assert np.isfinite(sim.lists.slot_force.numpy()[:2]).all()
     record = sim.state.record.numpy().copy()
     record[1, 0] = np.nan
     sim.state.record.assign(record)
     sim.engine.advance(0, True)
-    assert np.isnan(sim.lists.row.numpy()[:2, 0]).all()
+    assert np.isnan(sim.lists.slot_force.numpy()[:2, 0]).all()

@@ -8,7 +8,7 @@ from warpdem import Scene, Simulation
 from warpdem.engine.host_build import HostBuild
 
 RADIUS = 1e-3
-PER_GRAIN = ["touching", "near", "width", "touching_start", "near_start", "row_start", "reference"]
+PER_GRAIN = ["touching", "near", "width", "touching_start", "near_start", "slot_start", "reference"]
 PER_BATCH = ["owner", "partner", "slot_i", "slot_j", "constants", "kind"]
 
 
@@ -48,7 +48,7 @@ def listed(sim: Simulation) -> dict[str, np.ndarray]:
     batches = lists.totals[0] // sim.plan.backend.lanes
     out = {name: getattr(lists, name).numpy().copy() for name in PER_GRAIN}
     out |= {name: getattr(lists, name).numpy()[:batches].copy() for name in PER_BATCH}
-    real = lists.slot_i.numpy()[:batches] < lists.row.shape[0] - 1
+    real = lists.slot_i.numpy()[:batches] < lists.slot_force.shape[0] - 1
     for name in ("slot_i", "slot_j"):  # that of no grain goes by the length of the arrays
         out[name] = np.where(real, out[name], -1)
     out["history"] = np.where(real[:, None, :], lists.history.numpy()[:batches], 0.0)

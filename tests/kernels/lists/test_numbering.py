@@ -37,9 +37,9 @@ def test_numbers_are_prefix_sums(n, device):
     wp.launch(numbering.start_grains, dim=blocks, inputs=[0, lanes, counts, sums, begin], device=device)
 
     touching_start, near_start, packs = class_starts(touching, near, lanes)
-    row_start, beside = starts(shares), np.flatnonzero(candidates)
-    np.testing.assert_array_equal(total.numpy(), [packs * lanes, row_start[-1], len(beside)])
-    for found, expected in zip(out, (touching_start, near_start, row_start), strict=False):
+    slot_start, beside = starts(shares), np.flatnonzero(candidates)
+    np.testing.assert_array_equal(total.numpy(), [packs * lanes, slot_start[-1], len(beside)])
+    for found, expected in zip(out, (touching_start, near_start, slot_start), strict=False):
         np.testing.assert_array_equal(found.numpy(), expected)
     np.testing.assert_array_equal(out[3].numpy()[: len(beside)], beside)
 

@@ -46,9 +46,9 @@ def test_free_rotation_in_lanes_has_the_bits_of_a_body_by_itself():
 
 @pytest.mark.parametrize("turning", [True, False])
 def test_the_step_of_a_clump_in_lanes_has_its_bits(turning):
-    frame = {"turning_frame": turning, "moving_frame": turning}
+    frame = {"rotating_frame": turning, "moving_frame": turning}
     made = clumps.build_motion(
-        exact_drift.build_drift(spins=True, **frame), orientation.build_axes(turning_axes=turning),
+        exact_drift.build_drift(spins=True, **frame), orientation.build_axes(rotating_axes=turning),
         border.build((2.0, 0.0, 0.0), (-1.0, 0.0, 0.0)),
     )  # fmt: skip
     of = given()
