@@ -68,6 +68,17 @@ def test_a_chaotic_measure_is_told(source, monkeypatch):
     trial, said = chosen(source, "1%", monkeypatch, 0.1)
     assert trial.choice.chaotic and not trial.choice.reached
     assert "no step makes a single run as accurate as 1 %: the measure is chaotic; the mean of 345 runs" in said
+    assert "(a sweep over grains.0.fill.seed), or a mean over a longer time" in " ".join(said.split())
+
+
+def test_what_is_out_of_reach_is_told_with_what_is_in_reach_and_a_remedy(source, monkeypatch):
+    """Twins scatter by a little less than is asked, two of them differ by more, and the steps by less."""
+    trial, said = chosen(source, "20%", monkeypatch, 0.09)
+    choice = trial.choice
+    assert choice.found.chance and not choice.reached and not choice.chaotic
+    off = 100.0 * choice.found.error(choice.step) / choice.found.limit
+    assert off > 20.0 and f"20 % is out of reach for a single run: by chance equal runs differ by up to {off:.2g} %" in said
+    assert "measure the mean over a longer time, or ask for that" in " ".join(said.split())
 
 
 def test_the_work_precision_diagram_has_a_point_for_each_run_and_more_steps_run_no_more_than_they_add(source, monkeypatch):
@@ -115,7 +126,8 @@ def test_a_demo_draws_its_diagram_by_its_own_measure(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("share", "measure", "said"),
     [("1", "kinetic:last", "above 0 and below 1"), ("x%", "kinetic:last", "such as 1% or 0.01"), ("0", None, "above 0"),
-     ("1%", None, "--measure"), ("1%", "kinetic", "must be COLUMN:HOW"), ("1%", "kinetik:last", "did you mean")],
+     ("1%", None, r"--measure .*plot DIR --list"), ("1%", "kinetic", "must be COLUMN:HOW"),
+     ("1%", "kinetik:last", "did you mean")],
 )  # fmt: skip
 def test_what_is_wrong_is_told(source, monkeypatch, share, measure, said):
     monkeypatch.setattr(accuracy, "_scatter", lambda *given: (None, []))

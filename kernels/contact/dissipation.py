@@ -8,13 +8,16 @@ r"""What is not elastic in a contact: the parts of its force and torque that tak
     drag                 the force of a viscous bridge, along the normal and across: its power is lost to liquid
     rolling              M - M_spring, and the angle that the rolling spring is cut by; with a twisting law also its torque
                          without its spring's, and the twist that is cut
-    rescaling            what springs lose (or gain) as their stiffness changes with the overlap, at no slip
+    rescaling            what springs lose (or gain) as their stiffness changes with the overlap, while they slip
 
-    cut        (1/2) k_t (s' + s) . c,           s' transported spring before the slip of the step, s after the cut [J]
-    rescaling  (1/2) k_t(d') s0^2 - (1/2) k_t(d) s'^2,  s0, d' of the step before; the same for the rolling spring  [J]
+    cut        (1/2) k_t (s' + s) . c,           s' spring carried to now, before the slip of the step; s after the cut [J]
+    rescaling  (1/2) k_t(d') s0^2 - (1/2) k_t(d) s'^2 + (1/2) (k_t(d') s0 - k_t(d) s') . slip,     s0, d' of the step before;
+               the same for the rolling and the twisting spring  [J]
 
 Both are exact where the force changes evenly over the step: that is how the work of a force is added up, too (trapezoid over
-its path). A contact that ends gives up what is left in its springs as rescaling.
+its path: (1/2) (k_t(d') s0 + k_t(d) s) . slip). The slip works against springs that give way within the step: without its part
+of the rescaling the budget would close by first order in the step only. A contact that ends gives up what is left in its
+springs as rescaling.
 
 A rolling model is taken to be linear in its angle and to be elastic at rest: M_spring is its torque there. The stiffness of
 ``mindlin_displacement`` and of the rolling spring grows with the overlap at no cost: their rescaling may be negative.
@@ -36,7 +39,7 @@ PARTS_AT = Columns(
         ("cut_spring", 1),  # lost by cutting the tangential spring [J]
         ("cut_angle", 1),  # and the rolling spring [J]
         ("springs_before", 1),  # in both springs at the step before [J]
-        ("springs_now", 1),  # and now, before the slip of the step [J]
+        ("springs_now", 1),  # and now, carried: before the slip of the step, less what rescaling takes of its work [J]
     )
 )
 """What is not elastic in a contact; the LOSSES of its normal law follow [J] (``with_losses``)."""
@@ -148,11 +151,13 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
         cut_spring = real(0.0)
         cut_angle = real(0.0)
         in_springs = real(0.0)
+        k_n_before, depth_then = of_normal.elastic(overlap_before, k, past.own(before))
         if wp.static(tangential is not None):
             both = n + n_before
             mid = wp.dot(slip, both) / (real(2.0) + real(2.0) * wp.dot(n, n_before))
             step = across(slip - both * mid, n)
-            brought = transported(past.spring(before), n, n_before, mean_rotation) * retained(depth, depth_before)
+            spring_before = transported(past.spring(before), n, n_before, mean_rotation)
+            brought = spring_before * retained(depth, depth_before)
             k_t = c[wp.static(at.shear)] * k_n
             cut_spring = real(0.5) * k_t * wp.dot(brought + limited_spring, brought + step - limited_spring)
             trial = limited_spring * (-k_t) - (velocity - n * speed) * gamma_t
@@ -162,6 +167,8 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             if wp.static(viscous):
                 rest = rest + (velocity - n * speed) * c_t
             in_springs += real(0.5) * k_t * wp.dot(brought, brought)
+            relaxed = spring_before * (c[wp.static(at.shear)] * k_n_before) - brought * k_t
+            in_springs -= real(0.5) * wp.dot(relaxed, step)
         if wp.static(rolling is not None):
             nonelastic = moment
             if wp.static(rolls_with_history):
@@ -175,6 +182,8 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
                 nonelastic = moment - torque_after
                 cut_angle = -real(0.5) * wp.dot(torque_before + torque_after, transported_angle + roll * dt - angle)
                 in_springs -= real(0.5) * wp.dot(torque_before, transported_angle)
+                torque_then = spring_torque(transported_angle, k_n_before, radius, inertia, c, dt)
+                in_springs -= real(0.5) * dt * wp.dot(torque_before - torque_then, roll)
         if wp.static(twisting is not None):
             if wp.static(rolling is None):
                 nonelastic = moment
@@ -187,6 +196,8 @@ def build(real, normal, tangential, rolling, torsion: bool, predicted: bool = Tr
             cut = brought_twist + wp.dot(spin, n) * dt - twist
             cut_angle -= real(0.5) * (about_before + about_after) * cut
             in_springs -= real(0.5) * about_before * brought_twist
+            about_then = twist_spring(past.twist(before), depth_then, k_n_before, radius, c)
+            in_springs -= real(0.5) * dt * (about_before - about_then) * wp.dot(spin, n)
         old = stored(overlap_before, k, radius, inertia, c, before, dt)
         common = Common(
             dashpot, rest[0], rest[1], rest[2], slides, nonelastic[0], nonelastic[1], nonelastic[2], cut_spring,

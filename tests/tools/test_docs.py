@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import warpdem
-from dev import docs, scene_keys
+from dev import docs, docs_gallery, scene_keys
+from warpdem.app.demo import gallery
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (".", "kernels", "scenes", "tests", "tools", "tools/dev/results", "tools/stress/results", "warpdem")
@@ -100,10 +101,26 @@ def test_a_link_that_leads_nowhere_is_named(tmp_path, monkeypatch):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["README.md", "missing.md", "picture.png", "there.md"]
 
 
+def test_the_gallery_has_every_scene_with_what_its_file_and_the_readme_say(tmp_path):
+    page = (tmp_path / docs_gallery.write_gallery(tmp_path)).read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL))
+    scenes = gallery()
+    assert list(sections) == list(scenes)
+    plain = {name: re.sub(r"\\([*_<])", r"\1", text) for name, text in sections.items()}
+    for name, scene in scenes.items():
+        assert all(words in plain[name] for words in (scene.about, scene.shown, scene.outcome, scene.takes)), name
+        assert f"    warpdem demo {name}\n" in plain[name] and "**Came out:** " in plain[name]
+    assert "**Came out:** 11.92 g/s" in plain["kiln"] and "**Came out:** 1483." in plain["tumbled_test"]
+    pictures = {target for target in docs.LINK.findall(page) if target.endswith(".png")}
+    assert pictures == {f"scenes/{path.name}" for path in (ROOT / "scenes").glob("*.png")}
+    assert all((tmp_path / picture).exists() for picture in pictures)
+
+
 @builds
 def test_the_site_is_built_whole(tmp_path):
     assert docs.build(tmp_path) == []
-    page = (tmp_path / "reference" / "scene_and_simulation.html").read_text()
+    assert "Must come out" in (tmp_path / "gallery.html").read_text() and (tmp_path / "scenes" / "drum.png").exists()
+    page = (tmp_path / "reference" / "what_a_simulation_hands_out.html").read_text()
     assert "in frame axes" in page and (tmp_path / "kernels" / "API.html").exists() and (tmp_path / "index.html").exists()
 
 

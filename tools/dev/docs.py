@@ -25,10 +25,16 @@ from typing import get_args
 from pydantic import BaseModel
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+
+from dev.docs_gallery import write_gallery  # noqa: E402
+
 OUT = ROOT / "build" / "site"
 PAGES = {
     "README.md": "Overview",
     "scenes/TUTORIAL.md": "From an STL file to a report",
+    "scenes/CONTACT_LAW.md": "A contact law of your own",
+    "scenes/CLUSTER.md": "On a cluster",
     "scenes/README.md": "Scenes",
     "scenes/KEYS.md": "Every key of a scene",
     "scenes/COMING_FROM.md": "Coming from LIGGGHTS, LAMMPS, YADE, EDEM",
@@ -144,8 +150,9 @@ def sources(target: Path) -> None:
     (package / "kernels").symlink_to(ROOT / "kernels")
 
 
-def config(nav: list[dict[str, str]]) -> dict:
-    """Settings, in the form of mkdocs; folders are relative to that of the file."""
+def config(nav: list[dict[str, str]], gallery: str) -> dict:
+    """Settings, in the form of mkdocs, with the page of the gallery; folders are relative to that of the file."""
+    first, *others = ({title: name} for name, title in PAGES.items())
     options = {
         "docstring_style": "google",
         "docstring_options": {"warn_unknown_params": False, "warn_missing_types": False},
@@ -167,7 +174,7 @@ def config(nav: list[dict[str, str]]) -> dict:
         "plugins": ["search", {"mkdocstrings": {"handlers": {"python": python}}}],
         "markdown_extensions": ["tables", "fenced_code", "toc", "admonition"],
         "validation": {"links": dict.fromkeys(("not_found", "anchors", "absolute_links", "unrecognized_links"), "warn")},
-        "nav": [*({title: name} for name, title in PAGES.items()), {"Reference": nav}],
+        "nav": [first, {"Gallery": gallery}, *others, {"Reference": nav}],
     }
 
 
@@ -184,7 +191,7 @@ def build(out: Path) -> list[str]:
         gather(work / "docs")
         nav = reference(work / "docs")
         sources(work / "src")
-        (work / "mkdocs.yml").write_text(json.dumps(config(nav)))  # JSON is YAML
+        (work / "mkdocs.yml").write_text(json.dumps(config(nav, write_gallery(work / "docs"))))  # JSON is YAML
         command = [sys.executable, "-m", "zensical", "build", "--strict", "-f", "mkdocs.yml"]
         done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
         if done.returncode:

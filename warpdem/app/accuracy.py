@@ -62,7 +62,11 @@ class Wish:
         if not 0.0 < share < 1.0:
             raise SceneError(f"--accuracy {accuracy}: must be a share above 0 and below 1, such as 1% or 0.01")
         if measure is None:
-            raise SceneError('--accuracy: name what must be so accurate, as --results of a sweep: --measure "kinetic:mean@1:"')
+            raise SceneError(
+                '--accuracy: name what must be so accurate: --measure "COLUMN:HOW@START:END", as --results of a sweep, such as '
+                '"kinetic:mean@1:"; "warpdem plot DIR --list" prints the columns of a run, "warpdem demo NAME --about" the '
+                "measure of a scene of the gallery"
+            )
         Quantity(measure)
         return cls(share, measure)
 
@@ -306,13 +310,22 @@ def verdict_lines(choice: Choice) -> list[str]:
     if choice.chaotic and found.scatter is not None:
         lines.append(
             f"no step makes a single run as accurate as {asked}: the measure is chaotic; the mean of "
-            f"{runs_needed(found.scatter, choice.allowed)} runs with other seeds would be"
+            f"{runs_needed(found.scatter, choice.allowed)} runs with other seeds would be (a sweep over grains.0.fill.seed), "
+            "or a mean over a longer time"
         )
     elif not choice.reached:
-        lines.append(f"{asked} is out of reach with these steps")
+        lines.append(
+            f"{asked} is out of reach for a single run: by chance equal runs differ by up to "
+            f"{_share(found.error(choice.step), limit)}; measure the mean over a longer time, or ask for that"
+        )
     else:
         lines.append(f"for {asked}: --set {' '.join(choice.settings)}")
     return lines
+
+
+def _share(error: float, limit: float) -> str:
+    """An error over the measure in per cent, or in its unit where that is zero."""
+    return f"{100.0 * error / limit:.2g} %" if limit else f"{error:.2g}"
 
 
 @dataclass(frozen=True)
