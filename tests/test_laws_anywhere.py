@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from law_beds import in_a_bed
-from switches import switched
+from switches import in_lanes
 from warpdem import Scene, Simulation
-from warpdem.model.choose_features import choose_features
 from warpdem.scene.models import model_names
 from warpdem.state import restart
 
@@ -93,12 +92,8 @@ def plain(law):
 @pytest.mark.slow
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_lanes_change_no_bit(law, plain, lanes, monkeypatch):
-    chosen = choose_features
-    monkeypatch.setattr(
-        "warpdem.model.prepare.choose_features", lambda *a, **k: switched(chosen(*a, **k), backend={"lanes": lanes})
-    )
-    sim = after(bed(law))
-    assert sim.plan.backend.lanes == lanes
+    sim = in_lanes(bed(law), lanes, monkeypatch)
+    sim.step(STEPS)
     assert sim.state_hash() == plain.state_hash()
 
 
