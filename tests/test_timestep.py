@@ -77,9 +77,9 @@ def test_a_bed_in_a_turning_frame_is_pressed_by_its_turning_too():
     assert found(scene(gravity=[0, 0, 0])).settled == math.inf
 
 
-def test_a_servo_presses_the_bed_like_grains_of_that_weight():
-    """Pressure, or force over the area of the mesh, the largest of the course."""
-    weight = 0.6 * DENSITY * 30.0 * (0.1 + 2.0 * RADIUS)
+def test_a_servo_counts_as_grains_that_weigh_three_times_its_pressure():
+    """Pressure, or force over the area of the mesh, the largest of the course; what it holds may bear so much across."""
+    weight = 0.6 * DENSITY * 30.0 * (0.1 + 2.0 * RADIUS) / 3.0
     lid = {"name": "lid", "material": "glass", "mesh": "lid.stl"}
     loads = ({"pressure": weight}, {"pressure": [[0.0, 0.0], [0.5, weight], [1.0, 1.0]]}, {"force": 0.04 * weight})
     heavy = found(scene(gravity=[0, 0, -30.0])).settled

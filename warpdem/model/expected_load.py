@@ -4,9 +4,10 @@ The speed, where the scene does not give ``max_speed``, is sqrt(v0^2 + 2 g H) wi
 stream, plus what frame and walls add. The pressure is that of the weight of the grains as they start and of what presses most
 of the servos,
 
-    p = 0.6 rho (g + Omega^2 r) H + F/A        [Pa]
+    p = 0.6 rho (g + Omega^2 r) H + K F/A      [Pa]
 
-with H their height.
+with H their height, and K = (1 + sin phi)/(1 - sin phi) = 3 for phi = 30 degrees: grains that a servo holds bear so much of its
+pressure across when another wall compresses them.
 """
 
 import math
@@ -23,6 +24,7 @@ from warpdem.scene.surface_velocity import surface_speed
 TURN_ANGLE = 0.05  # [rad] of the frame between two directions of gravity that are looked at
 MOST_DIRECTIONS = 20_000
 BED_FRACTION = 0.6  # of the volume of a bed is solid
+PASSIVE = 3.0  # largest stress over that which a servo holds across [-]
 
 
 def fall_speed(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) -> float:
@@ -73,8 +75,8 @@ def _down(scene: Scene, frame: Chain) -> np.ndarray:
 
 
 def bed_pressure(scene: Scene, start: InitialGrains, meshes: dict[str, TriangleMesh]) -> float:
-    """Pressure at the foot of the grains [Pa], of their weight as they start and of the servo that presses most."""
-    return weight_per_area(scene, start) + servo_pressure(scene, meshes)
+    """Pressure at the foot of the grains [Pa], of their weight as they start and of what the servos may make grains bear."""
+    return weight_per_area(scene, start) + PASSIVE * servo_pressure(scene, meshes)
 
 
 def servo_pressure(scene: Scene, meshes: dict[str, TriangleMesh]) -> float:
