@@ -51,6 +51,7 @@ def width(pixels):
 def test_lines_are_as_wide_as_their_forces_are_large(tmp_path):
     image = draw(written(tmp_path), tmp_path / "a.png", **FRONT, chains=True)
     full = 2.0 * WIDEST * RADIUS * SCALE
+    # whole pixels, and the shading of either edge
     np.testing.assert_allclose(width(column(image, -0.225)), full, rtol=0, atol=1.6)
     np.testing.assert_allclose(width(column(image, -0.075)), 0.5 * full, rtol=0, atol=1.6)
     assert width(column(image, 0.25)) == 0  # beyond the last grain there is none
@@ -69,7 +70,7 @@ def test_grains_are_faded_behind_the_lines(tmp_path):
     plain, faded = (draw(folder, tmp_path / "a.png", **FRONT, chains=on) for on in (False, True))
     x, z = -0.15, 0.05  # on a grain, beside all lines
     spread = [np.ptp(column(image, x, z, half=0.01), axis=1).mean() for image in (plain, faded)]
-    assert spread[1] == pytest.approx(0.25 * spread[0], abs=3.0) and spread[0] > 40
+    assert spread[1] == pytest.approx(0.25 * spread[0], abs=3.0) and spread[0] > 40  # of 255 steps, each picture rounded
 
 
 def test_a_line_goes_to_the_contact_point_of_a_wall_and_no_further(tmp_path):
@@ -77,7 +78,7 @@ def test_a_line_goes_to_the_contact_point_of_a_wall_and_no_further(tmp_path):
     line = column(image, -0.3, z=-0.06, half=0.05)
     there = np.flatnonzero(line.min(axis=1) < 150)
     lowest = 200 - round((-0.06 - 0.05) * SCALE) - (len(line) - 1 - there.max())
-    np.testing.assert_allclose(lowest, 200 + RADIUS * SCALE, rtol=0, atol=2)
+    np.testing.assert_allclose(lowest, 200 + RADIUS * SCALE, rtol=0, atol=2)  # pixels: rounded at both ends
 
 
 def test_a_cut_takes_the_lines_of_its_grains(tmp_path):

@@ -130,7 +130,7 @@ def test_check_warns_of_a_wall_lighter_than_the_grains_on_it():
 
 
 def test_check_warns_of_a_body_that_rocks_by_its_friction():
-    """The ball of two grains on six, whose limit in the run is 9.55 us: told above it, and none with a tenth of that."""
+    """The ball of two grains on six, whose limit in the run is 9.55 us: a warning above it, none with a tenth of that."""
     [said] = [text for text in scene_warnings.warnings(run(light_ball(1.2e-5))) if "walls[0].free" in text]
     step = float(re.search(r"take at most ([0-9.e-]+) s, or a heavier wall", said)[1])
     assert 0.6 * 9.55e-6 < step < 1.1 * 9.55e-6

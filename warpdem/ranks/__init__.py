@@ -11,6 +11,7 @@ travels. Lists are rebuilt on all ranks at the same step; there grains change ha
     halo         which grains another rank sees
     portion      grains and their contacts on the way from rank to rank
     exchange     state of the ghosts, at every step
+    answers      where films of liquid answer contacts between two ranks
     lists        neighbor lists, built on all ranks together
     rank         what one rank does
     front        the run as rank 0 shows it: it reads the whole, and tells the others what to do

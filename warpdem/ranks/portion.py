@@ -148,7 +148,7 @@ def numbered(grains: Table, clumps: Table) -> Table:
 def with_ghosts(grains: Table, ghosts: list[Table]) -> tuple[Table, np.ndarray]:
     """Own grains and ghosts together, in order of id, and the place of each there: own first, ghosts as they are given.
 
-    What is not known of a ghost is zero, as nobody reads it, but it is a grain of its own.
+    All other arrays of a ghost are zero, as nothing reads them, and it belongs to no clump.
     """
     count = sum(len(one["id"]) for one in ghosts)
     both = {}

@@ -22,6 +22,7 @@ from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.model.model import Model
 from warpdem.ranks import halo
+from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
@@ -96,7 +97,7 @@ class Rank:
         self.before_leaving: Callable[[Portion, np.ndarray], None] = lambda whole, ids: None
         self.take_liquid: Callable[[np.ndarray], None] = lambda counts: None
         self._new: Portion | None = None  # inserted, and in no list yet
-        self._ghosts_of = np.zeros(0, dtype=np.int64)  # the rank that each ghost comes from
+        self._rank_of_ghost = np.zeros(0, dtype=np.int64)
         self.counts, self._tried = Counts(), -WAIT
         self._cuts = Cuts(np.zeros(world.size - 1, dtype=np.int64), np.zeros(world.size - 1))
 
@@ -141,36 +142,16 @@ class Rank:
             lists.rebuild()
         changing = [state.record, state.inverse] if state.clumps is not None else [state.record]
         self.exchange.connect([values.numpy() for values in changing], state.owned, sends, receives)
-        self._ghosts_of = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
+        self._rank_of_ghost = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
         self._connect_answers()
         self.counts.rebuilds += 1
 
     def _connect_answers(self) -> None:
-        """Exchange what films give to the bridges between grains of different ranks: both list the same contacts."""
-        state, lists, films = self.state, self.lists, self._model.kernels.films
-        if films is None:
-            return
-        contacts: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        view = lists.view()
-        if state.slots and view.contact_count:
-            lane, ids = view.real_lanes(), state.id.numpy()
-            assert view.owner is not None and view.partner is not None and view.slot_i is not None and view.slot_j is not None
-            grains, slots = (
-                np.stack([side.numpy().ravel()[lane] for side in sides])
-                for sides in ((view.owner, view.partner), (view.slot_i, view.slot_j))
-            )
-            side = np.argmax(grains >= state.owned, axis=0)  # which of the two is the ghost
-            each = np.arange(len(lane))
-            between = np.flatnonzero(grains[side, each] >= state.owned)
-            side, each = side[between], each[between]
-            own, other = grains[1 - side, each], grains[side, each]
-            rank = self._ghosts_of[other - state.owned]
-            for number in np.unique(rank):
-                here = np.flatnonzero(rank == number)
-                sent = here[np.lexsort((ids[other[here]], ids[own[here]]))]
-                got = here[np.lexsort((ids[own[here]], ids[other[here]]))]
-                contacts[int(number)] = slots[1 - side[sent], each[sent]], slots[side[got], each[got]]
-        self.exchange.connect_answers(lists.slot_force.numpy()[:, films.wish] if contacts else np.zeros(0), contacts)
+        """Exchange what films give to the bridges between grains of different ranks."""
+        films, lists = self._model.kernels.films, self.lists
+        if films is not None:
+            contacts = shared_slots(lists.view(), self._rank_of_ghost)
+            self.exchange.connect_answers(lists.slot_force.numpy()[:, films.wish] if contacts else np.zeros(0), contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
         """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""

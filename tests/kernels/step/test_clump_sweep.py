@@ -64,7 +64,7 @@ def test_the_step_of_a_clump_in_lanes_has_its_bits(turning):
 
 
 def bed(field: bool):
-    """34 clumps of two, three and five members, which is no multiple of the lanes, and spheres, thrown onto a floor."""
+    """34 clumps of two, three and five members (34 does not divide by the lanes) and 9 spheres that fall onto a floor."""
     rng = np.random.default_rng(7)
     rod = [{"centre": [0, 0, z], "radius": 1e-3} for z in (-2e-3, -1e-3, 0.0, 1e-3, 2e-3)]
     grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[rng.permutation(64)] * 6.2e-3
