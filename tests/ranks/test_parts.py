@@ -114,7 +114,7 @@ def test_the_launcher_is_known_by_its_variables(monkeypatch):
 
 def test_the_estimate_counts_what_brute_force_does(rng):
     position, radius, skin = rng.uniform(size=(500, 3)) * [4, 1, 1], np.full(500, 0.03), 0.02
-    contact, domain = SimpleNamespace(gap=0.0, spins=True), SimpleNamespace(period=(0.0, 0.0, 0.0))
+    contact, domain = SimpleNamespace(gap=0.0, spins=True, clumps=False), SimpleNamespace(period=(0.0, 0.0, 0.0))
     model = SimpleNamespace(features=SimpleNamespace(contact=contact), domain=domain)
     ranks = estimate.estimate(model, position, radius, skin, 2)
     cut = np.sort(position[:, 0])[250]
