@@ -1,9 +1,11 @@
-"""The option --costs: processor seconds of each file of tests, and what of them Warp's compiler took.
+"""The option --costs: processor seconds of each file of tests, what of them Warp's compiler took, and what other processes.
 
-Processor time of the process itself: unlike the wall time of ``--durations`` it says the same on a busy machine. On a cold
-cache of kernels most of a file's time is compiling, which goes to the first test that needs a kernel.
+Processor time, unlike the wall time of ``--durations``, says the same on a busy machine. On a cold cache of kernels most of a
+file's time is compiling, which goes to the first test that needs a kernel. Of the processes that a test starts those count for
+whose end it waited, with what they compiled.
 """
 
+import os
 import time
 from collections import Counter, defaultdict
 
@@ -19,8 +21,7 @@ LONGEST = (
     "tests/test_free_bodies.py", "tests/test_guards.py", "tests/kernels/wall/test_sweep.py",
     "tests/verification/test_surface_velocity.py", "tests/verification/test_adhesion.py", "tests/test_streams.py",
 )  # fmt: skip
-"""Files that cost most, by what the option said, and that of the ranks, whose processes it does not see: workers begin with
-them, so that none is left alone with one at the end."""
+"""Files that cost most, by what the option said: workers begin with them, so that none is left alone with one at the end."""
 
 
 class Costs:
@@ -28,7 +29,7 @@ class Costs:
 
     def __init__(self) -> None:
         self._compiles, self._compiling = 0, 0.0
-        self._before = (0.0, 0, 0.0)
+        self._before = (0.0, 0.0, 0, 0.0)
         build.build_cpu = self._timed(build.build_cpu)  # Warp has no public hook; what it compiles for is not changed
 
     def _timed(self, compile_module):
@@ -42,8 +43,10 @@ class Costs:
 
         return timed
 
-    def _now(self) -> tuple[float, int, float]:
-        return time.process_time(), self._compiles, self._compiling
+    def _now(self) -> tuple[float, float, int, float]:
+        times = os.times()
+        children = times.children_user + times.children_system
+        return time.process_time() + children, children, self._compiles, self._compiling
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item) -> None:
@@ -76,15 +79,16 @@ def longest_first(items: list) -> None:
 
 def table(reports) -> list[str]:
     """Lines of the files that cost most, from the reports of their tests."""
-    files: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
+    files: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0, 0.0])
     for report in reports:
         for name, costs in getattr(report, "user_properties", ()):
             if name == NAME:
                 row = files[report.nodeid.split("::")[0]]
                 row[:] = [a + b for a, b in zip(row, (1, *costs), strict=True)]
     rows = sorted(files.items(), key=lambda item: -item[1][1])
-    total = [sum(column) for column in zip(*files.values(), strict=True)] if files else [0.0] * 4
-    lines = ["processor seconds   of them compiling (modules)   tests   file"]
-    for name, (tests, seconds, compiles, compiling) in [("all files", total), *rows[:LINES]]:
-        lines.append(f"{seconds:17.1f} {compiling:21.1f} ({compiles:.0f})".ljust(50) + f"{tests:5.0f}   {name}")
+    total = [sum(column) for column in zip(*files.values(), strict=True)] if files else [0.0] * 5
+    lines = ["processor seconds   of other processes   compiling (modules)   tests   file"]
+    for name, (tests, seconds, others, compiles, compiling) in [("all files", total), *rows[:LINES]]:
+        numbers = f"{seconds:17.1f} {others:20.1f} {compiling:11.1f} ({compiles:.0f})"
+        lines.append(numbers.ljust(62) + f"{tests:5.0f}   {name}")
     return lines
