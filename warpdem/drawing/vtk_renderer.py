@@ -41,7 +41,7 @@ class Surface:
 
     def mesh(self) -> pv.PolyData:
         """What is shown of it; may be empty."""
-        mesh = pv.PolyData.from_regular_faces(self.vertices, self.triangles)
+        mesh: pv.PolyData = pv.PolyData.from_regular_faces(self.vertices, self.triangles)
         if self.colour is not None:
             (mesh.point_data if self.at_corners else mesh.cell_data)["colour"] = self.colour
         for normal, offset in self.cuts:
