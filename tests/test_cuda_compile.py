@@ -37,7 +37,7 @@ MAIN_JOB = Features(
         normal="hertz", tangential="mindlin", rolling="constant", torsion=False, spins=True, materials=1, table=False, gap=0.0
     ),
     frame=FrameFeatures(rotates=True, moves=True, tracked=True),
-    walls=WallFeatures(meshes=1, planes=0, moving=0),
+    walls=WallFeatures(meshes=1, moving=0),
     domain=DomainFeatures(),
     backend=BackendFeatures(integrator="exact_drift", lanes=WARP_LANES, resident=True),
 )
@@ -46,7 +46,7 @@ PLANS = {
     "everything": switched(
         MAIN_JOB, contact={"tangential": "mindlin_displacement", "rolling": "spring", "torsion": True, "materials": 3,
                            "table": True, "gap": 1e-4},
-        walls={"planes": 2, "moving": 2}, backend={"precision": "mixed"}, measures={"orientation": True},
+        walls={"shapes": ("plane",), "moving": 2}, backend={"precision": "mixed"}, measures={"orientation": True},
         fields=(("harmonic", "laboratory"), ("drag", "frame"), ("lorentz", "frame")),
     ),
     "measured": switched(
@@ -114,7 +114,7 @@ def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
 )
 def test_every_normal_law_compiles_for_cuda_with_its_losses_and_twisting(folder, law, precision):
     plan = switched(
-        MAIN_JOB, contact={"normal": law, "twisting": "marshall", "gap": 1e-6}, walls={"meshes": 0, "planes": 1},
+        MAIN_JOB, contact={"normal": law, "twisting": "marshall", "gap": 1e-6}, walls={"meshes": 0, "shapes": ("plane",)},
         measures={"energy": True}, backend={"precision": precision},
     )  # fmt: skip
     built = compile_kernels(plan)
@@ -130,7 +130,8 @@ def test_every_normal_law_compiles_for_cuda_with_its_losses_and_twisting(folder,
 def test_every_law_of_bridges_compiles_for_cuda_with_films_and_losses(folder, law, precision):
     plan = switched(
         MAIN_JOB, contact={"normal": with_liquid("hertz", law, viscous=True), "gap": 1e-4, "dry_gap": 0.0},
-        walls={"meshes": 0, "planes": 1}, measures={"energy": True, "losses": ("liquid",)}, backend={"precision": precision},
+        walls={"meshes": 0, "shapes": ("plane",)}, measures={"energy": True, "losses": ("liquid",)},
+        backend={"precision": precision},
     )  # fmt: skip
     built = compile_kernels(plan)
     graph = built.graph.pair_forces, built.graph.wall_forces, built.graph.move

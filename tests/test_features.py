@@ -207,7 +207,7 @@ def test_explain_names_what_runs():
         "tangential: mindlin",
         "rolling: spring",
         "in a moving frame",
-        "walls: 1 planes",
+        "walls: of the shape plane, 0 of their motions",
         "48 B",
     ):
         assert what in lines

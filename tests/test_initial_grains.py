@@ -15,8 +15,8 @@ from warpdem.filling.packing_run import OVERLAP
 from warpdem.filling.start_check import check_start
 from warpdem.mesh.triangle_mesh import build_mesh
 from warpdem.scene.rotation import Rotation
+from warpdem.scene.shapes.plane import Plane
 from warpdem.scene.size_distribution import DiameterDistribution
-from warpdem.scene.wall_shapes import Plane
 from warpdem.scene.walls import Wall
 
 REST = SimpleNamespace(positions=None, file=None, fill=None, ids=None, velocities_in="frame", material="glass", clump=None)

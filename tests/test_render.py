@@ -15,7 +15,7 @@ from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import patch
 from warpdem.mesh.tessellation import tessellated
 from warpdem.output.write_vtkhdf import VtkhdfWriter
-from warpdem.scene.wall_shapes import Cylinder
+from warpdem.scene.shapes.cylinder import Cylinder
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.2])

@@ -75,7 +75,7 @@ def build_kernels(normal, tangential, rolling, torsion: bool, gap: float) -> Ker
         real, wall_law, outer.ListedGrains, around, 1, stored=stored, history=remembered.width,
         inertia_factor=met["inertia_factor"], keep_constants=False, **shared,
     )  # fmt: skip
-    closest = feature.build(True, False, False, False)
+    closest = feature.build(meshes=True, shapes=())
     seen = images.build(closest, around, repeated=False)
     one = contact.build(
         wall_law, None, around, seen, spins=True, rotating_frame=False, moving_frame=False, moving=0, **met

@@ -10,7 +10,7 @@ from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.schedule import Placement
 from warpdem.kernels.wall import contact_points, record
-from warpdem.kernels.wall.surface import Ball, MeshTrees, Revolved, Surface
+from warpdem.kernels.wall.surface import MeshTrees, Numbers, Surface
 
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
 
@@ -37,13 +37,12 @@ class MeshWall(ListedGrains):
         normal, offset = mesh.plane_normal[mesh.plane], mesh.plane_offset[mesh.plane]
         height = np.einsum("tcx,tx->tc", corners, normal) - offset[:, None]
         surface = self.surface = Surface()
-        surface.triangles, surface.planes, surface.revolutions, surface.spheres = len(triangles), 0, 0, 0
+        surface.triangles, surface.analytic = len(triangles), 0
         surface.corner = wp.array(corners, dtype=wp.mat33d, device=device)
         surface.vertex = wp.array(triangles, dtype=wp.vec3i, device=device)
         surface.piece = wp.array(np.asarray(mesh.piece, np.int32), dtype=wp.int32, device=device)
         surface.plane = wp.array(np.concatenate([normal, offset[:, None]], axis=1), dtype=wp.vec4d, device=device)
-        surface.revolved = wp.zeros(0, dtype=Revolved, device=device)
-        surface.ball = wp.zeros(0, dtype=Ball, device=device)
+        surface.shape, surface.numbers = self.ints(0), wp.zeros(0, dtype=Numbers, device=device)
         surface.rounding = wp.array([SEAM * np.abs(height).max()], dtype=wp.float64, device=device)
         surface.wall, surface.motion, surface.images = self.ints(len(triangles)), self.ints(1), self.ints(0)
         surface.material = self.ints(1, material)

@@ -237,7 +237,7 @@ def build(
                         free = wp.length(apart) - need - rounding
                 time = wp.min(time, least_time(free, closing, apparent))
         if wp.static(shapes):
-            for s in range(walls.surface.planes + walls.surface.revolutions + walls.surface.spheres):
+            for s in range(walls.surface.analytic):
                 feature = walls.surface.triangles + s
                 begin = walls.wall_contacts.first[f]
                 if not is_listed(feature, begin, walls.wall_contacts.first[f + 1] - begin, walls.near_feature):

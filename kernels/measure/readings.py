@@ -14,8 +14,8 @@ from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.grain import RADIUS, REMOVED_X
 from warpdem.kernels.measure.exact_sum import add, rounded
 from warpdem.kernels.step.schedule import Placement, local
-from warpdem.kernels.wall import plane, revolved, sphere
 from warpdem.kernels.wall.record import GEOMETRY, RESULT
+from warpdem.kernels.wall.shapes import height
 from warpdem.kernels.wall.surface import Surface
 
 GRAIN_SUMS = Columns(
@@ -201,22 +201,9 @@ def furthest_behind(
     q = position(record, i)
     radius = record[i, wp.static(RADIUS)]
     most = wp.float64(-1.0e300)
-    planes = surface.triangles + surface.planes
-    for f in range(surface.triangles, planes + surface.revolutions + surface.spheres):
-        at = local(bodies[surface.wall[f]], q)
-        distance = wp.float64(1.0e300)
-        if f < planes:
-            _foot, _normal, distance = plane.closest(at, surface.plane[f])
-        elif f < planes + surface.revolutions:
-            shape = surface.revolved[f - planes]
-            if shape[12] != wp.float64(0.0):
-                axis = wp.vec3d(shape[3], shape[4], shape[5])
-                offset = at - wp.vec3d(shape[0], shape[1], shape[2])
-                height = wp.dot(offset, axis)
-                _axial, _radial, distance = revolved.from_line(height, wp.length(offset - axis * height), shape)
-        else:
-            _foot, _normal, distance = sphere.closest(at, surface.ball[f - planes - surface.revolutions])
-        most = wp.max(most, -distance / radius)
+    for k in range(surface.analytic):
+        at = local(bodies[surface.wall[surface.triangles + k]], q)
+        most = wp.max(most, -height(surface.shape[k], at, surface.numbers[k]) / radius)
     wp.atomic_max(most_out, part(row, spread, i), 0, most)
 
 

@@ -1,6 +1,7 @@
 """Contacts between grains and walls: where a grain touches a wall, and the forces there.
 
     plane, revolved, sphere    closest point of an analytic wall (cylinder and cone are ``revolved``)
+    shapes                     the list of these, and the choice among them
     triangle, feature          closest point of a triangle, and of any feature: a triangle or an analytic wall
     surface                    all features of the walls as kernels see them
     candidates                 which features a grain may reach until its list is built again
@@ -15,11 +16,8 @@
 
 No file here is a model that a scene names: which shapes are compiled follows from the walls that it has.
 
-A new analytic shape is, here: a file with its ``closest``; its numbers and its count in ``surface``; its branch in ``feature``;
-its count where features are gone through (``candidates``, ``images``, ``lists.flight``, ``measure.readings``,
-``api.mesh_wall``). In ``warpdem``: a class in ``scene.wall_shapes`` with ``numbers`` and ``nearest``, in ``Shape`` and
-``SHAPES``, and its key in ``scene.walls``; its count in ``model.features``, ``model.choose_features`` and ``model.compiled``;
-its upload in ``model.walls``; its periodic images in ``model.wall_images``; its triangles, for pictures and files, in
-``mesh.tessellation``; what fits into it in ``filling.start_check``, and whether it holds what falls in ``engine.open_below``;
-``usd.walls``. Tests: ``tests/kernels/wall`` and ``tests/test_wall_shapes.py``; the schema.
+A new analytic shape is a file here and its entry in ``shapes.SHAPES``; in ``warpdem`` a class of its keys in
+``scene/shapes/``, which says all that fills, checks, draws and repeats walls asks of it (``scene.shapes.shape.Shape``), and its
+key in ``scene.walls.Wall``; an entry in ``tests/kernels/wall/test_shapes.py``; what is generated from the keys. ``WIDTH`` in
+``surface`` grows if it has more numbers. A shape of USD becomes one of these in ``usd.walls``.
 """

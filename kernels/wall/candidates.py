@@ -94,7 +94,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
                                     if around.reached(surface, placement, c, q, radius, reach, travel) == place:
                                         n = add(c, fill, at, n, feature_out)
         if wp.static(shapes):
-            for k in range(surface.planes + surface.revolutions + surface.spheres):
+            for k in range(surface.analytic):
                 f = surface.triangles + k
                 wall = surface.wall[f]
                 if wp.static(apart):

@@ -30,7 +30,7 @@ def build(closest_on_feature, border, *, repeated: bool):
 
     @wp.func
     def features(surface: Surface) -> int:
-        return surface.triangles + surface.planes + surface.revolutions + surface.spheres
+        return surface.triangles + surface.analytic
 
     @wp.func
     def feature_of(surface: Surface, candidate: int) -> int:

@@ -16,11 +16,11 @@ point alone would throw it from side to side. The length of n < 1 scales the for
 """
 
 import warp as wp
-from warpdem.kernels.wall.surface import Revolved
+from warpdem.kernels.wall.surface import NO_SIDE, Numbers
 
 
 @wp.func
-def from_line(height: wp.float64, across: wp.float64, shape: Revolved):
+def from_line(height: wp.float64, across: wp.float64, shape: Numbers):
     """Unit direction (axial, radial) from the line's closest point to (height, across) [m], and the distance [m]."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
@@ -41,7 +41,7 @@ def from_line(height: wp.float64, across: wp.float64, shape: Revolved):
 
 
 @wp.func
-def closest(q: wp.vec3d, radius: wp.float64, shape: Revolved):
+def closest(q: wp.vec3d, radius: wp.float64, shape: Numbers):
     """Closest point to body point ``q`` [m], direction, signed distance [m] and weight of the contact [-], 1 for a full one."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
@@ -61,3 +61,16 @@ def closest(q: wp.vec3d, radius: wp.float64, shape: Revolved):
             weight = wp.sqrt(axial * axial + radial * radial)
     direction = (axis * axial + outwards * radial) / (weight if weight > zero else one)
     return q - direction * distance, direction, distance, weight
+
+
+@wp.func
+def height(q: wp.vec3d, shape: Numbers) -> wp.float64:
+    """Signed distance of body point ``q`` [m] from a wall with a solid side; ``NO_SIDE`` from a thin sheet."""
+    distance = wp.float64(wp.static(NO_SIDE))
+    if shape[12] != wp.float64(0.0):
+        axis = wp.vec3d(shape[3], shape[4], shape[5])
+        offset = q - wp.vec3d(shape[0], shape[1], shape[2])
+        along = wp.dot(offset, axis)
+        _axial, _radial, from_side = from_line(along, wp.length(offset - axis * along), shape)
+        distance = from_side
+    return distance

@@ -3,22 +3,22 @@
 import warp as wp
 from warpdem.kernels.wall.mobility import Mobility
 
-Revolved = wp.types.vector(13, wp.float64)
-Ball = wp.types.vector(5, wp.float64)
+WIDTH = 13
+"""Numbers of the shape that needs most."""
+Numbers = wp.types.vector(WIDTH, wp.float64)
+"""What a shape is made of, as its file says; the rest is zero."""
+NO_SIDE = 1.0e300
+"""Distance [m] from the solid side of a shape that has none."""
 
 
 @wp.struct
 class Surface:
-    """Features (triangles, planes, surfaces of revolution, spheres, in this order) in the body axes of their wall."""
+    """Features (triangles, then analytic shapes in the order of ``shapes.SHAPES``) in the body axes of their wall."""
 
     triangles: wp.int32
-    """Number of triangles; features from here on are planes."""
-    planes: wp.int32
-    """Number of planes."""
-    revolutions: wp.int32
-    """Number of cylinders and cones."""
-    spheres: wp.int32
-    """Number of spheres."""
+    """Number of triangles; features from here on are analytic shapes."""
+    analytic: wp.int32
+    """Number of analytic shapes."""
     corner: wp.array(dtype=wp.mat33d)
     """Corners of each triangle, one per row [m]."""
     vertex: wp.array(dtype=wp.vec3i)
@@ -26,11 +26,11 @@ class Surface:
     piece: wp.array(dtype=wp.int32)
     """Connected smooth piece of each feature."""
     plane: wp.array(dtype=wp.vec4d)
-    """Unit normal and offset [m] of each triangle's flat piece, then of each plane: n . x = offset."""
-    revolved: wp.array(dtype=Revolved)
-    """Cylinders and cones, numbers as in ``revolved``."""
-    ball: wp.array(dtype=Ball)
-    """Spheres, numbers as in ``sphere``."""
+    """Unit normal and offset [m] of each triangle's flat piece: n . x = offset."""
+    shape: wp.array(dtype=wp.int32)
+    """What each analytic shape is: its number in ``shapes.SHAPES``."""
+    numbers: wp.array(dtype=Numbers)
+    """Numbers of each analytic shape."""
     wall: wp.array(dtype=wp.int32)
     """Wall of each feature."""
     motion: wp.array(dtype=wp.int32)

@@ -9,7 +9,7 @@ import numpy as np
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.model import Scene
 from warpdem.scene.motion_chain import frame_chain, wall_chain
-from warpdem.scene.wall_shapes import Shape
+from warpdem.scene.shapes.shape import Shape
 
 TOUCH = 1e-5
 """Largest overlap of a grain and a wall that counts as touching, in radii [-]: more than rounding makes of a box that ends at a

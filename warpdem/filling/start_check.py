@@ -10,8 +10,7 @@ from warpdem.filling.packing_neighbors import worst_overlaps
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.mesh.triangle_mesh import TriangleMesh, signed_distance
 from warpdem.scene.model import Scene
-from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Sphere
-from warpdem.scene.walls import Wall
+from warpdem.scene.walls import SHAPES, Wall
 
 
 def check_start(grains: InitialGrains, meshes: dict[str, TriangleMesh], scene: Scene, known: Collection[str] = ()) -> None:
@@ -101,23 +100,20 @@ def _check_shape(
     grains: InitialGrains, position: np.ndarray, height: np.ndarray, touches: np.ndarray, wall: Wall, key: str
 ) -> None:
     kind = next(name for name in SHAPES if getattr(wall, name) is not None)
-    shape = wall.shape
-    if isinstance(shape, (Cylinder, Sphere)):
-        tight = touches & shape.holds(position) & (grains.radius >= shape.radius)
-        if tight.any():
-            i = int(np.argmax(tight))
-            raise SceneError(
-                f"{key}.{kind}.radius = {shape.radius:.6g} m: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and "
-                f"does not fit into {wall.name!r}; only smaller grains touch it at one place"
-            )
+    assert wall.shape is not None
+    bore = wall.shape.bore(position)
+    tight = touches & (grains.radius >= bore)
+    if tight.any():
+        i = int(np.argmax(tight))
+        raise SceneError(
+            f"{key}.{kind}: {_place(grains, i)} has the radius {grains.radius[i]:.6g} m and does not fit into {wall.name!r}, "
+            f"whose radius there is {bore[i]:.6g} m; only smaller grains touch it at one point"
+        )
     behind = touches & (height < 0.0)
     if behind.any():
         i = int(np.argmin(np.where(behind, height, 0.0)))
-        asked = "whose normal must point to the grains"
-        if isinstance(shape, (Cylinder, Cone, Sphere)):
-            asked = f"whose grains are {'inside' if shape.inside else 'outside'} (inside = {str(shape.inside).lower()})"
         raise SceneError(
-            f"{key}.{kind}: {_place(grains, i)} is {-height[i]:.6g} m behind the {kind} {wall.name!r}, {asked} "
+            f"{key}.{kind}: {_place(grains, i)} is {-height[i]:.6g} m behind the {kind} {wall.name!r}, {wall.shape.side} "
             f"({int(behind.sum())} of {len(grains)} grains are behind it)"
         )
 

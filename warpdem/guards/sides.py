@@ -38,7 +38,7 @@ class SideGuard:
         closed = not view.model.features.domain.periodic
         self._meshes = [number for number, wall in walls if wall.mesh is not None and not wall.open and closed]
         self._shapes = [
-            number for number, wall in walls if wall.shape is not None and getattr(wall.shape, "sided", True)
+            number for number, wall in walls if wall.shape is not None and wall.shape.sided
         ]
         self._known: dict[int, KnownSides] = {}
         self._ids = np.zeros(0, dtype=np.int64)

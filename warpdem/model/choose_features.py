@@ -3,6 +3,7 @@
 import numpy as np
 
 from warpdem.kernels.contact import columns
+from warpdem.kernels.wall import shapes
 from warpdem.model.coefficients import coefficient_columns, coefficient_table, law_gap
 from warpdem.model.domain import Domain
 from warpdem.model.features import (
@@ -144,10 +145,8 @@ def choose_features(
         ),
         walls=WallFeatures(
             meshes=sum(w.mesh is not None for w in scene.walls),
-            planes=sum(w.plane is not None for w in scene.walls),
             moving=moving,
-            revolutions=sum(w.cylinder is not None or w.cone is not None for w in scene.walls),
-            spheres=sum(w.sphere is not None for w in scene.walls),
+            shapes=tuple(sorted({w.shape.KERNEL for w in scene.walls if w.shape is not None}, key=shapes.NUMBER.__getitem__)),
             images=images,
             conveying=any(w.surface_velocity is not None for w in scene.walls),
             dynamic=sum(w.dynamic is not None for w in scene.walls),

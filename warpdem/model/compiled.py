@@ -163,9 +163,8 @@ def _built(features: Features) -> KernelSet:
     swept = None
     if backend.lanes > 1 and not backend.resident:
         swept = sweep.build(arrays, pair_kernels, backend.lanes, stored=laws.constants, **seen)
-    shapes = [count > 0 for count in (walls.planes, walls.revolutions, walls.spheres)]
-    meshes = walls.meshes > 0
-    closest_on_feature = feature.build(meshes, *shapes)
+    meshes, shapes = walls.meshes > 0, bool(walls.shapes)
+    closest_on_feature = feature.build(meshes=meshes, shapes=walls.shapes)
     around = wall_images.build(closest_on_feature, images, repeated=walls.images)
     one = contact.build(
         wall_law, wall_parts, images, around, **spins, **met, rotating_frame=rotates, moving_frame=shifting,
@@ -244,7 +243,7 @@ def _built(features: Features) -> KernelSet:
             outer.ListedGrains,
             spins=laws.spins,
             meshes=meshes,
-            shapes=any(shapes),
+            shapes=shapes,
             gap=laws.gap,
             leave=domain.outlets > 0,
             apart=laws.apart,
@@ -252,7 +251,7 @@ def _built(features: Features) -> KernelSet:
         )
     paths = flight.build(
         travel, images, closest_on_feature, WallContacts, **spins, moving=walls.moving, meshes=meshes,
-        shapes=any(shapes), gap=laws.gap,
+        shapes=shapes, gap=laws.gap,
         stages=stages, shortest=min((length for length in domain.period if length), default=0.0),
     )  # fmt: skip
     moved = displacement.build(

@@ -112,12 +112,10 @@ class WallFeatures:
     """Walls by shape, and how many of them move."""
 
     meshes: int
-    planes: int
     moving: int
     """Wall motions relative to the frame."""
-    revolutions: int = 0
-    """Cylinder and cone walls."""
-    spheres: int = 0
+    shapes: tuple[str, ...] = ()
+    """Analytic shapes among the walls, by their file in ``kernels/wall/``."""
     images: bool = False
     """Walls act at their periodic images too."""
     conveying: bool = False
@@ -132,7 +130,7 @@ class WallFeatures:
     @property
     def present(self) -> bool:
         """Whether there are walls."""
-        return self.meshes + self.planes + self.revolutions + self.spheres > 0
+        return self.meshes > 0 or bool(self.shapes)
 
 
 @dataclass(frozen=True)
@@ -292,10 +290,9 @@ class Features:
         runs += ["materials that do not touch, left out of the lists"] if contact.apart else []
         runs += ["orientation of the grains"] if measures.orientation else []
         runs += [f"observer, at rows of the history: {name} in {axes} axes" for name, axes in measures.observers]
-        names = ("meshes", "planes", "cylinders and cones", "spheres")
-        shapes = dict(zip(names, (walls.meshes, walls.planes, walls.revolutions, walls.spheres), strict=True))
-        present = ", ".join(f"{count} {shape}" for shape, count in shapes.items() if count)
-        runs += [f"walls: {present}, {walls.moving} of their motions relative to the frame"] if walls.present else []
+        present = [f"{walls.meshes} meshes"] * (walls.meshes > 0) + [f"of the shape {name}" for name in walls.shapes]
+        moving = f"{walls.moving} of their motions relative to the frame"
+        runs += [f"walls: {', '.join(present)}, {moving}"] if walls.present else []
         runs += ["surface velocity of walls"] if walls.conveying else []
         runs += [f"walls that move by the load on them (servos, free walls): {walls.dynamic}"] if walls.dynamic else []
         runs += ["exchange of grains between processes at every step"] if backend.ranks else []

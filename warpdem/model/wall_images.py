@@ -20,7 +20,7 @@ from warpdem.model.coefficients import law_gap
 from warpdem.model.domain import AXES, Domain
 from warpdem.model.schedule import Schedule
 from warpdem.scene.model import Scene
-from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Revolved, Sphere
+from warpdem.scene.shapes.plane import Plane
 
 TIMES = 2001
 """Times at which the motion of a wall is looked at over the run."""
@@ -91,7 +91,7 @@ class _Along:
     def judged(self, reach: float) -> tuple[bool, bool]:
         """Whether the wall acts at its images, and whether grains that come round have nothing to do with where it ends."""
         wall, slack = self.wall, ROUNDING * self.length
-        if self._is_the_same_all_along():
+        if wall.shape is not None and wall.shape.is_unchanged_along(self.direction):
             return False, True
         if isinstance(wall.shape, Plane):
             if not self.closed:
@@ -104,7 +104,7 @@ class _Along:
             self._refuse(
                 "is infinite but not the same all along it", "give it ends (length; end of a cone), or take an open mesh"
             )
-        if getattr(wall.shape, "inside", False) and getattr(wall.shape, "sided", True):
+        if wall.shape is not None and wall.shape.is_hollow:
             self._require(
                 (self.low >= self.lower - slack) & (self.high <= self.upper + slack),
                 "grains are inside of it, and it reaches beyond",
@@ -132,34 +132,13 @@ class _Along:
             )
         return True, False
 
-    def _is_the_same_all_along(self) -> bool:
-        """Whether a shift along the axis changes nothing."""
-        shape, d = self.wall.shape, self.direction
-        if isinstance(shape, Plane):
-            return abs(np.dot(shape.normal, d)) <= ROUNDING
-        if not isinstance(shape, Cylinder) or shape.has_ends:
-            return False
-        return bool(np.linalg.norm(np.cross(shape.axis, d)) <= ROUNDING)
-
     def _extent(self) -> tuple[float, float]:
         """Least and greatest coordinate along the axis of the wall's body [m]."""
-        shape, d = self.wall.shape, self.direction
         if self.mesh is not None:
-            along = self.mesh.vertices @ d
+            along = self.mesh.vertices @ self.direction
             return float(along.min()), float(along.max())
-        if isinstance(shape, Sphere):
-            middle = float(np.dot(shape.centre, d))
-            return middle - shape.radius, middle + shape.radius
-        if isinstance(shape, Revolved):
-            middle, tilt = float(np.dot(shape.origin, d)), float(np.dot(shape.axis, d))
-            across = np.linalg.norm(np.cross(shape.axis, d))
-            if shape.has_ends:
-                ends = [np.array(shape.foot) + s * np.array(shape.direction) for s in shape.limits]
-                both = [middle + tilt * h + sign * across * r for h, r in ends for sign in (-1.0, 1.0)]
-                return min(both), max(both)
-            if not isinstance(shape, Cone) and abs(tilt) <= ROUNDING:
-                return middle - shape.radius, middle + shape.radius
-        return -np.inf, np.inf
+        assert self.wall.shape is not None
+        return self.wall.shape.extent(self.direction)
 
     def _is_closed(self, scene: Scene, axis: int) -> bool:
         """Whether two planes that rest keep all grains away from the borders."""

@@ -6,16 +6,14 @@ import numpy as np
 import warp as wp
 
 from warpdem.kernels.wall.mobility import Mobility
-from warpdem.kernels.wall.surface import Ball, MeshTrees, Revolved, Surface
+from warpdem.kernels.wall.shapes import NUMBER
+from warpdem.kernels.wall.surface import WIDTH, MeshTrees, Numbers, Surface
 from warpdem.mesh.size_check import size_warning
 from warpdem.mesh.triangle_mesh import TriangleMesh, load_mesh, require_closed
 from warpdem.mesh.usd_geometry import NOT_READ
 from warpdem.scene.model import Scene
 from warpdem.scene.size_distribution import size_law
-from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
 
-SHAPE_ORDER = (Plane, (Cylinder, Cone), Sphere)
-"""Kinds of analytic walls in the order of their features."""
 ROUNDING_REACH = 4.0
 """Mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]: both sides, both ways."""
 
@@ -120,13 +118,11 @@ class Walls:
             vertex_count += len(mesh.vertices)
             piece_count += int(mesh.piece.max()) + 1
             triangle_count += len(mesh.triangles)
-        shapes = [
-            (number, wall.shape)
-            for kind in SHAPE_ORDER
-            for number, wall in enumerate(scene.walls)
-            if isinstance(wall.shape, kind)
-        ]
-        planes += [np.array([[*s.normal, s.offset]]) for _, s in shapes if isinstance(s, Plane)]
+        shapes = [(number, wall.shape) for number, wall in enumerate(scene.walls) if wall.shape is not None]
+        shapes.sort(key=lambda one: NUMBER[one[1].KERNEL])  # stable: of one shape in the order of the scene
+        numbers = np.zeros((len(shapes), WIDTH))
+        for values, (_, shape) in zip(numbers, shapes, strict=True):
+            values[: len(shape.numbers)] = shape.numbers
         owners.append(np.array([number for number, _ in shapes], dtype=int))
         pieces.append(piece_count + np.arange(len(shapes)))
 
@@ -135,16 +131,13 @@ class Walls:
             return wp.array(np.ascontiguousarray(data), dtype=dtype, device=device)
 
         surface = Surface()
-        surface.triangles = triangle_count
-        surface.planes, surface.revolutions, surface.spheres = (
-            sum(isinstance(shape, kind) for _, shape in shapes) for kind in SHAPE_ORDER
-        )
+        surface.triangles, surface.analytic = triangle_count, len(shapes)
         surface.corner = upload(corners, wp.mat33d, (3, 3))
         surface.vertex = upload([v.astype(np.int32) for v in vertices], wp.vec3i, (3,))
         surface.piece = upload([p.astype(np.int32) for p in pieces], wp.int32, ())
         surface.plane = upload(planes, wp.vec4d, (4,))
-        surface.revolved = upload([s.numbers[None] for _, s in shapes if isinstance(s, (Cylinder, Cone))], Revolved, (13,))
-        surface.ball = upload([s.numbers[None] for _, s in shapes if isinstance(s, Sphere)], Ball, (5,))
+        surface.shape = upload([np.array([NUMBER[s.KERNEL] for _, s in shapes], np.int32)], wp.int32, ())
+        surface.numbers = upload([numbers], Numbers, (WIDTH,))
         surface.rounding = wp.array(rounding, dtype=wp.float64, device=device)
         self.wall_of = np.concatenate(owners).astype(np.int32)
         surface.wall = upload([self.wall_of], wp.int32, ())

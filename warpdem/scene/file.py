@@ -15,6 +15,7 @@ from warpdem.scene.messages import PYTHON_ONLY, line, report, scene_error, short
 from warpdem.scene.model import Scene
 from warpdem.scene.overrides import apply_override
 from warpdem.scene.read_toml import InvalidToml, find_excess, non_file_type, parsed, read_text, syntax_error
+from warpdem.scene.walls import SHAPES
 from warpdem.usd import scene as usd_scene
 from warpdem.usd.stage import USD_SUFFIXES
 
@@ -47,7 +48,7 @@ def load_scene(
     if file.suffix.lower() in USD_SUFFIXES:
         if not file.is_file():
             raise SceneError(f"{file}: no such file{similar_files(file)}")
-        data, origins, time, notes = usd_scene.read(file, at, access.folders)
+        data, origins, time, notes = usd_scene.read(file, at, access.folders, ("mesh", *SHAPES))
     else:
         if at is not None:
             raise SceneError(f"{path}: at = {at:g} s: only the result stage of a run (result.usda) has frames to start from")

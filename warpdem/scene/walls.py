@@ -1,7 +1,7 @@
 """Walls as scene data: a mesh file with its scale, rotation and translation, or one analytic shape."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Discriminator, Field, StrictBool, Tag, field_validator, model_validator
 
@@ -9,9 +9,13 @@ from warpdem.scene.base import Direction, FileName, Name, Point, SceneModel, exa
 from warpdem.scene.free import Free, FreeBody, Hinge, Slider
 from warpdem.scene.motion import FixedPlacement, Motions
 from warpdem.scene.servo import Servo
+from warpdem.scene.shapes.cone import Cone
+from warpdem.scene.shapes.cylinder import Cylinder
+from warpdem.scene.shapes.plane import Plane
+from warpdem.scene.shapes.shape import Shape
+from warpdem.scene.shapes.sphere import Sphere
 from warpdem.scene.surface_velocity import SurfaceVelocity
 from warpdem.scene.units import Quantity, Vector
-from warpdem.scene.wall_shapes import SHAPES, Cone, Cylinder, Plane, Shape, Sphere
 from warpdem.usd.stage import USD_SUFFIXES
 
 STEP_SUFFIXES = (".step", ".stp")
@@ -196,3 +200,11 @@ class Wall(SceneModel):
     def shape(self) -> Shape | None:
         """The analytic shape; None for a mesh."""
         return next((shape for key in SHAPES if (shape := getattr(self, key)) is not None), None)
+
+
+def _is_shape(annotation: object) -> bool:
+    return any(isinstance(choice, type) and issubclass(choice, Shape) for choice in get_args(annotation))
+
+
+SHAPES = tuple(key for key, field in Wall.model_fields.items() if _is_shape(field.annotation))
+"""Keys of a wall that name an analytic shape."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from warpdem.filling.placed_walls import in_body_axes
 from warpdem.scene.model import Scene
-from warpdem.scene.wall_shapes import SHAPES
+from warpdem.scene.walls import SHAPES
 
 
 def _geometry(wall: dict[str, Any], contents: str | None) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ whatever the units and the up axis of the stage; standard attributes are convert
 counterpart must agree; the counterpart holds the digits that single precision lacks.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ WITH_MATERIAL = ("walls", "grains", "streams", "recipe")
 
 
 def read(
-    file: Path, at: float | None, folders: Sequence[Path] | None
+    file: Path, at: float | None, folders: Sequence[Path] | None, geometry: Collection[str]
 ) -> tuple[dict[str, Any], dict[KeyPath, str], float, list[str]]:
     """Tables of the scene of a stage, as from TOML.
 
@@ -42,6 +42,7 @@ def read(
         file: USD file.
         at: Time of a frame [s] if the stage is the result of a run; None for the last frame.
         folders: Folders that must hold all files it refers to; None for no restriction.
+        geometry: Keys of a wall that define its geometry.
 
     Returns:
         The tables; the attribute or prim of each key path; the time by which the motions and streams are ahead [s]; and notes
@@ -54,7 +55,7 @@ def read(
     if content["unsaid"]:
         raise SceneError(f"{file}: the stage does not state its {' and '.join(content['unsaid'])}: a scene needs it")
     notes = unsupported.notes(file, content["physics"])
-    tables = SceneTables(file, content, arrays)
+    tables = SceneTables(file, content, arrays, geometry)
     _fill(tables)
     time = 0.0 if content["code"] is None else content["code"] / content["rate"]
     if content["code"] is not None:

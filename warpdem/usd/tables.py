@@ -1,6 +1,7 @@
 """Tables of a scene as they are built from the prims of a stage: keys in the namespace ``dem:``, lists, standard attributes."""
 
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,18 @@ from warpdem.usd.stage_units import StageUnits
 class SceneTables:
     """Tables of a scene, and the prim or attribute that each of their keys comes from."""
 
-    def __init__(self, file: Path, content: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    def __init__(
+        self, file: Path, content: dict[str, Any], arrays: dict[str, np.ndarray], geometry: Collection[str]
+    ) -> None:
         """Tables without entries.
 
         Args:
             file: USD file.
             content: What was read of its prims (``usd.reader``).
             arrays: Arrays of grains, by path of their prim and name.
+            geometry: Keys that define the geometry of a wall; without them the prim itself is the geometry.
         """
-        self.file, self.prims, self.arrays = file, content["prims"], arrays
+        self.file, self.prims, self.arrays, self.geometry = file, content["prims"], arrays, geometry
         self.units, self.free = StageUnits.of(content), content["free"]
         self.data: dict[str, Any] = {}
         self.origins: dict[KeyPath, str] = {}

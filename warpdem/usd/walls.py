@@ -10,9 +10,6 @@ from warpdem.usd import free_walls
 from warpdem.usd.grain_columns import similarity
 from warpdem.usd.tables import SceneTables
 
-GEOMETRY = ("mesh", "plane", "cylinder", "cone", "sphere")
-"""Keys that define the geometry of a wall; without them the prim itself is the geometry."""
-
 
 def add_wall(tables: SceneTables, prim: dict[str, Any]) -> None:
     """A wall from a collider: its geometry, material and motion."""
@@ -20,7 +17,7 @@ def add_wall(tables: SceneTables, prim: dict[str, Any]) -> None:
     inside = table.pop("inside", None)
     table.setdefault("name", tables.unused_wall_name(prim))
     tables.bind(prim, table)
-    if not any(key in table for key in GEOMETRY):
+    if not any(key in table for key in tables.geometry):
         table |= _geometry(tables, prim, inside)
     if prim.get("surface_velocity") is not None:
         velocity = (tables.units.up @ np.array(prim["surface_velocity"]) * tables.units.metres).tolist()

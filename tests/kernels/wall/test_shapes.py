@@ -1,60 +1,50 @@
+"""Every analytic shape as the kernels see it, beside the scene's own nearest points and samples of its surface."""
+
 import numpy as np
 import pytest
 import warp as wp
-from warpdem.kernels.wall import plane, revolved, sphere
-from warpdem.kernels.wall.surface import Ball, Revolved
+from warpdem.kernels.wall import shapes
+from warpdem.kernels.wall.surface import NO_SIDE, WIDTH, Numbers
 
 from warpdem.mesh.tessellation import tessellated
-from warpdem.scene.wall_shapes import Cone, Cylinder, Plane, Sphere
+from warpdem.scene.shapes.cone import Cone
+from warpdem.scene.shapes.cylinder import Cylinder
+from warpdem.scene.shapes.plane import Plane
+from warpdem.scene.shapes.sphere import Sphere
 
 RADIUS = 0.1
 AXIS = (1.0, 2.0, -2.0)
+closest_on_shape = shapes.build(tuple(shapes.SHAPES))
 
 
 @wp.kernel(module="unique", enable_backward=False)
 def probe(
     q: wp.array(dtype=wp.vec3d),
-    kind: int,
-    level: wp.vec4d,
-    shape: Revolved,
-    ball: Ball,
+    shape: int,
+    numbers: Numbers,
     point_out: wp.array(dtype=wp.vec3d),
     direction_out: wp.array(dtype=wp.vec3d),
     distance_out: wp.array(dtype=wp.float64),
     share_out: wp.array(dtype=wp.float64),
+    height_out: wp.array(dtype=wp.float64),
 ):
     i = wp.tid()
-    share_out[i] = wp.float64(1.0)
-    if kind == 0:
-        point, direction, distance = plane.closest(q[i], level)
-        point_out[i] = point
-        direction_out[i] = direction
-        distance_out[i] = distance
-    if kind == 1:
-        near, towards, apart, share = revolved.closest(q[i], wp.float64(wp.static(RADIUS)), shape)
-        point_out[i] = near
-        direction_out[i] = towards
-        distance_out[i] = apart
-        share_out[i] = share
-    if kind == 2:
-        foot, outwards, height = sphere.closest(q[i], ball)
-        point_out[i] = foot
-        direction_out[i] = outwards
-        distance_out[i] = height
+    point, direction, distance, share = closest_on_shape(shape, q[i], wp.float64(wp.static(RADIUS)), numbers)
+    point_out[i] = point
+    direction_out[i] = direction
+    distance_out[i] = distance
+    share_out[i] = share
+    height_out[i] = shapes.height(shape, q[i], numbers)
 
 
 def closest(shape, q):
-    """Closest points, directions, distances and shares of the kernels for points (n, 3)."""
+    """Closest points, directions, distances, shares and heights of the kernels for points (n, 3)."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
-    level, numbers, ball, kind = np.zeros(4), np.zeros(13), np.zeros(5), 1
-    if isinstance(shape, Plane):
-        level, kind = np.array([*shape.normal, shape.offset]), 0
-    elif isinstance(shape, Sphere):
-        ball, kind = shape.numbers, 2
-    else:
-        numbers = shape.numbers
-    out = [wp.zeros(len(q), dtype=kind_of, device="cpu") for kind_of in (wp.vec3d, wp.vec3d, wp.float64, wp.float64)]
-    inputs = [wp.array(q, dtype=wp.vec3d, device="cpu"), kind, wp.vec4d(*level), Revolved(*numbers), Ball(*ball)]
+    numbers = np.zeros(WIDTH)
+    numbers[: len(shape.numbers)] = shape.numbers
+    kinds = (wp.vec3d, wp.vec3d, wp.float64, wp.float64, wp.float64)
+    out = [wp.zeros(len(q), dtype=kind, device="cpu") for kind in kinds]
+    inputs = [wp.array(q, dtype=wp.vec3d, device="cpu"), shapes.NUMBER[shape.KERNEL], Numbers(*numbers)]
     wp.launch(probe, dim=len(q), inputs=inputs, outputs=out, device="cpu")
     return [a.numpy() for a in out]
 
@@ -81,10 +71,11 @@ def test_random_points_have_the_closest_point_that_the_scene_gives(name):
         # behind its apex the kernels go on with the straight line: nothing is lost there
         keep = height > 0.0
         q, expected, height = q[keep], expected[keep], height[keep]
-    point, direction, distance, share = closest(shape, q)
+    point, direction, distance, share, from_side = closest(shape, q)
     single = share == 1.0
     assert single.mean() > 0.9
     np.testing.assert_allclose(distance, height, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(from_side, height if shape.sided else NO_SIDE, rtol=0, atol=1e-14)
     np.testing.assert_allclose(point[single], expected[single], rtol=0, atol=1e-13)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(point + direction * distance[:, None], q, rtol=0, atol=1e-13)
@@ -119,7 +110,7 @@ def test_hand_made_distances(name, along, across, distance, side):
     axis = np.array(AXIS) / 3.0
     out = np.array([2.0, 1.0, 2.0]) / 3.0  # across the axis
     q = np.array([0.1, 0.2, 0.3]) + along * axis + across * out
-    _, direction, found, share = closest(shape, q)
+    _, direction, found, share, _ = closest(shape, q)
     assert found[0] == pytest.approx(distance, abs=1e-14)
     assert share[0] == 1.0
     expected = -axis if side is None else side * out
@@ -130,7 +121,7 @@ def test_beyond_the_end_of_a_pipe_its_rim_is_met():
     shape = SHAPES["pipe"]
     axis, out = np.array(AXIS) / 3.0, np.array([2.0, 1.0, 2.0]) / 3.0
     q = np.array([0.1, 0.2, 0.3]) + (0.7 + 0.03) * axis + (0.5 + 0.04) * out
-    point, direction, distance, _ = closest(shape, q)
+    point, direction, distance, _, _ = closest(shape, q)
     assert distance[0] == pytest.approx(0.05, abs=1e-14)
     np.testing.assert_allclose(direction[0], 0.6 * axis + 0.8 * out, rtol=0, atol=1e-12)
 
@@ -141,7 +132,7 @@ def test_a_grain_on_the_axis_of_a_cone_is_carried_along_it():
     axis, out = np.array(AXIS) / 3.0, np.array([2.0, 1.0, 2.0]) / 3.0
     apex, height = np.array([0.1, 0.2, 0.3]), 0.99 * RADIUS / np.sin(0.6)
     off = np.array([0.0, 1e-9, 1e-5, 1e-4])
-    _, direction, distance, share = closest(shape, apex + height * axis + off[:, None] * out)
+    _, direction, distance, share, _ = closest(shape, apex + height * axis + off[:, None] * out)
     np.testing.assert_allclose(direction[0], axis, rtol=0, atol=1e-12)
     assert share[0] == pytest.approx(np.sin(0.6))
     across = (direction * share[:, None]) @ out
