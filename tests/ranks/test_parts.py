@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,8 @@ from warpdem.errors import SceneError
 from warpdem.ranks import estimate, halo, launcher
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, with_ghosts
+
+TRANSFER = Path(__file__).parents[1] / "helpers" / "rank_transfer.py"
 
 
 @pytest.fixture
@@ -88,6 +91,15 @@ def test_what_is_dealt_out_comes_together_again(rng):
         for one in dealt:
             one.keep_owned_pairs()
         assert sum(len(one.pairs["pair"]) for one in dealt) == len(whole.pairs["pair"])
+
+
+def test_what_goes_block_by_block_is_what_goes_at_once():
+    """Between three processes, one of which gets nothing; contacts across come to both sides, and again from one."""
+    pytest.importorskip("mpi4py")
+    begin, environment = launcher.command(3)
+    done = subprocess.run([*begin, sys.executable, TRANSFER], env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("500 grains")
 
 
 def test_ghosts_stand_behind_own_grains(rng):

@@ -10,6 +10,7 @@ travels. Lists are rebuilt on all ranks at the same step; there grains change ha
     cuts         who owns which part of space
     halo         which grains another rank sees
     portion      grains and their contacts on the way from rank to rank
+    transfer     the whole, between rank 0 and all, block by block
     exchange     state of the ghosts, at every step
     answers      where films of liquid answer contacts between two ranks
     lists        neighbor lists, built on all ranks together

@@ -167,7 +167,7 @@ class Front(RunLoop):
         for slots in inserted:
             self.after_insertion(slots)
         slots = np.concatenate([np.zeros(0, dtype=np.int64), *inserted])
-        return Portion.of(Rank.arrays_of(self._state, slots))
+        return Portion.of(Rank.arrays_of(self._state, slots)).made()
 
     def _count_left(self, leaving: Portion) -> None:
         """Count grains that leave by their ``way_out``."""
@@ -213,7 +213,7 @@ class Front(RunLoop):
         with world.together():
             told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
             self._tell("deal", *told)
-            self.rank.deal(*told, whole.split(cuts.owner(position), world.size))
+            self.rank.deal(*told, whole, cuts.owner(position))
         self._digits = self._engine.digits
         self._is_dealt = True
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from warpdem.filling.clump_grains import NONE
 from warpdem.kernels import grain
-from warpdem.state.blocks import Rows
+from warpdem.state.blocks import Rows, each_block
 from warpdem.state.clumps import OF_CLUMPS
 
-Table = dict[str, np.ndarray]
+Table = dict[str, Any]
+"""Arrays by name, or rows that are made when they are asked for (``state.blocks.Rows``)."""
 PAIRS, POINTS = "pair", "wall_contact_"
 """How the names of arrays begin that have a row per contact between grains, and per contact point at a wall."""
 OF_GRAINS = (
@@ -48,21 +49,35 @@ class Portion:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Portion":
-        """What a checkpoint, or arrays of the same names, hold of grains."""
-        grains = {name: made(data[name]) for name in OF_GRAINS if name in data}
-        pairs = {name: made(data[name]) for name in data if name.startswith(PAIRS)}
-        points = {name: made(data[name]) for name in data if name.startswith(POINTS)}
+        """What a checkpoint, or arrays of the same names, hold of grains; rows that are not made stay so but for ids."""
+        grains = {name: data[name] for name in OF_GRAINS if name in data}
+        pairs = {name: data[name] for name in data if name.startswith(PAIRS)}
+        points = {name: data[name] for name in data if name.startswith(POINTS)}
+        for table, name in (grains, "id"), (pairs, "pair"), (points, f"{POINTS}grain"):
+            if name in table:
+                table[name] = made(table[name])
         clumps: Table = {}
         if "clump_of_grain" in data:
             number = made(data["clump_of_grain"])
             first = np.flatnonzero((number != NONE) & (np.concatenate([[NONE], number[:-1]]) != number))
             first = first[np.argsort(number[first])]
-            clumps = {"id": grains["id"][first]} | {name: made(data[name]) for name in NUMBERS_OF_CLUMPS}
+            clumps = {"id": grains["id"][first]} | {name: data[name] for name in NUMBERS_OF_CLUMPS}
             grains["clump"] = np.append(clumps["id"], NONE)[number]
         return cls(grains, pairs, points, clumps)
 
+    def made(self) -> "Portion":
+        """The same, all rows made."""
+        tables = self.grains, self.pairs, self.points, self.clumps
+        return Portion(*({name: made(values) for name, values in table.items()} for table in tables))
+
     def __len__(self) -> int:
         return len(self.grains["id"])
+
+    def key(self, table: str) -> np.ndarray:
+        """What the rows of a table are in ascending order of, shape (rows, numbers)."""
+        names = {"grains": "id", "pairs": "pair", "points": f"{POINTS}grain", "clumps": "id"}
+        found: np.ndarray = getattr(self, table).get(names[table], np.zeros((0, 1 + (table == "pairs")), dtype=np.int64))
+        return found if found.ndim == 2 else found[:, None]
 
     @property
     def data(self) -> Table:
@@ -72,7 +87,8 @@ class Portion:
     @property
     def places(self) -> np.ndarray:
         """Positions that say on which rank grains are [m], shape (n, 3): of a member that of the first of its clump."""
-        position = self.grains["record"][:, grain.POSITION]
+        blocks = [block[:, grain.POSITION] for _, block in each_block(self.grains["record"])]
+        position = np.concatenate(blocks) if blocks else np.zeros((0, 3))
         return position[self._leads] if self.clumps else position
 
     @property
@@ -83,18 +99,18 @@ class Portion:
 
     def split(self, owner: np.ndarray, parts: int) -> list["Portion"]:
         """What each of ``parts`` ranks gets; ``owner``: the rank of each grain, shape (n,)."""
-        ids = self.grains["id"]
-        sides = [_looked_up(ids, owner, self.pairs["pair"][:, k]) for k in (0, 1)] if self.pairs else []
-        of_point = _looked_up(ids, owner, self.points["wall_contact_grain"]) if self.points else np.zeros(0)
-        of_clump = _looked_up(ids, owner, self.clumps["id"]) if self.clumps else np.zeros(0)
-        out = []
-        for rank in range(parts):
-            grains = _rows(self.grains, np.flatnonzero(owner == rank))
-            pairs = _rows(self.pairs, np.flatnonzero((sides[0] == rank) | (sides[1] == rank))) if sides else {}
-            points = _rows(self.points, np.flatnonzero(of_point == rank))
-            clumps = _rows(self.clumps, np.flatnonzero(of_clump == rank))
-            out.append(Portion(grains, pairs, points, clumps))
-        return out
+        tables = self.grains, self.pairs, self.points, self.clumps
+        each = zip(*self.shares(owner, parts), strict=True)
+        return [Portion(*map(_rows, tables, rows)) for rows in each]
+
+    def shares(self, owner: np.ndarray, parts: int) -> list[list[np.ndarray]]:
+        """Rows of grains, pairs, points and clumps that each of ``parts`` ranks gets, ascending; ``owner`` as of ``split``."""
+        ids, none = self.grains["id"], np.zeros(0)
+        sides = [_looked_up(ids, owner, self.pairs["pair"][:, k]) for k in (0, 1)] if self.pairs else [none]
+        of_point = _looked_up(ids, owner, self.points[f"{POINTS}grain"]) if self.points else none
+        of_clump = _looked_up(ids, owner, self.clumps["id"]) if self.clumps else none
+        of_rows = [owner], sides, [of_point], [of_clump]
+        return [[np.flatnonzero(np.any([of == rank for of in each], axis=0)) for rank in range(parts)] for each in of_rows]
 
     @classmethod
     def joined(cls, parts: Iterable["Portion"]) -> "Portion":

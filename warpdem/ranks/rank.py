@@ -22,7 +22,7 @@ from warpdem.kernels import grain
 from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS
 from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.model.model import Model
-from warpdem.ranks import halo
+from warpdem.ranks import halo, transfer
 from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
@@ -31,6 +31,7 @@ from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, nu
 from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
+from warpdem.state.blocks import Rows
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.view import RunView
@@ -112,8 +113,9 @@ class Rank:
     # -- grains ---------------------------------------------------------------------------------
 
     def deal(
-        self, step: int, next_id: int, walls: list[dict[str, Any]], cuts: Cuts, parts: list[Portion] | None = None
-    ) -> None:
+        self, step: int, next_id: int, walls: list[dict[str, Any]], cuts: Cuts, whole: Portion | None = None,
+        owner: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         """Take over the state of a run, whose forces are known.
 
         Args:
@@ -121,9 +123,10 @@ class Rank:
             walls: state of those that move by the load on them.
             next_id: least id that no grain has had so far.
             cuts: who owns which part of space.
-            parts: grains of each rank, on rank 0.
+            whole: all grains, on rank 0.
+            owner: rank of each, on rank 0.
         """
-        mine = self.world.dealt(parts)
+        mine = transfer.deal(self.world, whole, owner)
         self.clock.step_number, self.state.next_id, self._cuts = step, next_id, cuts
         for wall, state in zip(self._model.schedule.dynamic, walls, strict=True):
             wall.restore(state)
@@ -206,13 +209,13 @@ class Rank:
         contacts = {k: v for k, v in contact_history.read(view).items() if forces or not k.startswith(OF_FORCES)}
         position = np.flatnonzero(state.rank < state.owned)
         beside = {name: made(contacts[name])[position] for name in contacts.keys() & set(OF_GRAINS)}
-        return Portion.of({**contacts, **self.arrays_of(state, slots), **beside})
+        return Portion.of({**contacts, **self.arrays_of(state, slots), **beside}).made()
 
     @staticmethod
     def arrays_of(state: State, slots: np.ndarray) -> Table:
         """Arrays of a checkpoint of the grains in memory slots ``slots``, whole clumps, in their order."""
         clumps = state.clumps.arrays(slots) if state.clumps is not None else {}
-        return {name: values[slots] for name, values in state.arrays().items()} | clumps
+        return {name: Rows.picked(values, slots) for name, values in state.arrays().items()} | clumps
 
     def _move_grains(self) -> None:
         """Deal the grains out anew, and build both lists."""
@@ -292,7 +295,7 @@ class Rank:
             if whole is not None:
                 self.before_leaving(whole, np.concatenate(ids))
         by_id = np.argsort(state.id.numpy()[gone])
-        mine = Portion.of(self.arrays_of(state, gone[by_id]))
+        mine = Portion.of(self.arrays_of(state, gone[by_id])).made()
         mine.grains["way_out"] = where[by_id]
         found, error = world.gathered(mine), None
         if found:
@@ -390,14 +393,12 @@ class Rank:
         """All grains with the forces of the last force call, at the time of ``view``; on rank 0."""
         mine = self._own(view)
         mine.keep_owned_pairs()
-        found = self.world.gathered(mine)
-        return Portion.joined(found) if found else None
+        return transfer.gather(self.world, mine)
 
     def gather_grains(self) -> Portion | None:
         """All grains as they are, without contacts; on rank 0."""
         slots = self.state.rank[self.state.rank < self.state.owned]
-        found = self.world.gathered(Portion.of(self.arrays_of(self.state, slots)))
-        return Portion.joined(found) if found else None
+        return transfer.gather(self.world, Portion.of(self.arrays_of(self.state, slots)))
 
     def report(self) -> list[dict[str, Any]]:
         """What each rank has done, on rank 0."""

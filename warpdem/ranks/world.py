@@ -99,6 +99,33 @@ class World:
         """The part of this rank, of those that rank 0 gives."""
         return self.comm.scatter(parts)
 
+    def collected(self, mine: np.ndarray, counts: np.ndarray | None) -> np.ndarray | None:
+        """The rows of all ranks, one rank after the other, on rank 0.
+
+        Args:
+            mine: of this rank; on all of the same type and width.
+            counts: rows of each rank, on rank 0.
+        """
+        if counts is None:
+            self.comm.Gatherv([np.ascontiguousarray(mine), self._mpi.BYTE], None)
+            return None
+        out = np.empty((int(counts.sum()), *mine.shape[1:]), dtype=mine.dtype)
+        self.comm.Gatherv([np.ascontiguousarray(mine), self._mpi.BYTE], [out, counts * _row(out), None, self._mpi.BYTE])
+        return out
+
+    def spread(self, rows: np.ndarray | None, counts: np.ndarray | None, mine: np.ndarray) -> None:
+        """Give each rank some rows of rank 0.
+
+        Args:
+            rows: of all ranks, one rank after the other, on rank 0.
+            counts: rows of each, on rank 0.
+            mine: takes those of this rank; its memory is contiguous.
+        """
+        send = None
+        if rows is not None and counts is not None:
+            send = [np.ascontiguousarray(rows), counts * _row(rows), None, self._mpi.BYTE]
+        self.comm.Scatterv(send, [mine, self._mpi.BYTE])
+
     def swapped(self, parts: list[Any]) -> list[Any]:
         """What each rank gives to this one; ``parts``: what this one gives to each."""
         found: list[Any] = self.comm.alltoall(parts)
@@ -139,3 +166,8 @@ class World:
         yield self._node.rank == 0
         self._node.Barrier()
         yield self._node.rank != 0
+
+
+def _row(values: np.ndarray) -> int:
+    """Size of a row [B]."""
+    return values.dtype.itemsize * int(np.prod(values.shape[1:]))
