@@ -173,9 +173,9 @@ def test_hidden_grains_are_left_out_and_no_pixel_changes(tmp_path, monkeypatch):
         return counts[-1]
 
     for camera in ("iso", "front"):
-        monkeypatch.setattr("warpdem.drawing.vtk_renderer.visible", counted)
+        monkeypatch.setattr("warpdem.drawing.balls.visible", counted)
         lean = draw(folder, tmp_path / "a.png", camera=camera, colour="id")
-        monkeypatch.setattr("warpdem.drawing.vtk_renderer.visible", lambda position, *_: np.ones(len(position), dtype=bool))
+        monkeypatch.setattr("warpdem.drawing.balls.visible", lambda position, *_: np.ones(len(position), dtype=bool))
         np.testing.assert_array_equal(lean, draw(folder, tmp_path / "b.png", camera=camera, colour="id"))
     assert max(shown.mean() for shown in counts) < 0.6
 

@@ -4,8 +4,19 @@ import functools
 
 import warp as wp
 from warpdem.kernels import KernelSet
+from warpdem.kernels.step.portions import portion_of, take
 from warpdem.kernels.step.schedule import Row, kick_time, last_drift_rotation, slip_time
-from warpdem.kernels.step.structs import CONTACTS, SPAN, WALL_GRAINS, Control, ForceCall, Range, Report, range_of
+from warpdem.kernels.step.structs import (
+    CONTACTS,
+    SPAN,
+    WALL_GRAINS,
+    Control,
+    ForceCall,
+    Range,
+    Report,
+    consecutive,
+    range_of,
+)
 
 
 @wp.func_native("return false;")
@@ -108,16 +119,22 @@ def build(
 
     @wp.func
     def force_phase(
-        thread: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches, wall_contacts: WallContacts,
-        control: Control, report: Report,
+        thread: int, threads: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches,
+        wall_contacts: WallContacts, control: Control, report: Report,
     ):  # fmt: skip
-        """A thread's part of a force call."""
-        pair_phase(
-            range_of(thread, wp.static(CONTACTS), control), call, model, grains, contacts, control, report
-        )  # fmt: skip
+        """A thread's part of a force call: its grains at walls, its contacts, then portions that other threads have left."""
         if wp.static(walls):
             wall_phase(
                 range_of(thread, wp.static(WALL_GRAINS), control), call, model, grains, wall_contacts, control, report
             )  # fmt: skip
+        for other in range(threads):
+            owner = (thread + other) % threads
+            all = range_of(owner, wp.static(CONTACTS), control)
+            portion = portion_of(all.last - all.first, threads)
+            first = int(all.first + take(report.taken, owner * wp.static(SPAN), portion))
+            while first < all.last:
+                part = consecutive(first, wp.min(first + portion, all.last), thread)
+                pair_phase(part, call, model, grains, contacts, control, report)
+                first = all.first + take(report.taken, owner * wp.static(SPAN), portion)
 
     return KernelSet(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)

@@ -21,7 +21,18 @@ from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
 from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS, exchange
 from warpdem.kernels.step.forces import too_deep
-from warpdem.kernels.step.structs import GRAINS, SPAN, WALL_GRAINS, Control, Report, Steps, build_call, every, range_of
+from warpdem.kernels.step.structs import (
+    GRAINS,
+    SPAN,
+    WALL_GRAINS,
+    Control,
+    ForceCall,
+    Report,
+    Steps,
+    build_call,
+    every,
+    range_of,
+)
 
 
 @functools.cache
@@ -78,6 +89,17 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
             dynamic.advance(threads, s, control.row, control.placement, model.dt, control.dynamic)
         return wait_for_all(added, threads, control, report)
 
+    @wp.func
+    def forces_of_all(
+        thread: int, threads: int, target: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches,
+        wall_contacts: WallContacts, control: Control, report: Report,
+    ) -> int:  # fmt: skip
+        """A force call; returns as ``wait_for_all``."""
+        forces.force_phase(thread, threads, call, model, grains, contacts, wall_contacts, control, report)
+        met = wait_for_all(target, threads, control, report)
+        report.taken[thread * wp.static(SPAN)] = 0  # nobody takes any before the next meeting
+        return met
+
     @kernel
     def run(
         thread: int,
@@ -117,11 +139,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                                     if thread == 0:
                                         exchange(steps.exchange, k, stage, 0)
                                     target = wait_for_all(target, threads, control, report)
-                                forces.force_phase(
-                                    thread, force_call(s, stage + 1, (steps.parity + k - 1) & 1), model, grains, contacts,
-                                    wall_contacts, control, report,
+                                target = forces_of_all(
+                                    thread, threads, target, force_call(s, stage + 1, (steps.parity + k - 1) & 1), model,
+                                    grains, contacts, wall_contacts, control, report,
                                 )  # fmt: skip
-                                target = wait_for_all(target, threads, control, report)
                     report.moved[slot] = moved
                     target = wait_for_all(target, threads, control, report)
                     if wp.static(ranks):
@@ -135,11 +156,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                 if thread == 0:
                     report.done[0] = k
                 if stop == 0 and (k > 0 or steps.forces_first == 1) and (k < steps.count or steps.hold == 0):
-                    forces.force_phase(
-                        thread, force_call(steps.row + k, 0, (steps.parity + k) & 1), model, grains, contacts, wall_contacts,
-                        control, report,
+                    target = forces_of_all(
+                        thread, threads, target, force_call(steps.row + k, 0, (steps.parity + k) & 1), model, grains, contacts,
+                        wall_contacts, control, report,
                     )  # fmt: skip
-                    target = wait_for_all(target, threads, control, report)
                     if wp.static(not ranks):  # else all stop after the next step: ``agreed``
                         for t in range(threads):
                             if too_deep(report.extreme, t * wp.static(SPAN), control.max_overlap):

@@ -60,6 +60,7 @@ class Report:
     done: wp.array(dtype=wp.int32)  # (1,) steps
     removed: wp.array(dtype=wp.int32)  # (1,) 1 when a step removed a grain
     arrivals: wp.array(dtype=wp.int32)  # (barrier.LENGTH,) arrivals at the barrier
+    taken: wp.array(dtype=wp.int32)  # (threads * SPAN,) contact batches of each thread that are taken in this force call
 
 
 @wp.struct
@@ -98,14 +99,20 @@ class Range:
 
 
 @wp.func
-def range_of(thread: int, column: int, control: Control) -> Range:
-    """What ``thread`` takes of CONTACTS, GRAINS or WALL_GRAINS."""
+def consecutive(first: int, last: int, thread: int) -> Range:
+    """From ``first`` on, below ``last``, for ``thread``."""
     part = Range()
-    part.first = control.thread_ranges[thread, column]
-    part.last = control.thread_ranges[thread, column + 1]
+    part.first = first
+    part.last = last
     part.stride = 1
     part.slot = thread * wp.static(SPAN)
     return part
+
+
+@wp.func
+def range_of(thread: int, column: int, control: Control) -> Range:
+    """What ``thread`` takes of CONTACTS, GRAINS or WALL_GRAINS."""
+    return consecutive(control.thread_ranges[thread, column], control.thread_ranges[thread, column + 1], thread)
 
 
 @wp.func

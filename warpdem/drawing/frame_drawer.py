@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgb
 
 from warpdem.core.pose import FramePose, RotationPart
 from warpdem.core.snapshot import Snapshot, WallMesh
+from warpdem.drawing.balls import Balls
 from warpdem.drawing.bodies import bodies_of, body_axes, spots
 from warpdem.drawing.camera import camera_of, upright, view_axes
 from warpdem.drawing.chains import ChainRenderer, Chains, chains_of
@@ -20,7 +21,7 @@ from warpdem.drawing.framing import Box, Framing
 from warpdem.drawing.legend import Bar, Legend, Pane, bar_width, heading
 from warpdem.drawing.ruler import ruler_of
 from warpdem.drawing.style import PictureStyle
-from warpdem.drawing.vtk_renderer import Balls, Surface, VtkRenderer
+from warpdem.drawing.vtk_renderer import Surface, VtkRenderer
 from warpdem.drawing.wall_nodes import at_nodes, nodes_of
 from warpdem.errors import WarpdemError
 from warpdem.mesh.plane_patch import MARGIN, RIM, patch, plane_of
@@ -102,7 +103,7 @@ class FrameDrawer:
         self._clock = _clock(runs[0].times)
         self._renderers: list[VtkRenderer] = []
         for left, right in self._spans:
-            self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity))
+            self._renderers.append(VtkRenderer((right - left, height), camera, style.background, opacity, style.shadows))
         self._chain_renderers: list[ChainRenderer] = []
         for left, right in self._spans * style.chains:
             self._chain_renderers.append(ChainRenderer((right - left, height), camera, style.background))
@@ -305,7 +306,7 @@ class FrameDrawer:
             moved = offset + float(rotated @ pose.translation) if self._style.view == "laboratory" else offset
             cuts.append((rotated, moved))
         surfaces = [
-            Surface(w.name, w.vertices, w.triangles, None, False, tuple(cuts)) for w in self._fitted(pose, scenery.walls)
+            Surface(w.name, w.vertices, w.triangles, None, False, tuple(cuts), True) for w in self._fitted(pose, scenery.walls)
         ]
         for wall in scenery.walls:
             if wall.infinite:
@@ -314,7 +315,7 @@ class FrameDrawer:
             if self._on_walls is not None and (of := self._wall_values(scenery, wall)) is not None:
                 colour = self._on_walls.colours(of.values)
                 vertices, triangles, at_corners = of.vertices, of.triangles, of.at_vertices
-            surfaces.append(Surface(wall.name, self._seen(vertices, pose), triangles, colour, at_corners, tuple(cuts)))
+            surfaces.append(Surface(wall.name, self._seen(vertices, pose), triangles, colour, at_corners, tuple(cuts), False))
         return surfaces
 
     def _bars(self) -> list[Bar]:

@@ -64,6 +64,8 @@ class PictureStyle:
     """As colour_range, for the walls."""
     size: tuple[int, int] = (1280, 960)
     """Width and height in pixels, 64 to 8192; of a comparison, all panes together."""
+    shadows: bool = False
+    """Shadows of the light from above the camera: of grains and of walls with opacity 1, on these and on planes."""
     ruler: bool = False
     """A bar of a round length at the lower edge; in a perspective view it is right at the depth of the focus."""
     background: str = "white"

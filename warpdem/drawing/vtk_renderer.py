@@ -6,12 +6,12 @@ from typing import Any, Literal
 import numpy as np
 import pyvista as pv
 from vtkmodules.vtkFiltersHybrid import vtkPolyDataSilhouette
-from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSphereMapper
 
+from warpdem.drawing.balls import BallActor, Balls, set_depths
 from warpdem.drawing.camera import Camera
 from warpdem.drawing.legend import ink_on
 from warpdem.drawing.plotter import OVERSAMPLING, aim, open_plotter, reduced
-from warpdem.drawing.visibility import visible
+from warpdem.drawing.shadows import Shadows
 from warpdem.drawing.wall_nodes import SHARP_ANGLE
 
 _WALL = "#9db4c8"
@@ -19,18 +19,6 @@ _BORDER = 8
 """Pixels drawn beyond each edge and cut off: there VTK takes the shade of the gaps from the opposite edge."""
 _SHADE_DISTANCE = 3.5
 """How far grains darken the gaps between them, in radii [-]."""
-
-
-@dataclass(frozen=True)
-class Balls:
-    """The grains to draw."""
-
-    position: np.ndarray
-    """Centres in the axes of the view [m], shape (n, 3)."""
-    radius: np.ndarray
-    """Radii [m], shape (n,)."""
-    colour: np.ndarray
-    """Red, green, blue of 0 to 255, shape (n, 3), uint8."""
 
 
 @dataclass(frozen=True)
@@ -48,36 +36,36 @@ class Surface:
     """Whether the colours are those of the corners, shaded in between."""
     cuts: tuple[tuple[np.ndarray, float], ...]
     """Half-spaces n . x > d in the axes of the view of which the wall is shown."""
+    plane: bool
+    """Whether it is a part of an infinite plane, wound about the direction of the grains."""
+
+    def mesh(self) -> pv.PolyData:
+        """What is shown of it; may be empty."""
+        mesh: pv.PolyData = pv.PolyData.from_regular_faces(self.vertices, self.triangles)
+        if self.colour is not None:
+            (mesh.point_data if self.at_corners else mesh.cell_data)["colour"] = self.colour
+        for normal, offset in self.cuts:
+            mesh = mesh.clip(normal=tuple(-normal), origin=tuple(offset * normal))
+        return mesh
 
 
 class VtkRenderer:
     """One plotter that draws frame after frame with one camera."""
 
-    def __init__(self, size: tuple[int, int], camera: Camera, background: str, opacity: float) -> None:
+    def __init__(self, size: tuple[int, int], camera: Camera, background: str, opacity: float, shadows: bool) -> None:
         self._size, self._camera, self._opacity = size, camera, opacity
         self._ink = ink_on(background)
         drawn = (size[0] + 2 * _BORDER, size[1] + 2 * _BORDER)
         self._plotter = open_plotter(drawn, background)
-        self._mapper = vtkOpenGLSphereMapper()
-        self._mapper.SetScaleArray("radius")
-        self._mapper.SetScalarModeToUsePointFieldData()
-        self._mapper.SelectColorArray("colour")
-        self._mapper.SetColorModeToDirectScalars()
-        self._actor = pv.Actor()
-        self._actor.SetMapper(self._mapper)
-        light = self._actor.GetProperty()
-        light.SetAmbient(0.3)
-        light.SetDiffuse(0.8)
-        light.SetSpecular(0.12)
-        light.SetSpecularPower(20.0)
-        self._plotter.add_actor(self._actor, reset_camera=False, render=False)
+        self._balls = BallActor(self._plotter)
         self._shade_distance = 0.0
         aim(self._plotter, camera, drawn[1] / size[1])
+        self._shadows = Shadows(drawn, camera, drawn[1] / size[1]) if shadows else None
         self._walls: dict[str, Surface] = {}
 
     def draw(self, balls: Balls, walls: list[Surface]) -> np.ndarray:
         """Pixels of one frame, shape (height, width, 3), uint8."""
-        self._set_grains(balls)
+        self._balls.set(balls, self._camera)
         if not self._shade_distance and len(balls.radius):
             self._shade_distance = _SHADE_DISTANCE * float(np.median(balls.radius))
             self._plotter.enable_ssao(radius=self._shade_distance, bias=0.05 * self._shade_distance, kernel_size=64)  # type: ignore[call-arg]
@@ -85,36 +73,26 @@ class VtkRenderer:
             self._remove(name)
         for wall in walls:
             self._draw_wall(wall)
-        self._plotter.camera.clipping_range = self._depths(balls, walls)
+        set_depths(self._plotter, balls, [wall.vertices for wall in walls])
         self._plotter.render()  # screenshot alone would give the pixels of the frame before
         fine = np.asarray(self._plotter.screenshot(return_img=True))[..., :3]
+        if self._shadows is not None:
+            fine = fine * self._brightness(self._shadows, balls, walls)[..., None]
         cut = OVERSAMPLING * _BORDER
         return np.asarray(np.round(reduced(fine[cut:-cut, cut:-cut])).astype(np.uint8))
 
     def close(self) -> None:
         """Free what the plotter holds."""
         self._plotter.close()
+        if self._shadows is not None:
+            self._shadows.close()
 
-    def _set_grains(self, balls: Balls) -> None:
-        self._actor.SetVisibility(bool(len(balls.radius)))
-        if not len(balls.radius):
-            return
-        shown = visible(balls.position, balls.radius, self._camera)
-        # vtkOpenGLSphereMapper reads single precision only, it crashes on double
-        grains = pv.PolyData(balls.position[shown].astype(np.float32))
-        grains.point_data["radius"] = balls.radius[shown].astype(np.float32)
-        grains.point_data["colour"] = balls.colour[shown]
-        self._mapper.SetInputData(grains)
-
-    def _depths(self, balls: Balls, walls: list[Surface]) -> tuple[float, float]:
-        """Least and greatest distance from the camera of what is drawn [m]; VTK itself ignores the radii."""
-        view = self._plotter.camera
-        points = [balls.position, *(wall.vertices for wall in walls)]
-        depth = (np.concatenate(points) - view.position) @ np.array(view.direction)
-        border = float(balls.radius.max(initial=0.0)) + 1e-3 * float(np.ptp(depth)) if len(depth) else 0.0
-        far = max(float(depth.max(initial=0.0)) + border, 1e-6)
-        # a near plane at the eye would leave no digits for the depth
-        return max(float(depth.min(initial=far)) - border, 1e-3 * far), far * (1.0 + 1e-6)
+    def _brightness(self, shadows: Shadows, balls: Balls, walls: list[Surface]) -> np.ndarray:
+        opaque = self._opacity == 1.0
+        meshes = [(wall, wall.mesh()) for wall in walls if wall.plane or opaque]
+        meshes = [(wall, mesh) for wall, mesh in meshes if mesh.n_cells]
+        planes = [mesh for wall, mesh in meshes if wall.plane]
+        return shadows.brightness(balls, [mesh for wall, mesh in meshes if not wall.plane], planes)
 
     def _remove(self, name: str) -> None:
         del self._walls[name]
@@ -129,11 +107,7 @@ class VtkRenderer:
                 return
             self._remove(wall.name)
         self._walls[wall.name] = wall
-        mesh = pv.PolyData.from_regular_faces(wall.vertices, wall.triangles)
-        if wall.colour is not None:
-            (mesh.point_data if wall.at_corners else mesh.cell_data)["colour"] = wall.colour
-        for normal, offset in wall.cuts:
-            mesh = mesh.clip(normal=tuple(-normal), origin=tuple(offset * normal))
+        mesh = wall.mesh()
         if not mesh.n_cells:
             return
         style: dict[str, Any] = {"reset_camera": False, "render": False}

@@ -108,6 +108,7 @@ class Batch:
             report.losses = wp.zeros((rows, losses, window_sum.WIDTH), dtype=wp.int64, device=device)
         control.origin = wp.zeros(1, dtype=wp.int32, device=device)
         report.done = wp.zeros(1, dtype=wp.int32, device=device)
+        report.taken = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
         report.arrivals = wp.zeros(barrier.LENGTH, dtype=wp.int32, device=device)
         control.wait_modes = wp.array(barrier.wait_modes(), dtype=wp.uint64, device=device)
         self.clock = wp.zeros(clock_slots.SLOTS, dtype=wp.int32, device=device)

@@ -92,7 +92,8 @@ class CpuExecutor:
             wp.load_module(kernel.module, device=self._model.device)
 
     def forget(self) -> None:
-        """Let go of arrays of the lists: nothing of them is kept."""
+        """Let go of arrays of the lists."""
+        self.launch.forget()
 
     def advance(
         self, count: int, forces_first: bool, hold: bool, lists: NeighborLists, structs: Structs, batch: Batch
@@ -106,7 +107,8 @@ class CpuExecutor:
         thread_ranges, moved = control.thread_ranges.numpy(), report.moved.numpy()
         batches = lists.totals[0] // model.features.backend.lanes
         thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.owned, lists.row_count)])
-        report.arrivals.numpy()[:] = 0
+        for counts in (report.arrivals, report.taken):
+            counts.numpy()[:] = 0
         moved[:] = 0
         steps.row, steps.count, steps.parity = batch.row()[0], count, self._clock.step_number & 1
         steps.forces_first, steps.hold, steps.inner_share = int(forces_first), int(hold), lists.share_that_holds

@@ -5,7 +5,6 @@ The host sorts the grains in memory and gives the arrays their length; ``program
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,6 +39,11 @@ class HostLaunch:
 
     def __init__(self, device: wp.Device, threads: Threads) -> None:
         self._device, self._threads = device, threads
+        self._commands: dict[tuple[wp.Kernel, int], tuple[list[Any], list[wp.Launch]]] = {}
+
+    def forget(self) -> None:
+        """Let go of the arrays that the last launches were made with."""
+        self._commands.clear()
 
     def __call__(self, kernel: wp.Kernel, count: int, *inputs: Any, split: bool = True) -> None:
         """As ``program.Launch``."""
@@ -53,10 +57,24 @@ class HostLaunch:
         wp.launch(kernel, dim=1, inputs=inputs, device=self._device)
 
     def on_each(self, kernel: wp.Kernel, threads: int, *inputs: Any) -> None:
-        """One launch on each of ``threads`` threads at the same time; first arguments: number of the thread, and of all."""
-        self._threads.load(kernel, self._device)
-        launches = [partial(wp.launch, kernel, 1, [t, threads, *inputs], device=self._device) for t in range(threads)]
-        self._threads.together(launches)
+        """One launch on each of ``threads`` threads at the same time; first arguments: number of the thread, and of all.
+
+        A launch is recorded once and then made anew with the inputs that are others; what was written to a struct since is in
+        it. The threads, which share one interpreter, would otherwise wait for each other while each packs its arguments.
+        """
+        if (kernel, threads) not in self._commands:
+            self._threads.load(kernel, self._device)
+            commands = [
+                wp.launch(kernel, 1, [t, threads, *inputs], device=self._device, record_cmd=True) for t in range(threads)
+            ]
+            self._commands[kernel, threads] = [*inputs], commands
+        given, commands = self._commands[kernel, threads]
+        for at, value in enumerate(inputs):
+            if value is not given[at]:
+                given[at] = value
+                for command in commands:
+                    command.set_param_at_index(2 + at, value)
+        self._threads.together([command.launch for command in commands])
 
 
 @dataclass(frozen=True)
