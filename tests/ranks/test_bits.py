@@ -21,8 +21,8 @@ TASKS = [("stirred", "4"), ("sizes", "3"), ("few", "3"), ("poured", "2+3"), ("dr
 OTHERS = [(name, size) for name in SCENES for size in ("2", "3", "4") if (name, size) not in TASKS]
 OTHERS += [("clumped", "2+4"), ("soaked", "4+2")]
 OTHERS += [("drained", f"{first}+{second}") for first in (1, 2, 3, 4) for second in (1, 2, 3, 4)]
-GRAPHS = [("stirred", "2"), ("sizes", "2"), ("few", "2"), ("poured", "2")]
-OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in GRAPHS]
+GRAPHS = [("stirred", "2"), ("poured", "2")]
+OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*GRAPHS, ("few", "2"))]
 FEW = {"few": 4, "held": 2}
 """Least number of grains that go to another rank where there are few."""
 

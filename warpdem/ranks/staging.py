@@ -5,6 +5,8 @@ there; what comes goes the same way back, to the rows of the ghosts. Nothing her
 device is a CPU the same copies are made, so that they can be tried without a GPU.
 """
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -24,8 +26,9 @@ class HostMemory:
         size = count * wp.types.type_size_in_bytes(like.dtype)
         kept = self._kept.get(name)
         if kept is None or kept.size < size:
-            pinned = like.device.is_cuda
-            kept = self._kept[name] = wp.empty(size + size // 4 + 64, dtype=wp.uint8, device="cpu", pinned=pinned)
+            assert like.device is not None
+            kept = wp.empty(size + size // 4 + 64, dtype=wp.uint8, device="cpu", pinned=like.device.is_cuda)
+            self._kept[name] = kept
         out: wp.array = wp.array(ptr=kept.ptr, shape=count, dtype=like.dtype, device="cpu")
         out._ref = kept  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
         return out
@@ -47,7 +50,9 @@ class Mirror:
     def __init__(self, array: wp.array, sent: np.ndarray, received: np.ndarray, memory: HostMemory, name: str) -> None:
         count, device = len(sent) + len(received), array.device
         host, here = memory.rows(name, count, array), wp.empty(count, dtype=array.dtype, device=device)
-        there = [wp.indexedarray(array, [wp.array(rows.astype(np.int32), device=device)]) for rows in (sent, received)]
+        there: list[Any] = [
+            wp.indexedarray(array, [wp.array(rows.astype(np.int32), device=device)]) for rows in (sent, received)
+        ]
         part = slice(0, len(sent)), slice(len(sent), count)
         self._out = [(here[part[0]], there[0]), (host[part[0]], here[part[0]])] if len(sent) else []
         self._back = [(here[part[1]], host[part[1]]), (there[1], here[part[1]])] if len(received) else []
