@@ -108,6 +108,13 @@ def test_kernels_of_a_plan_compile_for_cuda_into_registers(folder, name):
             assert resources.registers <= MOST_REGISTERS.get(kernel_name, 128), f"{kernel_name}: {resources}"
 
 
+def test_kernels_that_differ_over_several_ranks_compile_for_cuda(folder):
+    built = compile_kernels(switched(MAIN_JOB, backend={"ranks": True}))
+    for kernel in (built.graph.found, built.graph.move, built.neighbors.find_neighbors):
+        resources = compiled(kernel, folder)
+        assert resources.frame == 0 and 0 < resources.registers <= MOST_REGISTERS["move"], f"{kernel.key}: {resources}"
+
+
 @pytest.mark.parametrize("precision", ["double", pytest.param("mixed", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "law", [pytest.param(law, marks=() if law == QUICK_LAW else pytest.mark.slow) for law in model_names("normal")]

@@ -23,7 +23,8 @@ class Simulation(RecordedRun):
 
     Args:
         scene: validated scene.
-        device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one.
+        device: "cpu" or a CUDA device such as "cuda:0"; None takes a GPU if there is one. With ``world`` as of
+            ``warpdem.ranks.devices``.
         threads: CPU threads; None takes as many as pay for the number of grains, up to all available cores.
         start: checkpoint of another run to start from in place of the scene's grains, as the scene's key start.
         resident: many steps as one captured graph on one thread; None takes it on a GPU and not on a CPU, where it shows that

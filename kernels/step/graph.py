@@ -9,6 +9,9 @@ when a list is longer than its arrays or the grains are to be sorted in memory, 
 The largest overlap and speed are kept by atomic maxima, which are the same in any order; the only other atomics link grains
 into cells, in an order that ``find_neighbors`` sorts away. So two runs have equal bits. A maximum is compared before it is
 raised: nearly all threads only read.
+
+In a run over several processes (ranks) the host stands between the stages of each step, where ghosts get their new state, and
+ends a batch of steps for all ranks at once: no launch decides by itself that a step is not taken.
 """
 
 import functools
@@ -35,8 +38,9 @@ from warpdem.kernels.step.clock import (
     WALL_GRAINS,
     forces_due,
 )
+from warpdem.kernels.step.exchange import TOO_DEEP
 from warpdem.kernels.step.forces import too_deep
-from warpdem.kernels.step.motion import BEYOND
+from warpdem.kernels.step.motion import BEYOND, LEFT
 from warpdem.kernels.step.schedule import Placement, kick_time, last_drift_rotation, slip_time
 from warpdem.kernels.step.structs import Control, Report, build_call, one
 
@@ -51,7 +55,7 @@ def raise_to(extreme_out: wp.array(dtype=wp.float64), at: int, value: wp.float64
 @functools.cache
 def build(
     structs, pairs, evaluate, wall_contacts_of_grain, WallContacts, move_phase, *, history: int, stages: int, lanes: int,
-    films=None, dynamic=None,
+    films=None, dynamic=None, ranks: bool = False,
 ):  # fmt: skip
     """Return the kernels of the graph.
 
@@ -66,6 +70,7 @@ def build(
         lanes: contacts per contact batch.
         films: of ``contact.films.build``; None for a law without bridges.
         dynamic: namespace of ``dynamic_walls.build``; None where no wall moves by the load on it.
+        ranks: the run is over several processes.
     """
     real, force_call = pairs.real, build_call(stages)
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
@@ -109,6 +114,11 @@ def build(
         raise_to(report.extreme, 2, overlap_ratio)
         raise_to(report.extreme, 3, approach)
 
+    @wp.func
+    def ends_here(control: Control, report: Report) -> bool:
+        """Whether an overlap ends the batch before the next step; over several ranks it ends after it (``found``)."""
+        return wp.static(not ranks) and too_deep(report.extreme, 0, control.max_overlap)
+
     add_wall_loads = advance_walls = None
     if dynamic is not None:
 
@@ -117,7 +127,7 @@ def build(
             """Whether the step that begins ``ahead`` steps from now is taken, as ``move`` decides."""
             return (
                 ahead < clock[STEPS_LEFT] and clock[MOVED_AT] == 0 and clock[DEEP_AT] == 0
-                and not too_deep(report.extreme, 0, control.max_overlap)
+                and not ends_here(control, report)
             )
 
         @kernel
@@ -152,7 +162,7 @@ def build(
             return
         if clock_out[DEEP_AT] != 0 and (clock_out[DEEP_AT] <= ahead or stage > 0):
             return
-        if stage == 0 and too_deep(report.extreme, 0, control.max_overlap):
+        if stage == 0 and ends_here(control, report):
             clock_out[DEEP_AT] = ahead + 1
             return
         s = clock_out[SCHEDULE_ROW] + ahead
@@ -222,8 +232,23 @@ def build(
             for f in range(wp.static(history)):
                 history_out[p, f, k] = of_new_list[p, f, k]
 
+    found = None
+    if ranks:
+
+        @kernel
+        def found(control: Control, report: Report, clock: wp.array(dtype=wp.int32)):
+            """One thread: what was found in the step, which all ranks agree on; that a grain left is looked for again."""
+            bits = int(0)
+            if clock[MOVED_AT] > 0:
+                bits = wp.static(LEFT)
+                if clock[BEYOND_LISTS] > 0:
+                    bits = wp.static(BEYOND)
+            if too_deep(report.extreme, 0, control.max_overlap):
+                bits = bits | wp.static(TOO_DEEP)
+            report.moved[0] = bits
+
     return KernelSet(
         pair_forces=pair_forces, wall_forces=wall_forces, move=move, advance_clock=advance_clock, resume=resume,
         check_capacity=check_capacity, adopt_history=adopt_history, add_wall_loads=add_wall_loads,
-        advance_walls=advance_walls,
+        advance_walls=advance_walls, found=found,
     )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE ...``.
+"""Runs scenes of ``rank_scenes`` over ranks: ``mpiexec -n N python rank_program.py FOLDER NAME-SIZE,NAME-SIZE [resident]``.
 
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
 half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
-change hands.
+change hands. ``resident``: ranks step by graphs, as on GPUs.
 """
 
 import sys
@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from rank_scenes import SCENES
 from warpdem.app.phases import run
+from warpdem.assembly import parts
 from warpdem.ranks import rank
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.follower import serve
@@ -28,6 +29,9 @@ def main() -> None:
         kept = draw.random(len(position)) < np.where(position[:, 0] > np.median(position[:, 0]), draw.random(), 1.0)
         return Cuts.of(position[kept], weight[kept], cuts.parts)
 
+    if "resident" in sys.argv[3:]:
+        prepare = parts.prepare
+        parts.prepare = lambda given, device, resident, past, ranks: prepare(given, device, ranks, past, ranks)
     rank.shifted, rank.IMBALANCE, rank.WAIT = jittered, 0.0, 0
     for task in sys.argv[2].split(","):
         name, sizes = task.split("-")

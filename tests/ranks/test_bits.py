@@ -21,16 +21,21 @@ TASKS = [("stirred", "4"), ("sizes", "3"), ("few", "3"), ("poured", "2+3"), ("dr
 OTHERS = [(name, size) for name in SCENES for size in ("2", "3", "4") if (name, size) not in TASKS]
 OTHERS += [("clumped", "2+4"), ("soaked", "4+2")]
 OTHERS += [("drained", f"{first}+{second}") for first in (1, 2, 3, 4) for second in (1, 2, 3, 4)]
+GRAPHS = [("stirred", "2"), ("poured", "2")]
+OTHER_GRAPHS = [(name, size) for name in SCENES for size in ("2", "3") if (name, size) not in (*GRAPHS, ("few", "2"))]
 FEW = {"few": 4, "held": 2}
 """Least number of grains that go to another rank where there are few."""
 
 
-def results(folder: Path, tasks: list[tuple[str, str]]) -> Path:
-    """Results of scenes in one process, NAME-1, and over ranks, NAME-SIZE; 2+3: the first half over 2, resumed over 3."""
+def results(folder: Path, tasks: list[tuple[str, str]], *how: str) -> Path:
+    """Results of scenes in one process, NAME-1, and over ranks, NAME-SIZE; 2+3: the first half over 2, resumed over 3.
+
+    ``how``: as of ``rank_program``.
+    """
     for name in {name for name, _ in tasks}:
         run(SCENES[name](), folder / f"{name}-1", quiet=True, picture=False, threads=1)
     begin, environment = launcher.command(max(int(one) for _, size in tasks for one in size.split("+")))
-    command = [*begin, sys.executable, PROGRAM, folder, ",".join(f"{name}-{size}" for name, size in tasks)]
+    command = [*begin, sys.executable, PROGRAM, folder, ",".join(f"{name}-{size}" for name, size in tasks), *how]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
@@ -44,6 +49,16 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def folder_of_others(tmp_path_factory):
     return results(tmp_path_factory.mktemp("ranks"), OTHERS)
+
+
+@pytest.fixture(scope="module")
+def folder_of_graphs(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), GRAPHS, "resident")
+
+
+@pytest.fixture(scope="module")
+def folder_of_other_graphs(tmp_path_factory):
+    return results(tmp_path_factory.mktemp("ranks"), OTHER_GRAPHS, "resident")
 
 
 def content(path: Path) -> bytes | tuple[dict, dict]:
@@ -88,3 +103,15 @@ def test_all_files_are_those_of_one_process(folder, name, size):
 @pytest.mark.parametrize(("name", "size"), OTHERS)
 def test_all_files_are_those_of_one_process_for_other_numbers_of_ranks(folder_of_others, name, size):
     compare(folder_of_others, name, size)
+
+
+@pytest.mark.parametrize(("name", "size"), GRAPHS)
+def test_graphs_of_a_gpu_give_the_files_of_one_process(folder_of_graphs, name, size):
+    """Each rank steps by the launches of a GPU, replayed on a CPU, and exchanges through memory of the host."""
+    compare(folder_of_graphs, name, size)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), OTHER_GRAPHS)
+def test_graphs_of_a_gpu_give_the_files_of_one_process_in_other_scenes(folder_of_other_graphs, name, size):
+    compare(folder_of_other_graphs, name, size)

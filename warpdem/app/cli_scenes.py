@@ -45,7 +45,7 @@ def run(
         scene: Scene file: .toml, .usda, .usdc, .usd or .usdz.
         out: Folder of the results; out/NAME in the present folder if not given, NAME that of the scene file, or of its folder
             for a result stage.
-        device: cpu or cuda:0; a GPU if there is one.
+        device: cpu or cuda:0; a GPU if there is one. Of several ranks also cuda, a GPU for each of them; else the CPU.
         threads: CPU threads, of each rank; as many as pay for the number of grains if not given, up to all cores.
         precision: Precision of the contact law instead of the scene's.
         until: End at this time [s] instead of the scene's.
@@ -61,7 +61,6 @@ def run(
     from warpdem.core.file_names import require_usable
     from warpdem.core.run_lock import FolderLocked
     from warpdem.ranks.front import leading
-    from warpdem.ranks.support import refuse
     from warpdem.scene.file import load_scene
 
     world = _ranks(ranks)
@@ -74,8 +73,6 @@ def run(
             set_ = [*set_, *trial.choice.settings]
         loaded = load_scene(scene, [*([f"engine.precision={precision}"] if precision else []), *set_],
                             allow_paths=allow_path, plugins=plugin, at=at)  # fmt: skip
-        if world is not None:
-            refuse(str(loaded.source), device)
         try:
             while True:
                 folder = out or (named_folder(scene) if resume else default_folder(scene))
@@ -168,7 +165,7 @@ def check(
         device: As in run.
         threads: As in run.
         probe: Measure a few steps for the estimate.
-        ranks: Also tell what a run over so many ranks exchanges, and refuse what ranks cannot do.
+        ranks: Also tell what a run over so many ranks exchanges.
         held: Choose step and precision by runs, and say how accurate a measure then is.
     """
     from warpdem.app.check import describe, print_description
@@ -176,7 +173,7 @@ def check(
     from warpdem.core.progress import report_if_long
     from warpdem.model import needs
     from warpdem.ranks import estimate
-    from warpdem.ranks.support import refuse
+    from warpdem.ranks.devices import device_name
     from warpdem.scene.file import load_scene
     from warpdem.simulation import Simulation
 
@@ -191,7 +188,7 @@ def check(
         return
     loaded = load_scene(scene, set_, allow_paths=allow_path, plugins=plugin, at=at)
     if ranks is not None and ranks > 1:
-        refuse(str(loaded.source), device)
+        device = device_name(device, 0)
     for k in range(len(loaded.phases)):
         needs.check_grid(loaded.phase(k))
     first = loaded.phase(0) if loaded.phases else loaded  # the others begin with what it leaves

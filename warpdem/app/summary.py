@@ -69,8 +69,9 @@ def ranks_text(ranks: list[dict[str, Any]]) -> str:
     waiting = [rank["waiting"] / max(rank["seconds"].get("steps", 0.0), 1e-9) for rank in ranks]
     sent = max(rank["bytes"] / rank["exchanges"] for rank in ranks)
     most = max(rank["grains"] for rank in ranks) * len(ranks) / grains
+    devices = ", ".join(sorted({rank["device"] for rank in ranks}))
     return (
-        f"{len(ranks)}, the largest with {most:.2f} of the mean of grains; {ghosts / grains:.1%} ghosts; up to "
+        f"{len(ranks)} on {devices}, the largest with {most:.2f} of the mean of grains; {ghosts / grains:.1%} ghosts; up to "
         f"{sent / 1e3:.3g} kB sent per step; {min(waiting):.0%} to {max(waiting):.0%} of the steps' time in exchanges; "
         f"{sum(rank['migrated'] for rank in ranks)} grains went to another rank"
     )

@@ -18,8 +18,8 @@ from warpdem.model import time_step
 from warpdem.model.digests import Given
 from warpdem.model.model import Model
 from warpdem.model.prepare import prepare, require_scene
+from warpdem.ranks.devices import device_name
 from warpdem.ranks.front import Front, rank_threads
-from warpdem.ranks.support import refuse
 from warpdem.ranks.world import World
 from warpdem.scene.model import Scene
 from warpdem.state.budget_totals import BudgetTotals
@@ -65,11 +65,8 @@ class Parts:
     ) -> "Parts":  # fmt: skip
         """The parts of a run at its first step; arguments and errors as of ``Simulation``."""
         require_scene(scene)
-        if world is not None:
-            refuse(str(scene.source), device)
-            device = "cpu"
         given = Given.of(scene if start is None else started_from(scene, start))
-        where = pick_device(device)
+        where = pick_device(device if world is None else device_name(device, world.local_rank))
         if where.is_cuda and resident is False:
             raise SceneError(f"resident = False: device {where.alias} knows no other way of stepping")
         timers = Timers()
@@ -81,12 +78,12 @@ class Parts:
             if world is None:
                 workers = run_threads(threads, len(grains), grows=bool(model.scene.streams), cpu=where.is_cpu)
             else:
-                workers = rank_threads(world, threads, len(grains))
+                workers = rank_threads(world, threads, len(grains), where)
             engine = Engine(model, state, clock, workers, timers)
         streams = Streams(model, state, clock)
         loop = RunLoop(state, clock, engine, streams, timers)
         if world is not None:
-            loop = Front(world, model, state, clock, engine, streams, timers, workers)
+            loop = Front(world, model, state, clock, engine, streams, timers, workers, device)
         sums = model.features.measures.sums
         totals = BudgetTotals.of(sums) if sums else None
         left, departures = engine.leavers.left, engine.leavers.departures

@@ -10,6 +10,7 @@ from warpdem.core.timers import Timers
 from warpdem.engine.batch import Batch
 from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.graph import GraphExecutor
+from warpdem.engine.graph_of_stages import StageExecutor
 from warpdem.engine.leavers import Leavers
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.structs import Structs, packed
@@ -19,6 +20,14 @@ from warpdem.kernels.step.structs import SPAN
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
+
+
+def executor_of(model: Model) -> type[CpuExecutor] | type[GraphExecutor]:
+    """What runs the steps of a model."""
+    backend = model.features.backend
+    if not backend.resident:
+        return CpuExecutor
+    return StageExecutor if backend.ranks else GraphExecutor
 
 
 class Engine:
@@ -45,7 +54,7 @@ class Engine:
         self._model, self._state, self._clock, self._timers = model, state, clock, timers
         self._read: tuple[wp.array, wp.array, wp.array] | None = None
         self.executor: CpuExecutor | GraphExecutor
-        self.executor = (GraphExecutor if model.features.backend.resident else CpuExecutor)(model, state, clock, threads)
+        self.executor = executor_of(model)(model, state, clock, threads)
         self.batch = Batch(model, clock, timers, self.executor.threads, self.executor.steps_ahead)
         self.leavers = Leavers(model.domain, state, clock)
         pool, list_build = self.executor.storage.pool, self.executor.list_build

@@ -4,7 +4,7 @@ The device decides what comes next by the conditions of its clock (``kernels.ste
 those that the device cannot (``host_build``), and captures the launches of ``program`` over the arrays that these have.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -127,7 +127,7 @@ class GraphExecutor:
         self.storage = GraphStorage(model.device)
         self.launch = HostLaunch(model.device, threads)
         self.inner_builds = self.outer_builds = self.captures = 0
-        self._graphs: dict[tuple, tuple] = {}
+        self._graphs: dict[tuple, tuple[list[wp.Graph], list[wp.array]]] = {}
 
     def steps_ahead(self) -> int:
         """Steps of the next schedule."""
@@ -148,16 +148,8 @@ class GraphExecutor:
         self, count: int, forces_first: bool, hold: bool, lists: NeighborLists, structs: Structs, batch: Batch
     ) -> tuple[int, int]:
         """One launch of the graph, one look at the clock; as ``Engine.advance``."""
-        batch.set_time()
-        clock = batch.clock.numpy().copy()
-        clock[[STEPS_LEFT, HOLD_FORCES, RUN]] = count, hold, count > 0
-        clock[TOTALS] = lists.totals
-        clock[OUTER_BUILDS_LEFT] = lists.device_builds_left
-        clock[OUTER_NOT_BEFORE] = lists.flights.wanted_before()
-        batch.clock.assign(clock)
         captured = Captured(self._model, self._state, lists, structs, batch, self.storage)
-        if forces_first:
-            captured.step.forces(0)
+        self._begin(captured, count, forces_first, hold)
         if count:
             self._run(captured)
         del captured.build  # it refers back: without it old arrays are freed at once
@@ -172,22 +164,41 @@ class GraphExecutor:
         # where the host is asked for nothing else, a grain has left
         return int(clock[STEPS_DONE]), int(clock[ASK_HOST] > 0) * (LEFT | BEYOND * int(clock[BEYOND_LISTS] > 0))
 
+    def _begin(self, captured: "Captured", count: int, forces_first: bool, hold: bool) -> None:
+        """Set the clock for a batch of ``count`` steps; arguments as of ``advance``."""
+        lists, batch = captured.lists, captured.batch
+        batch.set_time()
+        clock = batch.clock.numpy().copy()
+        clock[[STEPS_LEFT, HOLD_FORCES, RUN]] = count, hold, count > 0
+        clock[TOTALS] = lists.totals
+        clock[OUTER_BUILDS_LEFT] = lists.device_builds_left
+        clock[OUTER_NOT_BEFORE] = lists.flights.wanted_before()
+        batch.clock.assign(clock)
+        if forces_first:
+            captured.step.forces(0)
+
     def _run(self, captured: "Captured") -> None:
-        """Launch the graph of these arrays, captured at first use; step by step where conditional nodes are unknown."""
-        device = self._model.device
-        if device.is_cuda and not wp.is_conditional_graph_supported():
+        """Launch the graph of these arrays; step by step where conditional nodes are unknown."""
+        if self._model.device.is_cuda and not wp.is_conditional_graph_supported():
             captured.loop()
             return
+        wp.capture_launch(self._graphs_of(captured, [captured.loop])[0])
+
+    def _graphs_of(self, captured: "Captured", parts: Sequence[Callable[[], None]]) -> list[wp.Graph]:
+        """Graphs of the launches of each of ``parts`` over these arrays, captured at first use."""
         key = captured.key()
         if key not in self._graphs:
             captured.load()
-            with wp.ScopedCapture(device=device) as capture:
-                captured.loop()
+            graphs = []
+            for part in parts:
+                with wp.ScopedCapture(device=self._model.device) as capture:
+                    part()
+                graphs.append(capture.graph)
             while len(self._graphs) >= GRAPHS:
                 self._graphs.pop(next(iter(self._graphs)))
-            self._graphs[key] = capture.graph, captured.arrays()  # kept: the arrays that it reads and writes
+            self._graphs[key] = graphs, captured.arrays()  # kept: the arrays that they read and write
             self.captures += 1
-        wp.capture_launch(self._graphs[key][0])
+        return self._graphs[key][0]
 
 
 class Captured:
@@ -200,8 +211,8 @@ class Captured:
         self.launch = GraphLaunch(model.device)
         self.scratch = batch.scratch(state.slots)
         grains, self.contacts, wall_contacts = structs.arguments()
-        n, share = state.slots, lists.share_that_holds
-        self.step = Step(model, n, (grains, self.contacts, wall_contacts), batch, share, self.launch)
+        share = lists.share_that_holds
+        self.step = Step(model, state.owned, (grains, self.contacts, wall_contacts), batch, share, self.launch)
         self.build = ListBuild(model, state, lists, batch, self.launch, self)
         # while the outer list is built it is in arrays that the inner list, built next, writes again
         nothing = self.scratch.nothing
@@ -304,7 +315,7 @@ class Captured:
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
+        numbers = self.state.slots, self.state.owned, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
         return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:

@@ -102,11 +102,20 @@ class Step:
 
     def walls_by_load(self, ahead: int) -> None:
         """Kick and drift of the walls that move by the load on them."""
-        kernels, b = self.model.kernels.graph, self.batch
         if self.model.schedule.dynamic:
-            shared = b.control, self.grains, self.wall_contacts, b.report, b.clock
-            self.launch(kernels.add_wall_loads, self.n, ahead, *shared)
-            self.launch.once(kernels.advance_walls, ahead, b.model, b.control, b.report, b.clock)
+            self.add_wall_loads(ahead)
+            self.advance_walls(ahead)
+
+    def add_wall_loads(self, ahead: int) -> None:
+        """Sums of the loads on them."""
+        b = self.batch
+        shared = b.control, self.grains, self.wall_contacts, b.report, b.clock
+        self.launch(self.model.kernels.graph.add_wall_loads, self.n, ahead, *shared)
+
+    def advance_walls(self, ahead: int) -> None:
+        """Their motion by these sums."""
+        b = self.batch
+        self.launch.once(self.model.kernels.graph.advance_walls, ahead, b.model, b.control, b.report, b.clock)
 
     def move(self, ahead: int, stage: int = 0) -> None:
         """Kick and drift, and whether grains have moved too far for the inner list."""

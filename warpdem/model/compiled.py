@@ -264,9 +264,10 @@ def _built(features: Features) -> KernelSet:
     if backend.resident:
         graph = captured.build(
             arrays, pair_kernels, by_lane, wall_kernels.evaluate, WallContacts, moved_by.move_phase, history=features.memory,
-            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic,
+            stages=stages, lanes=backend.lanes, films=liquid, dynamic=dynamic, ranks=backend.ranks,
         )  # fmt: skip
-        again = rebuild.build(WallContacts, wall_kernels.wetting)
+        if not backend.ranks:  # over ranks the host builds all lists
+            again = rebuild.build(WallContacts, wall_kernels.wetting)
     return KernelSet(
         structs=arrays, loop=step, read=readers, graph=graph, rebuild=again, neighbors=outer, batches=batches, walls=wall_lists,
         WallContacts=WallContacts, pairs=pair_kernels, paths=paths, displacement=moved, inner=on_threads,

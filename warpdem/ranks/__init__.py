@@ -18,7 +18,8 @@ travels. Lists are rebuilt on all ranks at the same step; there grains change ha
     front        the run as rank 0 shows it: it reads the whole, and tells the others what to do
     follower     the other ranks
     estimate     what a scene would exchange
-    support      what of a scene ranks cannot do yet
+    devices      the device of each rank
+    staging      the exchange where steps run on a GPU, through memory of the host
 
 Rank 0 decides all that hangs on time, signals and files. What is read of the run, it reads of the whole, which it gathers.
 """

@@ -12,9 +12,11 @@ import traceback
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warpdem.kernels.step.exchange import WALL_LOADS
 from warpdem.ranks.world import World
+from warpdem.state.particles import changed
 
 TAG = 19
 """Of the messages with the first of the arrays; the next one has the next number."""
@@ -23,21 +25,31 @@ OF_ANSWERS = 29
 
 
 class Links:
-    """Messages to and from other ranks that are sent again and again, from and to the same memory."""
+    """Messages to and from other ranks that are sent again and again, from and to the same memory.
+
+    Attributes:
+        bytes: that are sent each time.
+    """
 
     def __init__(self, comm: Any) -> None:
         from mpi4py import MPI
 
         self._mpi, self._comm = MPI, comm
         self._requests: list[Any] = []
+        self.bytes = 0
         self._sends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._receives: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
-    def send(self, values: np.ndarray, rows: np.ndarray, rank: int, tag: int) -> None:
+    def send(self, values: np.ndarray, rank: int, tag: int) -> None:
+        """Send all of ``values``, whose memory is contiguous, to ``rank``."""
+        self.bytes += values.nbytes
+        self._requests.append(self._comm.Send_init(values, dest=rank, tag=tag))
+
+    def send_rows(self, values: np.ndarray, rows: np.ndarray, rank: int, tag: int) -> None:
         """Send the ``rows`` of ``values`` to ``rank``."""
         buffer = np.empty((len(rows), *values.shape[1:]), dtype=values.dtype)
         self._sends.append((values, rows, buffer))
-        self._requests.append(self._comm.Send_init(buffer, dest=rank, tag=tag))
+        self.send(buffer, rank, tag)
 
     def receive(self, values: np.ndarray, rank: int, tag: int) -> None:
         """Receive all of ``values``, whose memory is contiguous, from ``rank``."""
@@ -48,11 +60,6 @@ class Links:
         buffer = np.empty((len(rows), *values.shape[1:]), dtype=values.dtype)
         self._receives.append((values, rows, buffer))
         self.receive(buffer, rank, tag)
-
-    @property
-    def bytes(self) -> int:
-        """Bytes that are sent each time."""
-        return sum(buffer.nbytes for _, _, buffer in self._sends)
 
     def exchange(self) -> None:
         """Send and receive all."""
@@ -68,7 +75,7 @@ class Links:
         """Let go of the memory."""
         for request in self._requests:
             request.Free()
-        self._requests, self._sends, self._receives = [], [], []
+        self._requests, self._sends, self._receives, self.bytes = [], [], [], 0
 
 
 class Exchange:
@@ -97,42 +104,43 @@ class Exchange:
         self._function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32)(self.call)
         self.address = ctypes.cast(self._function, ctypes.c_void_p).value or 0
         world.at_end.append(self.disconnect)
-        self.loads: np.ndarray | None = None
+        self.loads: wp.array | None = None
         self.calls, self.seconds, self.bytes, self.bytes_per_call = 0, 0.0, 0, 0
 
     def connect(
-        self, changing: list[np.ndarray], owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]
+        self, changing: list[wp.array], owned: int, sends: dict[int, np.ndarray], receives: dict[int, int]
     ) -> None:
         """Exchange the state of other ghosts from now on.
 
         Args:
-            changing: memory of what changes at every step, each of shape (slots, numbers).
+            changing: what changes at every step, each of shape (slots,).
             owned: slots of own grains; ghosts stand behind them.
             sends: by rank, the slots of the grains that it sees.
             receives: by rank, how many ghosts come from it, in the order in which they stand.
         """
         self._ghosts.free()
-        for tag, values in enumerate(changing, TAG):
-            at = owned
+        for tag, array in enumerate(changing, TAG):
+            values, at = array.numpy(), owned
             for rank, count in receives.items():
                 self._ghosts.receive(values[at : at + count], rank, tag)
                 at += count
             for rank, slots in sends.items():
-                self._ghosts.send(values, slots, rank, tag)
+                self._ghosts.send_rows(values, slots, rank, tag)
         self.bytes_per_call = self._ghosts.bytes + self._answers.bytes
 
-    def connect_answers(self, answer: np.ndarray, contacts: dict[int, tuple[np.ndarray, np.ndarray]]) -> None:
+    def connect_answers(self, answer: wp.array | None, contacts: dict[int, tuple[np.ndarray, np.ndarray]]) -> None:
         """Exchange the answers of films from now on.
 
         Args:
-            answer: the answer in each force slot, shape (force slots,).
+            answer: the answer in each force slot, shape (force slots,); None without such contacts.
             contacts: by rank, the force slots of own grains in contacts with its grains, in order of the own id, then the
                 other; and those of its grains, in order of its id, then the own.
         """
         self._answers.free()
         for rank, (own, others) in contacts.items():
-            self._answers.send(answer, own, rank, OF_ANSWERS)
-            self._answers.receive_rows(answer, others, rank, OF_ANSWERS)
+            assert answer is not None
+            self._answers.send_rows(answer.numpy(), own, rank, OF_ANSWERS)
+            self._answers.receive_rows(answer.numpy(), others, rank, OF_ANSWERS)
         self.bytes_per_call = self._ghosts.bytes + self._answers.bytes
 
     def disconnect(self) -> None:
@@ -167,7 +175,8 @@ class Exchange:
     def _add_loads(self) -> None:
         """Add up the loads on walls over threads and ranks: whole numbers, so that no order matters."""
         assert self.loads is not None
-        mine = self.loads.sum(axis=0)
-        self.loads[1:] = 0
-        self._world.comm.Allreduce(mine, self.loads[0], op=self._mpi.SUM)
+        with changed(self.loads) as loads:
+            mine = loads.sum(axis=0)
+            loads[1:] = 0
+            self._world.comm.Allreduce(mine, loads[0], op=self._mpi.SUM)
         self.bytes += mine.nbytes

@@ -9,6 +9,7 @@ from warpdem.core.threads import run_threads
 from warpdem.errors import WarpdemError
 from warpdem.model.decisions import Decisions
 from warpdem.model.prepare import without_grains
+from warpdem.ranks.devices import device_name
 from warpdem.ranks.front import END
 from warpdem.ranks.rank import Rank
 from warpdem.ranks.world import World
@@ -44,10 +45,11 @@ def _end_all(world: World, message: str, code: int) -> None:
     world.abort(code)
 
 
-def _new_rank(world: World, decided: Decisions, threads: int) -> Rank:
+def _new_rank(world: World, decided: Decisions, threads: int, asked: str | None) -> Rank:
     """The rank of another run, whose grains rank 0 has read or packed: it deals them out."""
     try:
-        rank = Rank(world, without_grains(decided, pick_device("cpu")), run_threads(threads, 0, grows=False, cpu=True))
+        device = pick_device(device_name(asked, world.local_rank))
+        rank = Rank(world, without_grains(decided, device), run_threads(threads, 0, grows=False, cpu=device.is_cpu))
     except WarpdemError as error:
         world.raise_first(error)
         raise

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warpdem.core.threads import Threads, run_threads, threads_for
 from warpdem.core.timers import Timers
@@ -77,7 +78,8 @@ class Front(RunLoop):
         view: the whole run as readers see it.
         engine: of the whole: it holds the lists that readers see, and steps nothing.
         streams, timers: of the run.
-        threads: CPU threads per rank that the user asked for; None: as many as pay.
+        threads: CPU threads per rank.
+        device: what the user asks for, of ``devices.device_name``.
 
     Attributes:
         rank: what rank 0 itself moves.
@@ -85,7 +87,7 @@ class Front(RunLoop):
 
     def __init__(
         self, world: World, model: Model, state: State, clock: Clock, engine: Engine, streams: Streams, timers: Timers,
-        threads: Threads,
+        threads: Threads, device: str | None,
     ) -> None:  # fmt: skip
         super().__init__(state, clock, engine, streams, timers)
         self._world, self._model = world, model
@@ -93,7 +95,7 @@ class Front(RunLoop):
         self._digits = engine.digits
         with world.together():
             decided = Decisions.of(model)
-            self._tell("model", decided, threads.count)
+            self._tell("model", decided, threads.count, device)
             self.rank = Rank(world, replace(model, expected=decided.expected), threads)  # the skins are those of all ranks
             self.rank.count_left, self.rank.before_leaving = self._count_left, self._before_leaving
             self.rank.take_liquid = self._take_liquid
@@ -251,7 +253,7 @@ class Front(RunLoop):
             lists.wall_contacts = lists.new_wall_contacts(n, 0)
 
 
-def rank_threads(world: World, asked: int | None, grains: int) -> Threads:
+def rank_threads(world: World, asked: int | None, grains: int, device: wp.Device) -> Threads:
     """The threads of a rank: as many as asked for, or as pay for its part of ``grains``, within its part of the cores."""
     count = min(threads_for(grains // world.size), world.cores) if asked is None else asked
-    return run_threads(count, grains, grows=False, cpu=True)
+    return run_threads(count, grains, grows=False, cpu=device.is_cpu)

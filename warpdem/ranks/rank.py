@@ -10,6 +10,7 @@ from warpdem.core.threads import Threads
 from warpdem.core.timers import Timers
 from warpdem.engine.cpu import CpuExecutor
 from warpdem.engine.engine import Engine
+from warpdem.engine.graph_of_stages import StageExecutor
 from warpdem.engine.host_build import morton_order
 from warpdem.errors import StabilityError
 from warpdem.filling.clump_grains import no_clumps
@@ -27,6 +28,7 @@ from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
 from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, numbered, with_ghosts
+from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
 from warpdem.state.blocks import Rows
@@ -82,14 +84,20 @@ class Rank:
         self.state = State.of(model, nobody(features.contact.clumps))
         self.engine = Engine(model, self.state, self.clock, threads, self._timers, RankLists)
         lists, executor = self.engine.lists, self.engine.executor
-        assert isinstance(lists, RankLists) and isinstance(executor, CpuExecutor)
+        assert isinstance(lists, RankLists)
         self.lists = lists
         lists.world, lists.move_grains, lists.fast_found = world, self._move_grains, self._notice_travel
         lists.leave, lists.rebuilt = self._leave, self._connect_answers
-        self.exchange = Exchange(world, len(features.backend.scheme.STAGES))
-        executor.exchange = self.exchange.address
+        stages = len(features.backend.scheme.STAGES)
+        if isinstance(executor, CpuExecutor):
+            self.exchange = Exchange(world, stages)
+            executor.exchange = self.exchange.address
+        else:
+            assert isinstance(executor, StageExecutor)
+            self.exchange = staged = StagedExchange(world, stages, self.engine.batch.report.moved)
+            executor.exchange = staged.after_stage
         if self.engine.moves_walls:
-            self.exchange.loads = self.engine.batch.control.dynamic.sums.numpy()
+            self.exchange.loads = self.engine.batch.control.dynamic.sums
         self.engine.batch.control.removes_in_step.zero_()  # ranks count what leaves together
         self._view = RunView(model, self.state, self.clock, self.engine, None, lists.view)
         self._guard = TravelGuard(model)
@@ -144,7 +152,7 @@ class Rank:
             contact_history.remember(lists, data)
             lists.rebuild()
         changing = [state.record, state.inverse] if state.clumps is not None else [state.record]
-        self.exchange.connect([values.numpy() for values in changing], state.owned, sends, receives)
+        self.exchange.connect(changing, state.owned, sends, receives)
         self._rank_of_ghost = np.repeat(np.fromiter(receives, np.int64), np.fromiter(receives.values(), np.int64))
         self._connect_answers()
         self.counts.rebuilds += 1
@@ -154,7 +162,7 @@ class Rank:
         films, lists = self._model.kernels.films, self.lists
         if films is not None:
             contacts = shared_slots(lists.view(), self._rank_of_ghost)
-            self.exchange.connect_answers(lists.slot_force.numpy()[:, films.wish] if contacts else np.zeros(0), contacts)
+            self.exchange.connect_answers(lists.slot_force[:, films.wish] if contacts else None, contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
         """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""
@@ -396,8 +404,9 @@ class Rank:
         """What each rank has done, on rank 0."""
         state, exchange = self.state, self.exchange
         return self.world.gathered({
-            "grains": state.owned, "ghosts": state.ghosts, "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds,
-            "cuts": self.counts.cuts, "exchanges": exchange.calls, "bytes": exchange.bytes, "waiting": exchange.seconds,
+            "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
+            "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
+            "exchanges": exchange.calls, "bytes": exchange.bytes, "waiting": exchange.seconds,
             "seconds": dict(self._timers.seconds),
         })  # fmt: skip
 

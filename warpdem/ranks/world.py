@@ -38,6 +38,11 @@ class World:
         self.at_end: list[Callable[[], None]] = []
 
     @property
+    def local_rank(self) -> int:
+        """Number of this rank among those on this machine."""
+        return int(self._node.rank)
+
+    @property
     def cores(self) -> int:
         """Cores of this machine for each of the ranks on it."""
         return max(1, available_cores() // int(self._node.size))
