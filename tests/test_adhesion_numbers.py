@@ -9,7 +9,7 @@ from rich.console import Console
 from warpdem.kernels.normal import luding
 from warpdem.kernels.normal.jkr import binding, root
 
-from adhesion import MASS, PULL, PULL_OFF, RADIUS, meeting
+from adhesion import DENSITY, ENERGY, MASS, PULL, PULL_OFF, RADIUS, meeting
 from law_scenes import ELASTIC
 from warpdem import Scene, Simulation
 from warpdem.app import check
@@ -46,6 +46,10 @@ def test_numbers_of_jkr_are_those_of_the_theory():
     assert wall.wall and wall.materials == ("g", "g") and wall.radius == RADIUS
     assert wall.bond_number == pytest.approx(2.0 * grains.bond_number, rel=1e-10)
     assert wall.sticking_speed == pytest.approx(9.68088026256e-3, rel=1e-10)
+    # a sphere on a wall: Thornton and Ning (1998), who give 1.84
+    scale = (ENERGY**5 / (RADIUS**5 * DENSITY**3 * ELASTIC**2)) ** (1.0 / 6.0)
+    assert wall.sticking_speed == pytest.approx(1.8401831808 * scale, rel=1e-10)
+    assert wall.pull_off_force == pytest.approx(4.71238898038e-4, rel=1e-11)
 
 
 def test_softer_grains_keep_the_pull_and_less_surface_energy_the_speed():

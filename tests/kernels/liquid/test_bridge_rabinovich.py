@@ -29,6 +29,7 @@ def test_force_rupture_and_work_in_closed_form(volume, angle, gaps, exact, ruptu
         [float(of.force(wp.float64(gap), pull, formed)) for gap in gaps], force * 2.0 * np.pi, rtol=1e-14
     )
     far, square = (float(x) for x in formed)
+    assert far == pytest.approx(law.rupture(volume, 0.5, cosine), rel=1e-14)
     gap = np.linspace(0.0, far, 40_001)
     whole = np.trapezoid(law.force(gap, volume, 0.5, 1.0, cosine), gap)
     assert float(of.work(pull, formed)) == pytest.approx(whole, rel=1e-7)

@@ -34,6 +34,13 @@ def test_force_is_that_of_the_theory(real):
     np.testing.assert_allclose(holding(real, ratio)["force"], force, rtol=TOLERANCE[real], atol=TOLERANCE[real])
 
 
+def test_contact_radius_is_that_of_the_theory(real):
+    # D, s: of the touch, and on (40-digit roots)
+    ratio, s = [0.0, 1.0, 10.0], [4.0 ** (1.0 / 3.0), 1.784357981032617, 2.515863640163121]
+    np.testing.assert_allclose((3.0 * holding(real, ratio)["depth"]) ** 0.25, s, rtol=TOLERANCE[real])
+    np.testing.assert_allclose(jkr.root(ratio), s, rtol=1e-14)
+
+
 @pytest.mark.parametrize("real", [wp.float64])
 def test_force_is_that_of_the_closed_form_over_ten_decades(real):
     ratio = np.concatenate([np.linspace(-0.9, 3.0, 400), 10.0 ** np.linspace(0.0, 9.0, 400)])
@@ -91,6 +98,15 @@ def test_a_contact_begins_at_touch_holds_on_and_ends_at_the_pull_off_distance(re
     assert found["adhesion"][1] == pytest.approx(0.935502783271928609, rel=TOLERANCE[real])
 
 
+def test_a_touch_loses_the_energy_of_thornton_and_ning():
+    reduced_young = 0.5 * YOUNG / (1.0 - POISSON**2)
+    loss = 7.09219597186396 * (ENERGY**5 * REDUCED**4 / reduced_young**2) ** (1.0 / 3.0)
+    made = Contacts(jkr, jkr.coefficients(SOFT, SOFT, pair()), REDUCED, MASS)
+    k, _, _, d_c = made.constants
+    assert made.force([1e-9], [-1e-9])["adhesion"][0] == pytest.approx(loss, rel=1e-14, abs=0)
+    assert jkr.adhesion(k, REDUCED, d_c)[1] == pytest.approx(loss, rel=1e-14, abs=0)
+
+
 @pytest.mark.parametrize("tau", [0.0, 0.2, 0.9, 1.0])
 def test_the_first_and_the_last_force_count_for_the_part_of_the_step_that_they_act_in(tau, real):
     step, damping = 0.01, 0.3
@@ -126,25 +142,41 @@ def test_a_contact_that_is_found_at_the_start_counts_in_full_and_loses_nothing(r
     assert (at_rest["force"] == 0.0).all()
 
 
-def impact(speed, restitution=1.0, wall=False):
-    """Restitution, time of contact [s], largest overlap [m] and when [s], by the equation of motion."""
+def equation(speed, restitution=1.0, wall=False):
+    """Equation of motion of D and of the speed of approach over ``speed`` [m/s]; d_c [m], and the unit of time [s]."""
     stiffness, pull, pull_off, mass = HERTZ, 1.5 * math.pi * ENERGY * REDUCED, PULL_OFF, MASS
     if wall:  # R* and m* are twice those of two grains
         stiffness, pull, pull_off, mass = stiffness * 2**0.5, 2.0 * pull, pull_off * 2 ** (1 / 3), 2.0 * mass
     damping = -math.sqrt(5.0) * math.log(restitution) / math.hypot(math.log(restitution), math.pi) * math.sqrt(mass * stiffness)
-    unit = pull_off / speed  # of time; lengths in d_c
+    unit = pull_off / speed
 
     def rate(_, y):
         s = float(jkr.root(y[0]))
         dashpot = damping * (pull_off * s**4 / 3.0) ** 0.25 * y[1] * speed
         return [y[1], -(pull * (s**6 - 6.0 * s**3) / 9.0 + dashpot) * unit / (mass * speed)]
 
+    return rate, pull_off, unit
+
+
+def impact(speed, restitution=1.0, wall=False):
+    """Restitution, time of contact [s], largest overlap [m] and when [s], by the equation of motion."""
+    rate, pull_off, unit = equation(speed, restitution, wall)
     def parts(_, y): return y[0] + 1.0  # fmt: skip
     def turns(_, y): return y[1]  # fmt: skip
     parts.terminal, parts.direction, turns.direction = True, -1, -1
     out = solve_ivp(rate, (0, 1e4), [0.0, 1.0], events=[parts, turns], method="DOP853", rtol=1e-13, atol=1e-14)
     [[_, left]], [deepest, *_] = out.y_events
     return -left, out.t_events[0][0] * unit, deepest[0] * pull_off, out.t_events[1][0] * unit
+
+
+def sticking_speed(restitution):
+    """Speed [m/s] of the impact that just comes to rest where the contact tears: from there back in time to the touch."""
+    rate, _, _ = equation(0.01, restitution)
+    def touches(_, y): return y[0]  # fmt: skip
+    touches.terminal, touches.direction = True, -1
+    out = solve_ivp(rate, (0, -1e4), [-1.0, 0.0], events=[touches], method="DOP853", rtol=1e-13, atol=1e-14)
+    [[_, met]] = out.y_events[0]
+    return 0.01 * met
 
 
 def test_impacts_integrated_are_those_of_the_reference():
@@ -157,6 +189,8 @@ def test_impacts_integrated_are_those_of_the_reference():
     speeds = [0.02, 0.05, 0.1, 0.5, 2.0]
     wanted = [0.671223462, 0.8400285197, 0.8716659854, 0.8921415229, 0.8968231238]
     np.testing.assert_allclose([impact(v, 0.9)[0] for v in speeds], wanted, rtol=2e-10)
+    assert sticking_speed(1.0) == pytest.approx(8.62468381638e-3, rel=1e-10)
+    assert sticking_speed(0.9) == pytest.approx(0.01200539, rel=5e-7)
 
 
 def test_dashpot_goes_by_the_effective_overlap(real):

@@ -4,7 +4,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq
 from warpdem.kernels.normal import hertz, sjkr
 
 from law_probe import Contacts
@@ -73,25 +72,29 @@ def test_coefficients_are_those_of_hertz_and_the_cohesion():
     assert MADE[4] == pytest.approx(math.pi / 4 * COHESION, rel=1e-15)
 
 
-def test_overlap_at_rest_least_force_and_impact_of_the_reference_pair():
-    """Against the formula integrated by another program: deepest overlap, contact time, rest, and least force."""
+def test_overlap_at_rest_and_least_force_of_the_reference_pair():
+    """Equal spheres cut each other in a disc of area pi (R d - d^2/4): with x = sqrt(d), K x = pi k_c (R - x^2/4) at rest."""
+    pull = math.pi * COHESION
+    rest = (2.0 * pull * RADIUS / (HERTZ + math.sqrt(HERTZ**2 + pull**2 * RADIUS))) ** 2
+    assert rest == pytest.approx(3.67111091629316e-6, rel=1e-14, abs=0)
     made = contacts()
-
-    def force(d):
-        return made.force([d])["force"][0]
-
-    assert brentq(force, 1e-7, 1e-5, xtol=1e-20) == pytest.approx(3.671110916e-6, rel=2e-10, abs=0)
+    force = made.force([(1.0 - 1e-9) * rest, rest, (1.0 + 1e-9) * rest])["force"]
+    assert abs(force[1]) < 1e-14 * HERTZ * rest**1.5 and force[0] < force[1] < force[2]
     assert made.force(np.linspace(1e-7, 3.6e-6, 200_001))["force"].min() == pytest.approx(-1.70965808e-4, rel=4e-9, abs=0)
-    mass = 0.5 * MASS
+
+
+def test_an_impact_of_the_reference_pair_is_that_of_its_energy():
+    """Deepest overlap and contact time: of the equation of motion, against quadratures of the energy by another program."""
+    made, mass = contacts(), 0.5 * MASS
 
     def stops(_, y):
         return y[1]
 
     stops.terminal, stops.direction = True, -1
-    out = solve_ivp(lambda _, y: [y[1], -force(y[0]) / mass], (0, 1e-3), [0.0, 0.1], events=stops, rtol=1e-12, atol=1e-17,
-                    max_step=2e-6)  # fmt: skip
-    assert out.y[0, -1] == pytest.approx(1.585014687e-5, rel=1e-9, abs=0)
-    assert 2.0 * out.t[-1] == pytest.approx(4.309038228e-4, rel=1e-9, abs=0)
+    out = solve_ivp(lambda _, y: [y[1], -made.force([y[0]])["force"][0] / mass], (0, 1e-3), [0.0, 0.1], events=stops,
+                    method="DOP853", rtol=1e-13, atol=1e-18, max_step=2e-6)  # fmt: skip
+    assert out.y[0, -1] == pytest.approx(1.5850146873039e-5, rel=1e-10, abs=0)
+    assert 2.0 * out.t[-1] == pytest.approx(4.30903822831e-4, rel=1e-10, abs=0)
 
 
 def test_an_impact_gives_back_all_of_its_energy_and_lasts_as_long_as_it_should():
