@@ -42,6 +42,10 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
             for (int k = 0; k < {lanes}; ++k) {{
                 const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
                 const wp::int32* slot = grains.slot_start.data + m;
+                __builtin_prefetch(grains.record.data + m, 1);
+                __builtin_prefetch((const char*)(grains.record.data + m) + 64, 1);
+                __builtin_prefetch(grains.inverse.data + m, 1);
+                __builtin_prefetch(wp::address(grains.reference, m, 0));
                 wp::vec_t<6, double> one = sum(slot[0], slot[1], wp::vec_t<6, double>());
                 {at_walls if walls else ""}
                 for (int f = 0; f < 6; ++f) load.c[f][k] = n < count[k] ? one.c[f] : 0.0;
@@ -82,6 +86,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     const auto& clumps = grains.clumps;
     const auto& slot_force = grains.slot_force;
     const auto& wall_load = wall_contacts.load;
+    const wp::int32 members = grains.record.shape[0];
     const auto sum = [&](wp::int32 first, wp::int32 last, wp::vec_t<6, double> total) {{
 {sum_source(real, list(range(6)))}    }};
 {same("step", Row, "step_row.c")}    bool strayed = {"false" if check else "true"};
@@ -103,6 +108,11 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         const auto o = batch::{moved}(before, turn, rate, drive, step, f64(dt));
         const auto state = batch::{inside}(o.r0);
 {rows.write(wp.float64, lanes, "batch", clump_out)}\
+        for (int k = 0; k < {lanes}; ++k) {{
+            const char* next = (const char*)(clumps.record.data + (of[k] + {lanes} < end ? of[k] + {lanes} : of[k]));
+            __builtin_prefetch(next, 1);
+            __builtin_prefetch(next + 64, 1);
+        }}
         const auto body = batch::{body_of}(state, o.r1, o.r2, rate, f64(dt));
         for (wp::int32 n = 0; n < most; ++n) {{
             wp::int32 at[{lanes}];
@@ -110,6 +120,10 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
             for (int k = 0; k < {lanes}; ++k) {{
                 at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
                 radius[k] = grains.record.data[at[k]].c[3];
+                const wp::int32 ahead = at[k] + most * {lanes} < members ? at[k] + most * {lanes} : members - 1;
+                const char* force = (const char*)(slot_force.data + grains.slot_start.data[ahead]);
+                __builtin_prefetch(force);
+                __builtin_prefetch(force + 64);
             }}
 {gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
             const auto w = batch::{member_of}(body, arm, radius, f64(dt));
