@@ -38,7 +38,8 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         const auto axes = batch::{axes_of_clump}(turn);
         for (wp::int32 n = 0; n < most; ++n) {{
             wp::int32 at[{lanes}];
-            wp::vec_t<6, f64> load;
+            double rows[{lanes} * 8];
+            #pragma clang loop unroll(full)
             for (int k = 0; k < {lanes}; ++k) {{
                 const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
                 const wp::int32* slot = grains.slot_start.data + m;
@@ -48,8 +49,16 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
                 __builtin_prefetch(wp::address(grains.reference, m, 0));
                 wp::vec_t<6, double> one = sum(slot[0], slot[1], wp::vec_t<6, double>());
                 {at_walls if walls else ""}
-                for (int f = 0; f < 6; ++f) load.c[f][k] = n < count[k] ? one.c[f] : 0.0;
+                if (n >= count[k]) one = wp::vec_t<6, double>();
+                for (int f = 0; f < 6; ++f) rows[k * 8 + f] = one.c[f];
+                rows[k * 8 + 6] = rows[k * 8 + 7] = 0.0;
             }}
+            wp::vec_t<8, f64> load8;
+            wp::vec_t<6, f64> load;
+            wp::int32 each[{lanes}];
+            for (int k = 0; k < {lanes}; ++k) each[k] = k;
+            for (int f = 0; f < 8; f += {lanes}) batch::read(rows + f, 8, each, load8.c + f);
+            for (int f = 0; f < 6; ++f) load.c[f] = load8.c[f];
 {gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
             total = batch::{loaded}(total, axes, arm, load);
         }}

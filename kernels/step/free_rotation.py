@@ -88,9 +88,11 @@ def euler_factors(rate: wp.vec3d) -> wp.vec3d:
     )
 
 
+@only_where_needed
 @wp.func
-def by_rotation_vector(w: wp.vec3d, k: wp.vec3d, t: wp.float64) -> wp.vec4d:
-    """As ``free_rotation``, for small angles, from the spin ``w`` [rad/s] and ``euler_factors``."""
+def by_rotation_vector(needed: wp.float64, w: wp.vec3d, rate: wp.vec3d, t: wp.float64) -> wp.vec4d:
+    """As ``free_rotation``, for small angles, from the spin ``w`` [rad/s], where ``needed`` is not 0."""
+    k = euler_factors(rate)
     one = wp.float64(1.0)
     two = wp.float64(2.0)
     w_1 = wp.vec3d(k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
@@ -113,11 +115,12 @@ def by_rotation_vector(w: wp.vec3d, k: wp.vec3d, t: wp.float64) -> wp.vec4d:
 
 @only_where_needed
 @wp.func
-def by_power_series(needed: wp.float64, turn: wp.vec3d, k: wp.vec3d) -> wp.vec4d:
+def by_power_series(needed: wp.float64, turn: wp.vec3d, rate: wp.vec3d) -> wp.vec4d:
     """As ``free_rotation``, where ``needed`` is not 0; ``turn`` is the spin times the step [rad].
 
     Its length is put right by a root, so that a body that turns by radians per step is lost, but stays a body.
     """
+    k = euler_factors(rate)
     u = Spins()
     p = Turns()
     for c in range(3):
@@ -183,20 +186,24 @@ def free_rotation(l: wp.vec3d, rate: wp.vec3d, dt: wp.float64) -> wp.vec4d:
         rate: one over each principal moment of inertia [1/(kg m2)]; the first two are equal for a body of revolution.
         dt: time [s].
     """
-    k = euler_factors(rate)
     w = wp.cw_mul(rate, l)
     turn = w * dt
-    p = by_rotation_vector(w, k, dt)
     round = wp.float64(0.0)
     quick = wp.float64(0.0)
+    slow = wp.float64(0.0)
     if rate[0] == rate[1]:
         round = wp.float64(1.0)
     elif wp.max(wp.max(wp.abs(turn[0]), wp.abs(turn[1])), wp.abs(turn[2])) >= wp.float64(wp.static(SLOW)):
         quick = wp.float64(1.0)
+    else:
+        slow = wp.float64(1.0)
+    p = wp.vec4d()
+    if slow > wp.float64(0.0):
+        p = by_rotation_vector(slow, w, rate, dt)
     if round > wp.float64(0.0):
         p = of_revolution(round, l, rate, dt)
     if quick > wp.float64(0.0):
-        p = by_power_series(quick, turn, k)
+        p = by_power_series(quick, turn, rate)
     return p
 
 
