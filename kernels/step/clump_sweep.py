@@ -12,34 +12,46 @@ import functools
 import warp as wp
 from warpdem.kernels import grain
 from warpdem.kernels.simd import rows
-from warpdem.kernels.simd.lane_types import declarations
+from warpdem.kernels.simd.lane_types import NUMBER, declarations
 from warpdem.kernels.simd.rows import gathered, same
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.clumps import what_drives, with_member
 from warpdem.kernels.step.free_rotation import rotation_matrix
-from warpdem.kernels.step.motion import sum_source
 from warpdem.kernels.step.schedule import Row
 
 BLOCK = 64  # clumps between two looks at whether a member has moved too far
 
 
-def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven: bool) -> str:
-    """C++ of the sweep; arguments as in ``build``."""
-    law = Translator()
-    of = clumps.of_numbers
-    functions = (rotation_matrix, with_member, what_drives, of.moved, of.inside, of.body_of, of.member_of)
-    axes_of_clump, loaded, drives, moved, inside, body_of, member_of = (law.add(function).name for function in functions)
-    Record = grain.build(True).Record
-    width = Record._length_
-    there = f"clumps.record.data[c].c[0] != {grain.REMOVED_X!r}" if leave else "true"
-    at_walls = "if (wall_contacts.candidates.data[m] > 0) for (int f = 0; f < 6; ++f) one.c[f] += wall_load.data[m].c[f];"
-    summed = f"""
-        wp::vec_t<6, f64> total;
-        const auto axes = batch::{axes_of_clump}(turn);
-        for (wp::int32 n = 0; n < most; ++n) {{
-            wp::int32 at[{lanes}];
-            double rows[{lanes} * 8];
-            #pragma clang loop unroll(full)
+def _loads(real, lanes: int, walls: bool) -> str:
+    """C++ of ``at`` and ``load``: the n-th member of each clump and what acts on it, nothing where there is none.
+
+    The sums of ``motion.build_load``, which stay in registers on their way into lanes.
+    """
+    number = NUMBER[real]
+    at_walls = """
+                if (wall_contacts.candidates.data[m] > 0) {
+                    const double* one = wall_load.data[m].c;
+                    force[k] += *(const given4*)one;
+                    torque[k] += *(const given2*)(one + 4);
+                }"""
+    squares = ""
+    for first in range(0, 6, lanes):
+        columns = range(first, min(first + lanes, 6))
+        rows_of = "".join(
+            f" r[k][{f - first}] = {f'force[k][{f}]' if f < 4 else f'torque[k][{f - 4}]'};" for f in columns
+        )
+        squares += f"""            {{
+                f64 r[{lanes}] = {{}};
+                #pragma unroll
+                for (int k = 0; k < {lanes}; ++k) {{{rows_of} }}
+                batch::transpose(r);
+{"".join(f"                load.c[{f}] = r[{f - first}];" + chr(10) for f in columns)}\
+            }}
+"""
+    return f"""\
+            sum4 force[{lanes}] = {{}};
+            sum2 torque[{lanes}] = {{}};
+            #pragma unroll
             for (int k = 0; k < {lanes}; ++k) {{
                 const wp::int32 m = at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
                 const wp::int32* slot = grains.slot_start.data + m;
@@ -47,18 +59,33 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
                 __builtin_prefetch((const char*)(grains.record.data + m) + 64, 1);
                 __builtin_prefetch(grains.inverse.data + m, 1);
                 __builtin_prefetch(wp::address(grains.reference, m, 0));
-                wp::vec_t<6, double> one = sum(slot[0], slot[1], wp::vec_t<6, double>());
-                {at_walls if walls else ""}
-                if (n >= count[k]) one = wp::vec_t<6, double>();
-                for (int f = 0; f < 6; ++f) rows[k * 8 + f] = one.c[f];
-                rows[k * 8 + 6] = rows[k * 8 + 7] = 0.0;
+                if (n >= count[k]) continue;
+                #pragma clang loop unroll(disable)
+                for (wp::int32 e = slot[0]; e < slot[1]; ++e) {{
+                    const {number}* one = slot_force.data[e].c;
+                    force[k] += __builtin_convertvector(*(const stored4*)one, sum4);
+                    torque[k] += __builtin_convertvector(*(const stored2*)(one + 4), sum2);
+                }}{at_walls if walls else ""}
             }}
-            wp::vec_t<8, f64> load8;
+{squares}"""
+
+
+def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven: bool) -> str:
+    """C++ of the sweep; arguments as in ``build``."""
+    law, number = Translator(), NUMBER[real]
+    of = clumps.of_numbers
+    functions = (rotation_matrix, with_member, what_drives, of.moved, of.inside, of.body_of, of.member_of)
+    axes_of_clump, loaded, drives, moved, inside, body_of, member_of = (law.add(function).name for function in functions)
+    Record = grain.build(True).Record
+    width = Record._length_
+    there = f"clumps.record.data[c].c[0] != {grain.REMOVED_X!r}" if leave else "true"
+    summed = f"""
+        wp::vec_t<6, f64> total;
+        const auto axes = batch::{axes_of_clump}(turn);
+        for (wp::int32 n = 0; n < most; ++n) {{
+            wp::int32 at[{lanes}];
             wp::vec_t<6, f64> load;
-            wp::int32 each[{lanes}];
-            for (int k = 0; k < {lanes}; ++k) each[k] = k;
-            for (int f = 0; f < 8; f += {lanes}) batch::read(rows + f, 8, each, load8.c + f);
-            for (int f = 0; f < 6; ++f) load.c[f] = load8.c[f];
+{_loads(real, lanes, walls)}\
 {gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
             total = batch::{loaded}(total, axes, arm, load);
         }}
@@ -96,8 +123,12 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     const auto& slot_force = grains.slot_force;
     const auto& wall_load = wall_contacts.load;
     const wp::int32 members = grains.record.shape[0];
-    const auto sum = [&](wp::int32 first, wp::int32 last, wp::vec_t<6, double> total) {{
-{sum_source(real, list(range(6)))}    }};
+    typedef {number} stored4 __attribute__((ext_vector_type(4), aligned(sizeof({number})), may_alias));
+    typedef {number} stored2 __attribute__((ext_vector_type(2), aligned(sizeof({number})), may_alias));
+    typedef double given4 __attribute__((ext_vector_type(4), aligned(sizeof(double)), may_alias));
+    typedef double given2 __attribute__((ext_vector_type(2), aligned(sizeof(double)), may_alias));
+    typedef double sum4 __attribute__((ext_vector_type(4)));
+    typedef double sum2 __attribute__((ext_vector_type(2)));
 {same("step", Row, "step_row.c")}    bool strayed = {"false" if check else "true"};
     for (wp::int32 c = begin; c < end;) {{
         wp::int32 of[{lanes}], first[{lanes}], count[{lanes}], most = 0, lane = 0;
