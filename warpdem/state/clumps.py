@@ -124,6 +124,7 @@ class ClumpState:
             self._struct = kind()
             for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
+            self._struct.spheres = int((self.of_grain.numpy() == NONE).sum())
         return self._struct
 
     def lead(self) -> np.ndarray:
