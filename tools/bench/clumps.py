@@ -1,8 +1,9 @@
 """What clumps cost over free spheres: `python tools/bench/clumps.py --help`; how to read it: README.md.
 
 A settled bed of clumps of three spheres, and the same spheres without clumps, at the same places: the template leaves gaps
-between its spheres, so that spheres of one clump do not touch as free ones either and both beds have the same contacts. Their
-windows take turns, processor time counts, and the least of each. The phases of one step of each are timed alone as well.
+between its spheres, so that spheres of one clump do not touch as free ones either and both beds have the same contacts. They
+have the same lists too, whose width is held: of spheres that lie still it would stay what it is, of clumps it would shrink.
+Their windows take turns, processor time counts, and the least of each. The phases of one step of each are timed alone as well.
 Beside LIGGGHTS, which packs and settles a bed of the same clumps on the same ground; what it tells is wall time, so the
 machine must be quiet.
 """
@@ -93,6 +94,11 @@ def beds(count: int, settle: int, work: Path) -> dict[str, warpdem.Simulation]:
     }
 
 
+def hold_width(sim: warpdem.Simulation) -> None:
+    """Let each inner list be as wide as the first."""
+    setattr(type(sim.lists), "next_inner_share", property(lambda lists: lists.inner_share))  # noqa: B010
+
+
 def touching(sim: warpdem.Simulation) -> float:
     """Pressed contacts per sphere, walls included [-]."""
     return float((sim.contacts().overlap > 0.0).sum()) / len(sim.state)
@@ -104,6 +110,7 @@ def bench(count: int, *, warm: int, steps: int, repeats: int, launches: int, set
     sims, load = beds(count, settle, work), OtherLoad()
     contacts: dict[str, list[float]] = {name: [] for name in sims}
     for name, sim in sims.items():
+        hold_width(sim)
         sim.step(warm)
         contacts[name].append(touching(sim))
     seconds: dict[str, list[float]] = {name: [] for name in sims}
@@ -117,7 +124,7 @@ def bench(count: int, *, warm: int, steps: int, repeats: int, launches: int, set
     parts = {name: phases(sim, launches) for name, sim in sims.items()}
     rows = [
         {
-            "bed": name, "spheres": len(sim.state), "lanes": sim.plan.backend.lanes, "contacts_per_sphere": contacts[name],
+            "bed": name, "spheres": len(sim.state), "lanes": sim.plan.backend.lanes, "contacts_per_sphere": contacts[name], "listed_per_sphere": sim.lists.contact_count / len(sim.state),
             "us_per_step": {"min": 1e6 * min(seconds[name]) / steps, "all": [1e6 * s / steps for s in seconds[name]]},
             "over_spheres": min(seconds[name]) / min(seconds["spheres"]), "phases_us": parts[name],
         }
@@ -184,13 +191,14 @@ def print_report(report: dict, console: Console) -> None:
     """One line per bed."""
     title = f"{report['clumps']} clumps of three spheres, windows of {report['steps']} steps, processor time"
     table = Table(box=SIMPLE, title=f"{title}; load of others {report['other_load_cores']:.1f} cores", title_justify="left")
-    measured = "spheres", "contacts per sphere", "us per step", "over spheres", "pairs, us", "walls, us", "motion, us"
+    measured = "spheres", "contacts per sphere", "listed", "us per step", "over spheres", "pairs, us", "walls, us", "motion, us"
     for column in ("bed", *measured):
         table.add_column(column, justify="left" if column == "bed" else "right")
     for row in report["beds"]:
         phase = row.get("phases_us", {})
         table.add_row(
             row["bed"], str(row["spheres"]), " to ".join(f"{c:.3f}" for c in row["contacts_per_sphere"]),
+            f"{row['listed_per_sphere']:.2f}" if "listed_per_sphere" in row else "",
             f"{row['us_per_step']['min']:.0f}", f"{row['over_spheres']:.2f}" if "over_spheres" in row else "",
             *(f"{phase[name]:.0f}" if phase else "" for name in ("pairs", "walls", "motion")),
         )  # fmt: skip
