@@ -2,7 +2,9 @@
 
 The step of a clump is that of ``clumps``, translated by ``simd.translate``, so a clump has the bits that it has by itself.
 Written here in C++ is only how numbers come in and go out: in the lane of a clump that has fewer members than another, or where
-there are no more clumps, the last one is done once more. Loads of members are summed one by one, as of any grain.
+there are no more clumps, the last one is done once more. Loads of members are summed one by one, as of any grain. What is
+written later is announced while they are summed, and the forces on the next clumps while members are written: in a large bed
+all of it comes from beyond the caches.
 
 Nothing but the motion is here: what fields and budgets ask for is done clump by clump, before (``drive``).
 """
@@ -91,6 +93,12 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         }}
         const auto drive = batch::{drives}(total, rate, step);
 """
+    next_forces = f"""\
+                const wp::int32 ahead = at[k] + most * {lanes} < members ? at[k] + most * {lanes} : members - 1;
+                const char* force = (const char*)(slot_force.data + grains.slot_start.data[ahead]);
+                __builtin_prefetch(force);
+                __builtin_prefetch(force + 64);
+"""
     vec6 = wp.types.vector(6, wp.float64)
     given = gathered("drive", vec6, "clumps.drive.data[0].c", "of", lanes)
     clump_out = [
@@ -160,10 +168,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
             for (int k = 0; k < {lanes}; ++k) {{
                 at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
                 radius[k] = grains.record.data[at[k]].c[3];
-                const wp::int32 ahead = at[k] + most * {lanes} < members ? at[k] + most * {lanes} : members - 1;
-                const char* force = (const char*)(slot_force.data + grains.slot_start.data[ahead]);
-                __builtin_prefetch(force);
-                __builtin_prefetch(force + 64);
+{"" if driven else next_forces}\
             }}
 {gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
             const auto w = batch::{member_of}(body, arm, radius, f64(dt));
