@@ -68,6 +68,7 @@ def build(clumps: bool):
         reading: wp.array(dtype=Reading)  # (c,) motion at the time of the last reading
         of_grain: wp.array(dtype=wp.int32)  # (n,) clump that a grain belongs to, or NONE
         arm: wp.array(dtype=wp.vec3d)  # (n,) place of a member in the principal axes [m]
+        spheres: wp.int32  # grains of their own
 
     if clumps:
 

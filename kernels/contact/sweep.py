@@ -122,6 +122,8 @@ def source(pairs, lanes: int, *, stored: Columns, rotating_frame: bool, table: b
 """
         given = "    batch::give_lost(lost, digits);\n"
     prefetch = "".join(f"            __builtin_prefetch({address}, 1);\n" for address in announced)
+    if pairs.clumps.there:
+        prefetch += "            __builtin_prefetch(inverse.data + partner.data[k]);\n"
     idle = f"""        if (!__builtin_reduce_or({in_reach})) {{  // the law gives zero
             for (int k = 0; k < {lanes}; ++k) {{ {zeros} }}
 {lines(f"batch::store({history_out}, {lane}(0));", remembers, 12)}\

@@ -35,21 +35,27 @@ Turns = wp.types.matrix((ORDER + 1, 4), wp.float64)
 
 @only_where_needed
 @wp.func
-def sine_of_wide(needed: wp.float64, h: wp.float64) -> wp.float64:
-    """sin(h), where ``needed`` is not 0."""
-    return wp.sin(h)
+def sine_ratio_of_wide(needed: wp.float64, s: wp.float64) -> wp.float64:
+    """sin(h)/h with h^2 = ``s``, where ``needed`` is not 0."""
+    h = wp.sqrt(s)
+    return wp.sin(h) / h
+
+
+@only_where_needed
+@wp.func
+def cosine_less_of_wide(needed: wp.float64, s: wp.float64) -> wp.float64:
+    """cos(h) - 1 with h^2 = ``s``, where ``needed`` is not 0."""
+    half = wp.sin(wp.float64(0.5) * wp.sqrt(s))
+    return wp.float64(-2.0) * half * half
 
 
 @wp.func
-def half_angle(h: wp.float64):
-    """sin(h) and cos(h) - 1."""
-    s = h * h
+def of_half_angle(s: wp.float64):
+    """sin(h)/h and cos(h) - 1 of a half angle h by its square ``s``."""
     one = wp.float64(1.0)  # times 1/6 ..., as divisions take as long as all the rest
-    sine = h * (
-        one
-        - s * wp.float64(wp.static(1.0 / 6.0))
-        * (one - s * wp.float64(wp.static(1.0 / 20.0)) * (one - s * wp.float64(wp.static(1.0 / 42.0))))
-    )  # fmt: skip
+    ratio = one - s * wp.float64(wp.static(1.0 / 6.0)) * (
+        one - s * wp.float64(wp.static(1.0 / 20.0)) * (one - s * wp.float64(wp.static(1.0 / 42.0)))
+    )
     less = (
         s * wp.float64(-0.5)
         * (
@@ -59,13 +65,12 @@ def half_angle(h: wp.float64):
         )
     )  # fmt: skip
     wide = wp.float64(0.0)
-    if wp.abs(h) >= wp.float64(wp.static(SMALL)):
+    if s >= wp.float64(wp.static(SMALL * SMALL)):
         wide = one
     if wide > wp.float64(0.0):
-        sine = sine_of_wide(wide, h)
-        quarter = sine_of_wide(wide, wp.float64(0.5) * h)
-        less = wp.float64(-2.0) * quarter * quarter
-    return sine, less
+        ratio = sine_ratio_of_wide(wide, s)
+        less = cosine_less_of_wide(wide, s)
+    return ratio, less
 
 
 @wp.func
@@ -88,9 +93,11 @@ def euler_factors(rate: wp.vec3d) -> wp.vec3d:
     )
 
 
+@only_where_needed
 @wp.func
-def by_rotation_vector(w: wp.vec3d, k: wp.vec3d, t: wp.float64) -> wp.vec4d:
-    """As ``free_rotation``, for small angles, from the spin ``w`` [rad/s] and ``euler_factors``."""
+def by_rotation_vector(needed: wp.float64, w: wp.vec3d, rate: wp.vec3d, t: wp.float64) -> wp.vec4d:
+    """As ``free_rotation``, for small angles, from the spin ``w`` [rad/s], where ``needed`` is not 0."""
+    k = euler_factors(rate)
     one = wp.float64(1.0)
     two = wp.float64(2.0)
     w_1 = wp.vec3d(k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
@@ -113,11 +120,12 @@ def by_rotation_vector(w: wp.vec3d, k: wp.vec3d, t: wp.float64) -> wp.vec4d:
 
 @only_where_needed
 @wp.func
-def by_power_series(needed: wp.float64, turn: wp.vec3d, k: wp.vec3d) -> wp.vec4d:
+def by_power_series(needed: wp.float64, turn: wp.vec3d, rate: wp.vec3d) -> wp.vec4d:
     """As ``free_rotation``, where ``needed`` is not 0; ``turn`` is the spin times the step [rad].
 
     Its length is put right by a root, so that a body that turns by radians per step is lost, but stays a body.
     """
+    k = euler_factors(rate)
     u = Spins()
     p = Turns()
     for c in range(3):
@@ -166,12 +174,13 @@ def by_power_series(needed: wp.float64, turn: wp.vec3d, k: wp.vec3d) -> wp.vec4d
 @wp.func
 def of_revolution(needed: wp.float64, l: wp.vec3d, rate: wp.vec3d, dt: wp.float64) -> wp.vec4d:
     """As ``free_rotation``, of a body of revolution, where ``needed`` is not 0."""
-    size = wp.length(l)
-    sine, less = half_angle(wp.float64(0.5) * dt * rate[0] * size)
-    v = l * (sine / (size if size > wp.float64(0.0) else wp.float64(1.0)))
+    half = l * (wp.float64(0.5) * dt * rate[0])
+    ratio, less = of_half_angle(wp.dot(half, half))
+    v = half * ratio
     p = wp.vec4d(less, v[0], v[1], v[2])
-    own_sine, own_less = half_angle(wp.float64(0.5) * dt * (rate[2] - rate[0]) * l[2])
-    return times(p, own_less, wp.vec3d(wp.float64(0.0), wp.float64(0.0), own_sine))
+    own = wp.float64(0.5) * dt * (rate[2] - rate[0]) * l[2]
+    own_ratio, own_less = of_half_angle(own * own)
+    return times(p, own_less, wp.vec3d(wp.float64(0.0), wp.float64(0.0), own * own_ratio))
 
 
 @wp.func
@@ -183,20 +192,24 @@ def free_rotation(l: wp.vec3d, rate: wp.vec3d, dt: wp.float64) -> wp.vec4d:
         rate: one over each principal moment of inertia [1/(kg m2)]; the first two are equal for a body of revolution.
         dt: time [s].
     """
-    k = euler_factors(rate)
     w = wp.cw_mul(rate, l)
     turn = w * dt
-    p = by_rotation_vector(w, k, dt)
     round = wp.float64(0.0)
     quick = wp.float64(0.0)
+    slow = wp.float64(0.0)
     if rate[0] == rate[1]:
         round = wp.float64(1.0)
     elif wp.max(wp.max(wp.abs(turn[0]), wp.abs(turn[1])), wp.abs(turn[2])) >= wp.float64(wp.static(SLOW)):
         quick = wp.float64(1.0)
+    else:
+        slow = wp.float64(1.0)
+    p = wp.vec4d()
+    if slow > wp.float64(0.0):
+        p = by_rotation_vector(slow, w, rate, dt)
     if round > wp.float64(0.0):
         p = of_revolution(round, l, rate, dt)
     if quick > wp.float64(0.0):
-        p = by_power_series(quick, turn, k)
+        p = by_power_series(quick, turn, rate)
     return p
 
 

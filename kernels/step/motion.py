@@ -40,7 +40,8 @@ SUM = """
     for (wp::int32 e = first; e < last; ++e) {{
 {plain}    }}
 #else
-{types}    for (wp::int32 e = first; e < last; ++e) {{
+{types}    #pragma clang loop unroll(disable)
+    for (wp::int32 e = first; e < last; ++e) {{
         const {number}* force = slot_force.data[e].c;
 {adds}    }}
 {gives}#endif

@@ -184,7 +184,11 @@ def build(
         row = control.row[at]
         dt = model.dt
         moved = int(0)
-        for i in range(part.first, part.last, part.stride):
+        last = int(part.last)
+        if wp.static(clumps is not None and not clumps.drives and films is None):
+            if grains.clumps.spheres == 0:  # ``move_clumps`` does it all
+                last = part.first
+        for i in range(part.first, last, part.stride):
             total = vec6()
             if wp.static(films is not None):
                 total, asked = wet_load(i, grains.slot_start, grains.slot_force)

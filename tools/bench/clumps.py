@@ -1,8 +1,10 @@
 """What clumps cost over free spheres: `python tools/bench/clumps.py --help`; how to read it: README.md.
 
 A settled bed of clumps of three spheres, and the same spheres without clumps, at the same places: the template leaves gaps
-between its spheres, so that spheres of one clump do not touch as free ones either and both beds have the same contacts. Their
-windows take turns, processor time counts, and the least of each. The phases of one step of each are timed alone as well.
+between its spheres, so that spheres of one clump do not touch as free ones either and both beds have the same contacts. They
+have the same lists too, whose width is held: of spheres that lie still it would stay what it is, of clumps it would shrink.
+Their windows take turns, processor time counts on one thread, and the least of each. The phases of one step of each are timed
+alone as well.
 Beside LIGGGHTS, which packs and settles a bed of the same clumps on the same ground; what it tells is wall time, so the
 machine must be quiet.
 """
@@ -70,7 +72,7 @@ def side(count: int) -> float:
     return (3 * count * 4.0 / 3.0 * math.pi * RADIUS**3 / FRACTION) ** (1.0 / 3.0)
 
 
-def beds(count: int, settle: int, work: Path) -> dict[str, warpdem.Simulation]:
+def beds(count: int, settle: int, work: Path, threads: int = 1) -> dict[str, warpdem.Simulation]:
     """The settled bed as clumps and as free spheres."""
     width = side(count)
     kept = work / f"clumps_{count}_{settle}.npz"
@@ -88,9 +90,14 @@ def beds(count: int, settle: int, work: Path) -> dict[str, warpdem.Simulation]:
         bodies = {"clump": "three", "positions": data["x"], "orientations": data["q"], **motion}
         free = {"positions": data["members"], "radius": RADIUS}
     return {
-        "clumps": warpdem.Simulation(scene(bodies, width, clumps=True), device="cpu", threads=1),
-        "spheres": warpdem.Simulation(scene(free, width, clumps=False, heavy=HEAVY), device="cpu", threads=1),
+        "clumps": warpdem.Simulation(scene(bodies, width, clumps=True), device="cpu", threads=threads),
+        "spheres": warpdem.Simulation(scene(free, width, clumps=False, heavy=HEAVY), device="cpu", threads=threads),
     }
+
+
+def hold_width(sim: warpdem.Simulation) -> None:
+    """Let each inner list be as wide as the first."""
+    setattr(type(sim.lists), "next_inner_share", property(lambda lists: lists.inner_share))  # noqa: B010
 
 
 def touching(sim: warpdem.Simulation) -> float:
@@ -98,26 +105,31 @@ def touching(sim: warpdem.Simulation) -> float:
     return float((sim.contacts().overlap > 0.0).sum()) / len(sim.state)
 
 
-def bench(count: int, *, warm: int, steps: int, repeats: int, launches: int, settle: int, work: Path) -> dict:
+def bench(
+    count: int, *, warm: int, steps: int, repeats: int, launches: int, settle: int, work: Path, threads: int = 1
+) -> dict:  # fmt: skip
     """Both beds, one row each."""
     work.mkdir(parents=True, exist_ok=True)
-    sims, load = beds(count, settle, work), OtherLoad()
+    sims, load = beds(count, settle, work, threads), OtherLoad()
+    clock = time.process_time if threads == 1 else time.perf_counter  # threads that wait count as well
     contacts: dict[str, list[float]] = {name: [] for name in sims}
     for name, sim in sims.items():
+        hold_width(sim)
         sim.step(warm)
         contacts[name].append(touching(sim))
     seconds: dict[str, list[float]] = {name: [] for name in sims}
     for _ in range(repeats):
         for name, sim in sims.items():
-            begin = time.process_time()
+            begin = clock()
             sim.step(steps)
-            seconds[name].append(time.process_time() - begin)
+            seconds[name].append(clock() - begin)
     for name, sim in sims.items():
         contacts[name].append(touching(sim))
     parts = {name: phases(sim, launches) for name, sim in sims.items()}
     rows = [
         {
             "bed": name, "spheres": len(sim.state), "lanes": sim.plan.backend.lanes, "contacts_per_sphere": contacts[name],
+            "listed_per_sphere": sim.lists.contact_count / len(sim.state),
             "us_per_step": {"min": 1e6 * min(seconds[name]) / steps, "all": [1e6 * s / steps for s in seconds[name]]},
             "over_spheres": min(seconds[name]) / min(seconds["spheres"]), "phases_us": parts[name],
         }
@@ -125,8 +137,8 @@ def bench(count: int, *, warm: int, steps: int, repeats: int, launches: int, set
     ]  # fmt: skip
     for sim in sims.values():
         sim.threads.close()
-    return {"machine": machine(), "commit": commit(), "clumps": count, "steps": steps, "beds": rows,
-            "other_load_cores": load.cores()}  # fmt: skip
+    return {"machine": machine(), "commit": commit(), "clumps": count, "steps": steps, "threads": threads,
+            "beds": rows, "other_load_cores": load.cores()}  # fmt: skip
 
 
 # --- LIGGGHTS --------------------------------------------------------------------------------------------------------
@@ -170,11 +182,11 @@ def deck(count: int, settle: int, steps: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def peer_row(count: int, settle: int, steps: int, work: Path) -> dict | None:
+def peer_row(count: int, settle: int, steps: int, work: Path, threads: int) -> dict | None:
     """A row of LIGGGHTS; None where it is not installed."""
     if liggghts.version() is None:
         return None
-    text = liggghts.output_of(deck(count, settle, steps), work, 1)
+    text = liggghts.output_of(deck(count, settle, steps), work, threads)
     found = liggghts.parse(text, steps)
     return {"bed": "LIGGGHTS (wall time)", "spheres": found.grains, "us_per_step": {"min": 1e6 * found.seconds / steps},
             "contacts_per_sphere": [0.5 * found.contacts_per_grain], "rebuilds": found.rebuilds}  # fmt: skip
@@ -182,15 +194,16 @@ def peer_row(count: int, settle: int, steps: int, work: Path) -> dict | None:
 
 def print_report(report: dict, console: Console) -> None:
     """One line per bed."""
-    title = f"{report['clumps']} clumps of three spheres, windows of {report['steps']} steps, processor time"
+    title = f"{report['clumps']} clumps of three spheres, windows of {report['steps']} steps on {report['threads']} threads"
     table = Table(box=SIMPLE, title=f"{title}; load of others {report['other_load_cores']:.1f} cores", title_justify="left")
-    measured = "spheres", "contacts per sphere", "us per step", "over spheres", "pairs, us", "walls, us", "motion, us"
+    measured = "spheres", "contacts per sphere", "listed", "us per step", "over spheres", "pairs, us", "walls, us", "motion, us"
     for column in ("bed", *measured):
         table.add_column(column, justify="left" if column == "bed" else "right")
     for row in report["beds"]:
         phase = row.get("phases_us", {})
         table.add_row(
             row["bed"], str(row["spheres"]), " to ".join(f"{c:.3f}" for c in row["contacts_per_sphere"]),
+            f"{row['listed_per_sphere']:.2f}" if "listed_per_sphere" in row else "",
             f"{row['us_per_step']['min']:.0f}", f"{row['over_spheres']:.2f}" if "over_spheres" in row else "",
             *(f"{phase[name]:.0f}" if phase else "" for name in ("pairs", "walls", "motion")),
         )  # fmt: skip
@@ -209,6 +222,7 @@ def main(
     repeats: int = 40,
     launches: int = 300,
     settle: int = 25_000,
+    threads: int = 1,
     peer: bool = False,
     work: Path = Path("bench"),
     out: Path | None = None,
@@ -222,13 +236,16 @@ def main(
         repeats: Windows of each bed.
         launches: Launches of each phase alone, of which the least counts.
         settle: Steps that the bed settles for; it is kept in ``work``.
+        threads: Threads of the windows; with more than one wall time counts. The phases alone run on one.
         peer: Beside LIGGGHTS, where it is installed.
         work: Folder of the states.
         out: File of the report, JSON.
     """
-    report = bench(clumps, warm=warm, steps=steps, repeats=repeats, launches=launches, settle=settle, work=work)
+    report = bench(
+        clumps, warm=warm, steps=steps, repeats=repeats, launches=launches, settle=settle, work=work, threads=threads
+    )
     if peer:
-        report["beds"] += filter(None, [peer_row(clumps, 2 * settle, 50 * steps, work)])
+        report["beds"] += filter(None, [peer_row(clumps, 2 * settle, 50 * steps, work, threads)])
     print_report(report, Console(highlight=False, width=None if sys.stdout.isatty() else 120))
     if out is not None:
         out.write_text(json.dumps(report, indent=1) + "\n")

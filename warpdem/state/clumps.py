@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdem.core.huge_pages import in_huge_pages
 from warpdem.core.rigid_motion import quaternion_rotation_increment
 from warpdem.filling.clump_grains import NONE, InitialClumps
 from warpdem.kernels import clump, grain
@@ -111,10 +112,10 @@ class ClumpState:
             value = np.ascontiguousarray({**of_clumps, **of_grains}[name])
             kind = grain.build(True).Record if dtype is None else dtype
             value = value.astype(np.int32 if kind is wp.int32 else np.float64)
-            setattr(self, name, wp.array(value, dtype=kind, device=self.device))
+            setattr(self, name, in_huge_pages(wp.array(value, dtype=kind, device=self.device)))
         self.template, self.axes = np.asarray(template, dtype=np.int32), np.asarray(axes, dtype=np.float64)
         for name, dtype in OF_STEP.items():
-            setattr(self, name, wp.zeros(len(template), dtype=dtype, device=self.device))
+            setattr(self, name, in_huge_pages(wp.zeros(len(template), dtype=dtype, device=self.device)))
         self._struct: Any = None
 
     def struct(self, kind: type) -> Any:
@@ -123,6 +124,7 @@ class ClumpState:
             self._struct = kind()
             for name in (*OF_CLUMPS, *OF_GRAINS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
+            self._struct.spheres = int((self.of_grain.numpy() == NONE).sum())
         return self._struct
 
     def lead(self) -> np.ndarray:

@@ -84,7 +84,7 @@ class State:
         if start.clumps is not None:
             self.clumps = ClumpState(start.clumps, device)
             inverse = member_inverse(inverse, start.clumps, start.radius)
-        self.inverse: wp.array = wp.array(inverse, dtype=self._Inverse, device=device)
+        self.inverse: wp.array = in_huge_pages(wp.array(inverse, dtype=self._Inverse, device=device))
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)
         self.material: wp.array = wp.array(np.asarray(start.type, dtype=np.int32), dtype=wp.int32, device=device)
         self.group = np.asarray(start.group, dtype=np.int32)
