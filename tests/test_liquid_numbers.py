@@ -44,8 +44,8 @@ def test_numbers_of_the_closed_form():
     work = pull * (far + math.sqrt(square) - math.hypot(far, math.sqrt(square)))
     assert grains.sticking_speed == pytest.approx(math.sqrt(2.0 * work / (0.5 * MASS)), rel=1e-4)
     assert wall.wall and wall.pull == pytest.approx(2.0 * pull, rel=1e-12)
-    # half a film is more than a film gives: 1.728 times what equal grains get of it
-    assert wall.volume == pytest.approx(1.728 * VOLUME, rel=1e-12)
+    # half a film is more than a film gives: 1.728 times what an equal grain gets of it
+    assert wall.volume == pytest.approx(1.728 * 0.5 * VOLUME, rel=1e-12)
 
 
 def test_a_wet_wall_adds_its_film_and_dry_grains_have_no_bridges():

@@ -5,7 +5,8 @@
     step                   0.3 m*/c_n,  c_n = 6 pi eta R*^2/S_min
 
 Volumes are those of the first bridge of a grain: ``kernels.contact.films.covered`` of both films, at a wall half of the film
-and what the wall gives. A longer step cuts the dashpot of the thinnest gaps (``kernels.contact.normal_law``): it stays stable.
+and what the wall gives; no film gives more than ``largest_share``. A longer step cuts the dashpot of the thinnest gaps
+(``kernels.contact.normal_law``): it stays stable.
 """
 
 import math
@@ -58,7 +59,7 @@ def bridges(scene: Scene, start: InitialGrains) -> list[Bridge]:
     law, g = model("liquid", scene.located(scene.contact.liquid)), math.hypot(*scene.gravity)
     most, out = largest_share(scene, float(start.radius.max(initial=0.0))), []
     for one in contact_cases(scene, start):
-        volume = min(_volume(scene, start, one), 2.0 * most)
+        volume = _volume(scene, start, one, most)
         if volume <= 0.0:
             continue
         bridge = volume, one.reduced_radius, one.own["bridge_pull"], one.own["bridge_wetting"]
@@ -73,14 +74,14 @@ def bridges(scene: Scene, start: InitialGrains) -> list[Bridge]:
     return out
 
 
-def _volume(scene: Scene, start: InitialGrains, one: ContactCase) -> float:
-    """Volume of the first bridge of a contact [m3]."""
+def _volume(scene: Scene, start: InitialGrains, one: ContactCase, most: float) -> float:
+    """Volume of the first bridge of a contact [m3], to which no film gives more than ``most``."""
     content = float(contents(scene)[np.unique(start.group)].max(initial=0.0))
     film = content * 4.0 / 3.0 * math.pi * one.radius**3
     if not one.wall:
-        return 2.0 * film * float(covered(one.radius, one.radius))
+        return 2.0 * min(film * float(covered(one.radius, one.radius)), most)
     thickness = max((w.liquid_film for w in scene.walls if w.material == one.materials[1]), default=0.0)
-    return 0.5 * film + thickness * math.pi * one.radius**2
+    return min(0.5 * film, most) + min(thickness * math.pi * one.radius**2, most)
 
 
 def thin_gap_limit(scene: Scene, cases: Iterator[ContactCase]) -> float:
