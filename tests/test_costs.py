@@ -11,13 +11,13 @@ def report(nodeid, *costs):
 
 
 def test_files_are_listed_by_their_processor_time():
-    reports = [report("a.py::one", 1.0, 2, 0.5), report("b.py::one", 5.0, 1, 4.0), report("a.py::two", 2.0, 0, 0.0),
-               report("b.py::call without costs"), SimpleNamespace()]  # fmt: skip
+    reports = [report("a.py::one", 1.0, 0.25, 2, 0.5), report("b.py::one", 5.0, 0.0, 1, 4.0),
+               report("a.py::two", 2.0, 1.0, 0, 0.0), report("b.py::call without costs"), SimpleNamespace()]  # fmt: skip
     lines = [line.split() for line in table(reports)[1:]]
     assert lines == [
-        ["8.0", "4.5", "(3)", "3", "all", "files"],
-        ["5.0", "4.0", "(1)", "1", "b.py"],
-        ["3.0", "0.5", "(2)", "2", "a.py"],
+        ["8.0", "1.2", "4.5", "(3)", "3", "all", "files"],
+        ["5.0", "0.0", "4.0", "(1)", "1", "b.py"],
+        ["3.0", "1.2", "0.5", "(2)", "2", "a.py"],
     ]
 
 

@@ -363,7 +363,7 @@ TABLE = {
     ),
     "does not fit in": (
         shape("cylinder={point=[0, 0, -0.1], axis=[0, 0, 1], radius='0.5 mm', inside=true}"),
-        ["walls[0].cylinder.radius = 0.0005 m", "grain 0", "does not fit"],
+        ["walls[0].cylinder", "grain 0", "does not fit into 's'", "radius there is 0.0005 m"],
     ),
     "more than fits": (fill("count=100000, diameter='2 mm'"), ["grains[0].fill", "solid fraction of 13.1", "at most 0.74"]),
     "solid fraction": (fill("solid_fraction=0.9, diameter='2 mm'"), ["grains[0].fill.solid_fraction = 0.9", "<= 0.74"]),

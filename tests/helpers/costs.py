@@ -16,7 +16,8 @@ NAME = "costs"
 LINES = 40
 LONGEST = (
     "tests/kernels/contact/test_sweep.py", "tests/test_laws_anywhere.py", "tests/ranks/test_bits.py",
-    "tests/test_free_walls.py", "tests/test_budget.py", "tests/verification/test_integrators.py",
+    "tests/scenes/test_gallery.py", "tests/test_free_walls.py", "tests/test_budget.py",
+    "tests/verification/test_integrators.py",
     "tests/verification/test_clumps.py", "tests/test_outlets.py", "tests/test_borders.py", "tests/test_servo.py",
     "tests/test_free_bodies.py", "tests/test_guards.py", "tests/kernels/wall/test_sweep.py",
     "tests/verification/test_surface_velocity.py", "tests/verification/test_adhesion.py", "tests/test_streams.py",
