@@ -1,4 +1,4 @@
-"""Shadows by their pixels: where a ball throws its shadow, how dark and large it is, what throws none and what gets none."""
+"""Shadows by their pixels: where a ball casts its shadow, how dark and large it is, what casts none and what gets none."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def around(image, x, z, half):
     return image[inside], right[inside], up[inside]
 
 
-def test_a_ball_throws_an_ellipse_along_the_light_on_a_plane(tmp_path):
+def test_a_ball_casts_an_ellipse_along_the_light_on_a_plane(tmp_path):
     ball = np.array([0.1, 0.0, 0.1])
     folder = write(tmp_path, snapshot([ball, *FAR], RADIUS), walls=[upright("box", BEHIND, -1)])
     bright, _ = brightness(folder, tmp_path)
@@ -69,7 +69,7 @@ def test_a_ball_shades_another_one_and_none_itself(tmp_path, walls):
 
 
 @pytest.mark.parametrize(("opacity", "dark"), [(1.0, True), (0.16, False)])
-def test_opaque_walls_throw_shadows_and_others_none(tmp_path, opacity, dark):
+def test_opaque_walls_cast_shadows_and_others_none(tmp_path, opacity, dark):
     """A small plate between the light and a ball."""
     ball = np.array([-0.1, 0.0, -0.1])
     at = ball + 4.0 * RADIUS * TOWARDS

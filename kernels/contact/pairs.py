@@ -14,7 +14,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact import liquid, memory
-from warpdem.kernels.contact.columns import OF_CONTACT, Columns, scalars
+from warpdem.kernels.contact.columns import Columns, scalars
 
 
 def force_width(spins: bool) -> int:
@@ -176,9 +176,7 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
         across = border.nearest(g.position(gi) - g.position(gj))
         n = across * (wp.float64(1.0) / wp.sqrt(wp.dot(across, across)))
         inverse = of_clumps.inverse_mass(inv_i, n) + of_clumps.inverse_mass(inv_j, n)
-        k = law.constants(c, radius, real(wp.float64(1.0) / inverse), real(wp.float64(1.0) / (gi[3] + gj[3])))
-        k[wp.static(OF_CONTACT.index("inverse_mass"))] = real(inverse)
-        return k
+        return law.constants(c, radius, real(wp.float64(1.0) / inverse), real(wp.float64(1.0) / (gi[3] + gj[3])))
 
     @wp.func
     def margin_at(across: wp.vec3d, gi: g.Record, gj: g.Record) -> wp.float64:

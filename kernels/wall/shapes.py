@@ -33,17 +33,17 @@ def _joined(before, number: int, closest):
         distance = wp.float64(0.0)
         weight = wp.float64(1.0)
         if wp.static(before is not None):
-            first, onward, far, much = before(shape, q, radius, numbers)
-            point = first
-            direction = onward
-            distance = far
-            weight = much
+            other_point, other_direction, other_distance, other_weight = before(shape, q, radius, numbers)
+            point = other_point
+            direction = other_direction
+            distance = other_distance
+            weight = other_weight
         if shape == wp.static(number):
-            nearest, towards, apart, part = closest(q, radius, numbers)
-            point = nearest
-            direction = towards
-            distance = apart
-            weight = part
+            own_point, own_direction, own_distance, own_weight = closest(q, radius, numbers)
+            point = own_point
+            direction = own_direction
+            distance = own_distance
+            weight = own_weight
         return point, direction, distance, weight
 
     return closest_on_shape

@@ -44,7 +44,7 @@ class Shadows:
         """What is left of the brightness of each pixel drawn, from 1 - ``DARKEST`` to 1, shape (h, w).
 
         Args:
-            balls: Balls; they and ``opaque`` throw shadows.
+            balls: Balls; they and ``opaque`` cast shadows.
             opaque: Surfaces.
             planes: Flat surfaces wound about the direction of the grains; shadows fall on those that are not seen from behind.
         """
@@ -80,13 +80,13 @@ class Shadows:
 
     def _shadow(self, points: np.ndarray, radius: float, balls: Balls, opaque: list[pv.PolyData]) -> np.ndarray:
         """How much of the light something keeps from points, from 0 to 1, shape (n,)."""
-        thrown = np.concatenate([balls.position, *(mesh.points for mesh in opaque)])
+        casters = np.concatenate([balls.position, *(mesh.points for mesh in opaque)])
         largest = float(balls.radius.max())
         up = np.eye(3)[np.argmin(np.abs(self._towards))]
-        middle = 0.5 * (thrown.min(axis=0) + thrown.max(axis=0))
-        far = float(np.linalg.norm(np.ptp(thrown, axis=0))) + 2.0 * largest
+        middle = 0.5 * (casters.min(axis=0) + casters.max(axis=0))
+        far = float(np.linalg.norm(np.ptp(casters, axis=0))) + 2.0 * largest
         light = Camera(middle + far * self._towards, middle, up, 0.0, None)
-        across = (thrown - light.position) @ light.axes.T
+        across = (casters - light.position) @ light.axes.T
         extent = 2.0 * float(np.abs(across[:, :2]).max()) + 2.0 * largest + 4.0 * SOFT * radius
         light = Camera(light.position, middle, up, 0.0, extent)
         if self._lit is None:

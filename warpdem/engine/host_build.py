@@ -59,8 +59,8 @@ class HostLaunch:
     def on_each(self, kernel: wp.Kernel, threads: int, *inputs: Any) -> None:
         """One launch on each of ``threads`` threads at the same time; first arguments: number of the thread, and of all.
 
-        A launch is recorded once and then made anew with the inputs that are others; what was written to a struct since is in
-        it. The threads, which share one interpreter, would otherwise wait for each other while each packs its arguments.
+        The launch is recorded at the first call and replayed at later ones, with the inputs that have changed; a struct is read
+        at each call. The threads share one interpreter and would otherwise wait for each other while each packs its arguments.
         """
         if (kernel, threads) not in self._commands:
             self._threads.load(kernel, self._device)

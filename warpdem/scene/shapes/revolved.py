@@ -1,5 +1,6 @@
 """What cylinder and cone share: a surface of revolution, in its own coordinates."""
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,33 +22,33 @@ class Revolved(Shape):
         inside: bool
 
     @property
+    @abstractmethod
     def has_ends(self) -> bool:
         """Whether the shape has a finite length."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def origin(self) -> Vec3:
         """Point of the axis at height 0 [m]."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def foot(self) -> tuple[float, float]:
         """A point of the generatrix (height, radius) [m]."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def direction(self) -> tuple[float, float]:
         """Unit direction of the generatrix (height, radius) [-]."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def limits(self) -> tuple[float, float]:
         """Start and end of the generatrix along itself [m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def is_bottom(self, along: float, across: float) -> bool:
         """Whether it holds what is inside of it, being infinite, where down is ``along`` and ``across`` the axis [-]."""
-        raise NotImplementedError
 
     @property
     def ends(self) -> list[np.ndarray]:

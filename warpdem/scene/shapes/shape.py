@@ -1,5 +1,6 @@
 """What every analytic shape of a wall says of itself."""
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -20,9 +21,9 @@ class Shape(SceneModel):
     """Its file in ``kernels/wall/``."""
 
     @property
+    @abstractmethod
     def numbers(self) -> np.ndarray:
         """Parameters for the kernels, as that file has them, shape (k,)."""
-        raise NotImplementedError
 
     @property
     def sided(self) -> bool:
@@ -35,13 +36,13 @@ class Shape(SceneModel):
         return False
 
     @property
+    @abstractmethod
     def side(self) -> str:
         """Which side the grains are on, for messages: "the plane, ..."."""
-        raise NotImplementedError
 
+    @abstractmethod
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nearest points of the wall [m], shape (n, 3), and signed distances [m], shape (n,), negative on the solid side."""
-        raise NotImplementedError
 
     def bore(self, points: np.ndarray) -> np.ndarray:
         """Radius below which a grain at ``points`` [m], shape (n, 3), touches it at one point only [m], shape (n,)."""
@@ -55,16 +56,16 @@ class Shape(SceneModel):
         """Whether a shift along a unit vector changes nothing."""
         return False
 
+    @abstractmethod
     def catches(self, down: np.ndarray, is_closed: Closed) -> bool:
         """Whether it holds by itself whatever falls along ``down`` [-], where planes and narrowness close some of its ends."""
-        raise NotImplementedError
 
+    @abstractmethod
     def triangles(self, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangles for pictures and files: vertices [m], shape (v, 3), and their numbers, shape (t, 3).
 
         What is infinite ends a little beyond the points ``around`` [m], shape (n, 3).
         """
-        raise NotImplementedError
 
 
 def inside_words(inside: bool) -> str:
