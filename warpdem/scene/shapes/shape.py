@@ -60,12 +60,12 @@ class Shape(SceneModel):
     def catches(self, down: np.ndarray, is_closed: Closed) -> bool:
         """Whether it holds by itself whatever falls along ``down`` [-], where planes and narrowness close some of its ends."""
 
-    @abstractmethod
     def triangles(self, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangles for pictures and files: vertices [m], shape (v, 3), and their numbers, shape (t, 3).
 
-        What is infinite ends a little beyond the points ``around`` [m], shape (n, 3).
+        What is infinite ends a little beyond the points ``around`` [m], shape (n, 3). Not of a plane: ``mesh.plane_patch``.
         """
+        raise NotImplementedError
 
 
 def inside_words(inside: bool) -> str:
