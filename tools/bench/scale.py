@@ -51,7 +51,11 @@ def looked(rank: Rank, repeats: int) -> list[dict[str, Any]]:
     exchange, state, world, last = rank.exchange, rank.state, rank.world, rank.engine.batch.stages - 1
     calls, flags = [], []
     one, out = np.zeros(1, dtype=np.int32), np.zeros(1, dtype=np.int32)
-    for times, job in ((calls, lambda: exchange.call(1, last, 0)), (flags, lambda: world.comm.Allreduce(one, out))):
+    def exchanged() -> None:
+        exchange.call(1, last, 0)
+        exchange.finish()
+
+    for times, job in ((calls, exchanged), (flags, lambda: world.comm.Allreduce(one, out))):
         for _ in range(repeats):
             begin = time.perf_counter()
             job()
