@@ -407,12 +407,13 @@ class Rank:
         return self.world.gathered({
             "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
             "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
-            "batches_inside": self._share_inside(), "exchanges": exchange.calls,
+            "batches_inside": self.share_inside, "exchanges": exchange.calls,
             "bytes": exchange.bytes, "waiting": exchange.seconds,
             "seconds": dict(self._timers.seconds),
         })  # fmt: skip
 
-    def _share_inside(self) -> float:
+    @property
+    def share_inside(self) -> float:
         """Share of the contact batches that need no ghosts [-]: they are evaluated while those are under way."""
         return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
