@@ -27,11 +27,11 @@ from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
-from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, numbered, with_ghosts
+from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, numbered, with_ghosts
 from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
-from warpdem.state.blocks import Rows
+from warpdem.state.blocks import Rows, made
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.view import RunView
