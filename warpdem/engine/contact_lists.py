@@ -49,6 +49,8 @@ class NewOuterList:
     """Ids by slot of the old list."""
     feature_count: wp.array
     """(n,) wall features near each grain."""
+    met: wp.array
+    """(n, up to ``candidates.MET``) wall features that were met when they were counted; of width 0: none are kept."""
     first: wp.array
     """(n + 1,) first wall slot of each grain."""
 
