@@ -84,7 +84,7 @@ class Batch:
         self.stages = len(model.features.backend.scheme.STAGES)
         control, report = self.control, self.report = Control(), Report()
         self.model = model_struct(model)
-        control.thread_ranges = wp.zeros((threads, 6), dtype=wp.int32, device=device)
+        control.thread_ranges = wp.zeros((threads, 8), dtype=wp.int32, device=device)
         report.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
         report.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)

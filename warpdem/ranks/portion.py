@@ -92,6 +92,15 @@ class Portion:
         of = self.grains["clump"]
         return np.where(of == NONE, np.arange(len(of)), np.searchsorted(self.grains["id"], of))
 
+    def bodies_of(self, some: np.ndarray) -> np.ndarray:
+        """The grains of a mask, shape (n,), and all other members of their clumps, as a mask."""
+        if not self.clumps:
+            return some
+        leads, of_lead = self._leads, np.zeros(len(some), dtype=bool)
+        of_lead[leads[some]] = True
+        out: np.ndarray = of_lead[leads]
+        return out
+
     def split(self, owner: np.ndarray, parts: int) -> list["Portion"]:
         """What each of ``parts`` ranks gets; ``owner``: the rank of each grain, shape (n,)."""
         tables = self.grains, self.pairs, self.points, self.clumps
