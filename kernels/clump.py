@@ -35,6 +35,12 @@ def inverse_type(clumps: bool):
 
 
 @wp.func
+def place_of(arm: wp.vec4d) -> wp.vec3d:
+    """Place of a member in the principal axes [m]."""
+    return wp.vec3d(arm[0], arm[1], arm[2])
+
+
+@wp.func
 def clumps_before(first: wp.array(dtype=wp.int32), slot: int) -> int:
     """Number of clumps whose first member lies before ``slot``; ``first`` ascends."""
     low = int(0)
@@ -67,7 +73,7 @@ def build(clumps: bool):
         rotation: wp.array(dtype=wp.vec4d)  # (c,) over the step, unit quaternion less 1, of ``step.free_rotation``
         reading: wp.array(dtype=Reading)  # (c,) motion at the time of the last reading
         of_grain: wp.array(dtype=wp.int32)  # (n,) clump that a grain belongs to, or NONE
-        arm: wp.array(dtype=wp.vec3d)  # (n,) place of a member in the principal axes [m]
+        arm: wp.array(dtype=wp.vec4d)  # (n,) place of a member in the principal axes, and its radius [m]
         spheres: wp.int32  # grains of their own
 
     if clumps:

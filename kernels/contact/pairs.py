@@ -14,7 +14,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact import liquid, memory
-from warpdem.kernels.contact.columns import Columns, scalars
+from warpdem.kernels.contact.columns import OF_CONTACT, Columns, scalars
 
 
 def force_width(spins: bool) -> int:
@@ -33,6 +33,7 @@ EXCHANGE_AT = RESULT_AT.and_(scalars(["wish_i", "wish_j", "gift"]))
 """Of a law with bridges also what it asks of the films of i and j, the radius of the other grain [m] or 0, and what it gives
 back to each [counts] (``films``)."""
 NONE = Columns(())
+INVERSE_MASS = OF_CONTACT.index("inverse_mass")
 
 
 @functools.cache
@@ -170,13 +171,18 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
 
     @wp.func
     def constants_of_clumps(
-        gi: g.Record, gj: g.Record, inv_i: of_clumps.Inverse, inv_j: of_clumps.Inverse, radius: real, c: Numbers
+        gi: g.Record, gj: g.Record, inverse: of_clumps.Inverse, radius: real, c: Numbers
     ) -> Constants:
-        """Constants of a contact from the masses that its grains have along the normal as members of clumps."""
+        """Constants of a contact from the mass that its grains have along the normal as members of clumps.
+
+        ``inverse``: the sum of theirs.
+        """
         across = border.nearest(g.position(gi) - g.position(gj))
         n = across * (wp.float64(1.0) / wp.sqrt(wp.dot(across, across)))
-        inverse = of_clumps.inverse_mass(inv_i, n) + of_clumps.inverse_mass(inv_j, n)
-        return law.constants(c, radius, real(wp.float64(1.0) / inverse), real(wp.float64(1.0) / (gi[3] + gj[3])))
+        along = of_clumps.inverse_mass(inverse, n)
+        k = law.constants(c, radius, real(wp.float64(1.0) / along), real(wp.float64(1.0) / (gi[3] + gj[3])))
+        k[wp.static(INVERSE_MASS)] = real(along)  # not 1/m* again: the contacts wait for each other's divisions
+        return k
 
     @wp.func
     def margin_at(across: wp.vec3d, gi: g.Record, gj: g.Record) -> wp.float64:

@@ -78,12 +78,12 @@ def source(pairs, lanes: int, *, stored: Columns, rotating_frame: bool, table: b
     numbers, of_clumps = lines(f"numbers.c[{{f}}] = {constant};", own), ""
     if pairs.clumps.there:  # masses along the normal change as clumps turn: nothing is stored
         of_all = pairs.clumps.Inverse._length_
-        read_inverse = "        batch::read(inverse.data[0].c + {at}, {all}, {name}.data + p * {lanes}, inv_{side}.c + {at});\n"
-        numbers = f"        wp::vec_t<{of_all}, f64> inv_i, inv_j;\n" + "".join(
-            read_inverse.format(at=at, all=of_all, name=name, lanes=lanes, side=side)
-            for at in rows.starts(of_all, lanes) for side, name in sides
+        of_both = ", ".join(f"{name}.data + p * {lanes}" for _, name in sides)
+        numbers = f"        wp::vec_t<{of_all}, f64> inv;\n" + "".join(
+            f"        batch::read_sum(inverse.data[0].c + {at}, {of_all}, {of_both}, inv.c + {at});\n"
+            for at in rows.starts(of_all, lanes)
         )
-        given = f"gi, gj, inv_i, inv_j, {radius}, batch::{law.cast_coefficients}(c)"
+        given = f"gi, gj, inv, {radius}, batch::{law.cast_coefficients}(c)"
         of_clumps = f"        numbers = batch::{law.constants_of_clumps}({given});\n"
     history_in, history_out = (f"history_{way}.data + (p * {remembers} + {{f}}) * {lanes}" for way in ("in", "out"))
     rotated = f"        remembered = batch::{law.rotated}(remembered, rotation);\n" if hasattr(law, "rotated") else ""

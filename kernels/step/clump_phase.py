@@ -68,7 +68,7 @@ def build(
         total = load(i, grains.slot_start, grains.slot_force, wall_contacts.candidates, wall_contacts.load)
         state = grains.record[i]
         if wp.static(border.images > 1):  # where it is on its clump, not the image of it within the borders
-            arm = rotation_matrix(grains.clumps.turn[c]) * grains.clumps.arm[i]
+            arm = rotation_matrix(grains.clumps.turn[c]) * clump.place_of(grains.clumps.arm[i])
             state = g.placed(state, g.position(grains.clumps.record[c]) + arm)
         found = budget.contact_momenta(i, state, total, weight, at, wall_contacts, control)
         if i == grains.clumps.first[c]:

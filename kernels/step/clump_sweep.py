@@ -88,7 +88,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
             wp::int32 at[{lanes}];
             wp::vec_t<6, f64> load;
 {_loads(real, lanes, walls)}\
-{gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
+{gathered("arm", wp.vec4d, "clumps.arm.data[0].c", "at", lanes)}\
             total = batch::{loaded}(total, axes, arm, load);
         }}
         const auto drive = batch::{drives}(total, rate, step);
@@ -164,14 +164,12 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
         const auto body = batch::{body_of}(state, o.r1, o.r2, rate, f64(dt));
         for (wp::int32 n = 0; n < most; ++n) {{
             wp::int32 at[{lanes}];
-            f64 radius;
             for (int k = 0; k < {lanes}; ++k) {{
                 at[k] = first[k] + (n < count[k] ? n : count[k] - 1);
-                radius[k] = grains.record.data[at[k]].c[3];
 {"" if driven else next_forces}\
             }}
-{gathered("arm", wp.vec3d, "clumps.arm.data[0].c", "at", lanes)}\
-            const auto w = batch::{member_of}(body, arm, radius, f64(dt));
+{gathered("arm", wp.vec4d, "clumps.arm.data[0].c", "at", lanes)}\
+            const auto w = batch::{member_of}(body, arm, f64(dt));
 {rows.write(wp.float64, lanes, "batch", member_out)}{check}\
         }}
     }}

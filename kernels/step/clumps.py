@@ -21,7 +21,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, grain
 from warpdem.kernels import clump as clump_arrays
-from warpdem.kernels.clump import Reading
+from warpdem.kernels.clump import Reading, place_of
 from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.field import Numbers
 from warpdem.kernels.step.free_rotation import free_rotation, product, rotation_matrix, rotation_vector
@@ -131,9 +131,9 @@ def member_response(body: Body, r: wp.vec3d) -> vec6:
 
 
 @wp.func
-def with_member(total: vec6, axes: wp.mat33d, arm: wp.vec3d, one: vec6) -> vec6:
+def with_member(total: vec6, axes: wp.mat33d, arm: wp.vec4d, one: vec6) -> vec6:
     """The load ``total`` on a clump about its centre [N, N m] and that of a member, ``one``, at ``arm`` [m] in its axes."""
-    torque = wp.cross(axes * arm, wp.vec3d(one[0], one[1], one[2]))
+    torque = wp.cross(axes * place_of(arm), wp.vec3d(one[0], one[1], one[2]))
     return total + vec6(one[0], one[1], one[2], one[3] + torque[0], one[4] + torque[1], one[5] + torque[2])
 
 
@@ -195,9 +195,9 @@ def build_motion(drift, with_axes, border):
         )  # fmt: skip
 
     @wp.func
-    def member_of(body: Body, arm: wp.vec3d, radius: wp.float64, dt: wp.float64):
-        """Record and B of the member at ``arm`` [m] in the principal axes."""
-        r = axes_of(body) * arm
+    def member_of(body: Body, arm: wp.vec4d, dt: wp.float64):
+        """Record and B of the member of this ``arm``, its place in the principal axes and its radius [m]."""
+        r = axes_of(body) * place_of(arm)
         at = wp.static(BODY.rotation)
         u = wp.vec3d(body[at + 1], body[at + 2], body[at + 3])
         across = wp.cross(u, r)
@@ -208,7 +208,7 @@ def build_motion(drift, with_axes, border):
         place = center(body) + r
         if wp.static(border.images > 1):
             place = border.wrapped(place)
-        return g.record(place, radius, v, a, spin(body), angular(body)), member_response(body, r)
+        return g.record(place, arm[3], v, a, spin(body), angular(body)), member_response(body, r)
 
     return KernelSet(moved=moved, inside=inside, body_of=body_of, member_of=member_of)
 
@@ -270,7 +270,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
     def member_motion(m: int, axes: wp.mat33d, motion: Reading, clumps: Clumps):
         """Velocity and spin of member ``m`` of a clump that moves like that."""
         w = wp.vec3d(motion[3], motion[4], motion[5])
-        return wp.vec3d(motion[0], motion[1], motion[2]) + wp.cross(w, axes * clumps.arm[m]), w
+        return wp.vec3d(motion[0], motion[1], motion[2]) + wp.cross(w, axes * place_of(clumps.arm[m])), w
 
     @wp.func
     def advance(c: int, grains: Grains, row: Row, dt: wp.float64) -> wp.vec3d:
@@ -289,7 +289,7 @@ def build(structs, WallContacts, load, acceleration, integrator, motion):
         body = motion.body_of(clumps.record[c], clumps.turn[c], clumps.rotation[c], clumps.rate[c], dt)
         first = clumps.first[c]
         for m in range(first, first + clumps.count[c]):
-            record, response = motion.member_of(body, clumps.arm[m], grains.record[m][3], dt)
+            record, response = motion.member_of(body, clumps.arm[m], dt)
             grains.record[m] = record
             inv = grains.inverse[m]
             for k in range(6):

@@ -1,8 +1,11 @@
-"""The mass that a force on a member of a clump meets, against its formula."""
+"""The mass that a force on a member of a clump meets, and what contacts make of it, against their formulas."""
 
 import numpy as np
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, clump
+from warpdem.kernels.contact import law, pairs
+from warpdem.kernels.normal import hertz
+from warpdem.kernels.step import border
 from warpdem.kernels.step.clumps import BODY, Body, inverse_inertia, member_response
 
 of_clumps = clump.build(True)
@@ -36,3 +39,31 @@ def test_the_mass_along_any_normal():
     wp.launch(met, 20, inputs, device="cpu")
     lever = np.cross(r, n) @ axes
     np.testing.assert_allclose(out.numpy(), rate[0] + (lever**2) @ rate[1:], rtol=1e-13)
+
+
+def test_a_contact_of_clumps_has_the_constants_of_its_mass_along_the_normal():
+    """K = base sqrt(R*), C = damping sqrt(m_eff K) and 1/m_eff = n . (B_i + B_j) n."""
+    of = law.build(wp.float64, hertz, None, None, False)
+    made = pairs.build(wp.float64, of, None, border.build((0.0,) * 3, (0.0,) * 3), spins=True, gap=0.0, clumps=True)
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
+    def constants(
+        gi: made.grain.Record, gj: made.grain.Record, inverse: made.clumps.Inverse, c: made.Coefficients,
+        out: wp.array(dtype=of.Constants),
+    ):  # fmt: skip
+        radius = made.reduced_radius(gi, gj)
+        out[0] = made.constants_of_clumps(gi, gj, inverse, radius, made.cast_coefficients(c))
+
+    rng = np.random.default_rng(4)
+    gi, gj, b = rng.normal(size=16), rng.normal(size=16), rng.normal(size=(3, 3))
+    gi[3], gj[3] = 0.2, 0.3
+    b = b @ b.T
+    inverse = [7.0, 8.0, b[0, 0], b[0, 1], b[0, 2], b[1, 1], b[1, 2], b[2, 2]]
+    c = made.Coefficients()
+    c[of.at.stiffness], c[of.at.damping] = 5.0, 0.7
+    out = wp.zeros(1, dtype=of.Constants, device="cpu")
+    given = made.grain.Record(*gi), made.grain.Record(*gj), made.clumps.Inverse(*inverse)
+    wp.launch(constants, 1, [*given, c, out], device="cpu")
+    n = (gi[:3] - gj[:3]) / np.linalg.norm(gi[:3] - gj[:3])
+    along, stiffness = n @ b @ n, 5.0 * np.sqrt(0.12)
+    np.testing.assert_allclose(out.numpy()[0], [stiffness, 0.7 * np.sqrt(stiffness / along), along], rtol=1e-14)

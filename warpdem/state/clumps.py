@@ -19,7 +19,7 @@ from warpdem.kernels.clump import Reading
 
 OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32}
 """Arrays with a row per clump, with their types."""
-OF_GRAINS = {"of_grain": wp.int32, "arm": wp.vec3d}
+OF_GRAINS = {"of_grain": wp.int32, "arm": wp.vec4d}
 """Arrays with a row per grain."""
 OF_STEP = {"drive": clump.vec6, "rotation": wp.vec4d, "reading": Reading}
 """Arrays with a row per clump that a step or a reading writes before anything reads them."""
@@ -91,7 +91,7 @@ class ClumpState:
     rotation: wp.array
     reading: wp.array
 
-    def __init__(self, start: InitialClumps, device: wp.Device) -> None:
+    def __init__(self, start: InitialClumps, radius: np.ndarray, device: wp.Device) -> None:
         record = np.zeros((len(start), grain.WIDTH[True]))
         record[:, grain.POSITION] = start.position
         record[:, grain.RADIUS] = start.radius
@@ -100,7 +100,8 @@ class ClumpState:
         rate = np.column_stack([1.0 / start.mass, 1.0 / start.moments])
         values = {"record": record, "turn": start.turn, "rate": rate, "first": start.first, "count": start.count}
         self.device = device
-        self._take(values, {"of_grain": start.of_grain, "arm": start.arm}, start.template, start.axes)
+        arm = np.column_stack([start.arm, radius])
+        self._take(values, {"of_grain": start.of_grain, "arm": arm}, start.template, start.axes)
 
     def __len__(self) -> int:
         return len(self.template)
@@ -198,7 +199,7 @@ class ClumpState:
         out = {name: values[slots] for name, values in of_clumps.items() if name != "first"}
         number = np.full(len(self) + 1, NONE)
         number[slots] = np.arange(len(slots))
-        of_grains = {"of_grain": number[of_grains["of_grain"]], "arm": of_grains["arm"]}
+        of_grains = {"of_grain": number[of_grains["of_grain"]], "arm": of_grains["arm"][:, :3]}
         out |= {name: values[rank] for name, values in of_grains.items()}
         out |= {"template": self.template[slots], "axes": self.axes[slots], "reading": self.reading.numpy()[slots]}
         return {f"clump_{name}": values for name, values in out.items()}
@@ -207,7 +208,8 @@ class ClumpState:
         """Take over what ``arrays`` gave."""
         of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name != "first"}
         self.template, self.axes = data["clump_template"], data["clump_axes"]
-        self._number(of_clumps, {name: data[f"clump_{name}"] for name in OF_GRAINS})
+        arm = np.column_stack([data["clump_arm"], data["record"][:, grain.RADIUS]])
+        self._number(of_clumps, {"of_grain": data["clump_of_grain"], "arm": arm})
 
     def copied(self, take: Callable[[str, wp.array], wp.array]) -> "ClumpState":
         """As ``State.copied``."""

@@ -82,7 +82,7 @@ class State:
         inverse = np.stack([1.0 / mass, 2.5 / (mass * start.radius**2)], axis=1).reshape(n, 2)
         self.clumps: ClumpState | None = None
         if start.clumps is not None:
-            self.clumps = ClumpState(start.clumps, device)
+            self.clumps = ClumpState(start.clumps, start.radius, device)
             inverse = member_inverse(inverse, start.clumps, start.radius)
         self.inverse: wp.array = in_huge_pages(wp.array(inverse, dtype=self._Inverse, device=device))
         self.id: wp.array = wp.array(np.asarray(start.id, dtype=np.int64), dtype=wp.int64, device=device)

@@ -55,11 +55,11 @@ def test_the_step_of_a_clump_in_lanes_has_its_bits(turning):
     state, turn, p = assert_same_bits(made.moved, of, (Record, wp.vec4d, wp.vec4d), LANES)
     arguments = {"state": (Record, state), "turn": (wp.vec4d, turn), "p": (wp.vec4d, p), "rate": of["rate"], "dt": of["dt"]}
     (body,) = assert_same_bits(made.body_of, arguments, (clumps.Body,), LANES)
-    arm = np.random.default_rng(5).normal(size=(N, 3))
-    member = {"body": (clumps.Body, body), "arm": (wp.vec3d, arm), "radius": (wp.float64, arm[:, 0]), "dt": of["dt"]}
+    arm = np.random.default_rng(5).normal(size=(N, 4))
+    member = {"body": (clumps.Body, body), "arm": (wp.vec4d, arm), "dt": of["dt"]}
     assert_same_bits(made.member_of, member, (Record, clumps.vec6), LANES)
     axes = wp.mat33d, body[:, clumps.BODY.of("axes")]
-    load = {"total": of["drive"], "axes": axes, "arm": (wp.vec3d, arm), "one": of["drive"]}
+    load = {"total": of["drive"], "axes": axes, "arm": (wp.vec4d, arm), "one": of["drive"]}
     assert_same_bits(clumps.with_member, load, (clumps.vec6,), LANES)
 
 
