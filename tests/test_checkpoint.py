@@ -294,6 +294,25 @@ def test_arrays_are_written_block_by_block(run, saved, tmp_path, monkeypatch):
             np.testing.assert_array_equal(found[name], tmp_path / "blocks.h5" if name == "path" else values, err_msg=name)
 
 
+def test_arrays_are_read_block_by_block(saved, monkeypatch):
+    """Until they are asked for: the digest of the file takes no more than a block at a time."""
+    largest, read = [], h5py.Dataset.__getitem__
+
+    def noted(data, *key):
+        largest.append(np.asarray(found := read(data, *key)).nbytes)
+        return found
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", noted)
+    monkeypatch.setattr(blocks, "BLOCK", 1000)
+    with checkpoint_file.opened(saved) as contents:
+        assert max(largest) <= 1000 < 0.1 * sum(largest)
+        record = contents["record"]
+    assert max(largest) == record.nbytes > 1000
+    whole = checkpoint_file.read(saved)
+    assert whole.keys() == contents.keys()
+    np.testing.assert_array_equal(whole["record"], record)
+
+
 def test_saving_takes_little_memory(tmp_path):
     """Less than half of what the file holds: neither the arrays in order nor the file are made as a whole."""
     place = np.stack(np.meshgrid(*[np.arange(40.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

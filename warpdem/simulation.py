@@ -174,9 +174,9 @@ class Simulation(RecordedRun):
         Raises:
             SceneError: if the file is missing, damaged or of another version.
         """
-        data = checkpoint_file.read(path)
-        sim = cls(same_scene.scene_of(data, plugins), device=device, threads=threads)
-        checkpoint.restore(sim, data)
+        with checkpoint_file.opened(path) as saved:
+            sim = cls(same_scene.scene_of(saved, plugins), device=device, threads=threads)
+            checkpoint.restore(sim, saved)
         return sim
 
     # -- reading --------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from warpdem.kernels.lists.numbering import starts
 from warpdem.kernels.lists.path import Flight
 from warpdem.kernels.step.schedule import Placement
 from warpdem.kernels.wall import contact_points, record
+from warpdem.kernels.wall.candidates import MET
 from warpdem.kernels.wall.surface import MeshTrees, Numbers, Surface
 
 SEAM = 4.0  # mismatch allowed at the seams of a mesh over the largest distance of a corner from its plane [-]
@@ -82,11 +83,11 @@ class MeshWall(ListedGrains):
 
     def _make(self) -> None:
         g, beside, n = self.grains, self.kernels.beside, len(self.grains)
-        count, nothing, trees = self.ints(n), self.ints(0), MeshTrees()
+        count, nothing, trees, met = self.ints(n), self.ints(0), MeshTrees(), self.ints((n, MET))
         trees.tree = wp.array([self._tree.id], dtype=wp.uint64, device=g.device)
         trees.wall, trees.first = self.ints(1), self.ints(1)
         placements = self._placement.flatten()
-        shared = [self.listed(), self._allowance, self.surface, trees, placements]
+        shared = [self.listed(), self._allowance, self.surface, trees, placements, met]
         self.launch(beside.near_features, n, [0, 0, *shared, nothing, count, nothing])
         host = starts(count.numpy())
         first, near = wp.array(host, dtype=wp.int32, device=g.device), self.ints(int(host[-1]))

@@ -8,6 +8,8 @@ import warp as wp
 
 TOO_DEEP = 4
 """What ranks agree on besides BEYOND and LEFT of ``motion``: an overlap exceeds the allowed one."""
+ARRIVED = -2
+"""In place of a stage: wait for the ghosts of the last one, which are under way while the other contacts are evaluated."""
 WALL_LOADS = -1
 """In place of a stage: the sums of the loads on walls that move by them are added up over the ranks, exactly."""
 
@@ -28,7 +30,7 @@ def exchange(address: wp.uint64, step: wp.int32, stage: wp.int32, found: wp.int3
     Args:
         address: of a C function of ``step``, ``stage`` and ``found`` that returns an int32.
         step: steps of this launch so far, this one included.
-        stage: of the integrator; after the last one ranks agree, after the others ghosts get their state only. Or WALL_LOADS.
+        stage: of the integrator; ghosts are sent after each, and after the last one ranks agree. Or ARRIVED, or WALL_LOADS.
         found: what was found on this rank, by bits.
     """
     ...

@@ -36,7 +36,7 @@ def build(
     structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_grain, sweep_walls, WallContacts, *, walls: bool,
     films=None,
 ):  # fmt: skip
-    """Return ``pair_phase``, ``wall_phase`` and both together, ``force_phase``.
+    """Return ``pair_phase``, ``wall_phase``, pairs shared by threads and, with walls, ``force_phase``.
 
     Args:
         structs: namespace of ``structs.build``.
@@ -118,6 +118,22 @@ def build(
             report.extreme[part.slot + 3] = approach
 
     @wp.func
+    def shared_pair_phase(
+        thread: int, threads: int, column: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches,
+        control: Control, report: Report,
+    ):  # fmt: skip
+        """A thread's contacts of CONTACTS or BOUNDARY, then portions that other threads have left of theirs."""
+        for other in range(threads):
+            owner = (thread + other) % threads
+            all = range_of(owner, column, control)
+            portion = portion_of(all.last - all.first, threads)
+            first = int(all.first + take(report.taken, owner * wp.static(SPAN) + column, portion))
+            while first < all.last:
+                part = consecutive(first, wp.min(first + portion, all.last), thread)
+                pair_phase(part, call, model, grains, contacts, control, report)
+                first = all.first + take(report.taken, owner * wp.static(SPAN) + column, portion)
+
+    @wp.func
     def force_phase(
         thread: int, threads: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches,
         wall_contacts: WallContacts, control: Control, report: Report,
@@ -127,14 +143,8 @@ def build(
             wall_phase(
                 range_of(thread, wp.static(WALL_GRAINS), control), call, model, grains, wall_contacts, control, report
             )  # fmt: skip
-        for other in range(threads):
-            owner = (thread + other) % threads
-            all = range_of(owner, wp.static(CONTACTS), control)
-            portion = portion_of(all.last - all.first, threads)
-            first = int(all.first + take(report.taken, owner * wp.static(SPAN), portion))
-            while first < all.last:
-                part = consecutive(first, wp.min(first + portion, all.last), thread)
-                pair_phase(part, call, model, grains, contacts, control, report)
-                first = all.first + take(report.taken, owner * wp.static(SPAN), portion)
+        shared_pair_phase(thread, threads, wp.static(CONTACTS), call, model, grains, contacts, control, report)
 
-    return KernelSet(pair_phase=pair_phase, wall_phase=wall_phase, force_phase=force_phase)
+    return KernelSet(
+        pair_phase=pair_phase, wall_phase=wall_phase, shared_pair_phase=shared_pair_phase, force_phase=force_phase
+    )

@@ -9,9 +9,10 @@ at the force call in which an overlap exceeds the allowed one, so that this step
 batches.
 
 In a run over several processes (ranks) thread 0 calls the host after each stage, between two meetings of the threads: there the
-grains that other ranks own and this one sees (ghosts) get their new state, and all ranks agree on whether to stop
-(``step/exchange.py``). So they stop after the same step. Loads on walls that move by them are added up over all ranks before,
-exactly, so that each rank moves these walls alike.
+new state of the grains that other ranks see (ghosts) is sent, and all ranks agree on whether to stop (``step/exchange.py``). So
+they stop after the same step. While ghosts are under way the threads evaluate walls and the contact batches without ghosts;
+then thread 0 waits for the ghosts, and the batches of the boundary follow. Loads on walls that move by them are added up over
+all ranks before, exactly, so that each rank moves these walls alike.
 """
 
 import functools
@@ -19,9 +20,11 @@ import functools
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS, KernelSet
 from warpdem.kernels.step.barrier import arrive_and_wait
-from warpdem.kernels.step.exchange import TOO_DEEP, WALL_LOADS, exchange
+from warpdem.kernels.step.exchange import ARRIVED, TOO_DEEP, WALL_LOADS, exchange
 from warpdem.kernels.step.forces import too_deep
 from warpdem.kernels.step.structs import (
+    BOUNDARY,
+    CONTACTS,
     GRAINS,
     SPAN,
     WALL_GRAINS,
@@ -91,13 +94,22 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
 
     @wp.func
     def forces_of_all(
-        thread: int, threads: int, target: int, call: ForceCall, model: Model, grains: Grains, contacts: ContactBatches,
-        wall_contacts: WallContacts, control: Control, report: Report,
+        thread: int, threads: int, target: int, k: int, call: ForceCall, steps: Steps, model: Model, grains: Grains,
+        contacts: ContactBatches, wall_contacts: WallContacts, control: Control, report: Report,
     ) -> int:  # fmt: skip
-        """A force call; returns as ``wait_for_all``."""
+        """A force call of the ``k``-th step; returns as ``wait_for_all``."""
         forces.force_phase(thread, threads, call, model, grains, contacts, wall_contacts, control, report)
         met = wait_for_all(target, threads, control, report)
-        report.taken[thread * wp.static(SPAN)] = 0  # nobody takes any before the next meeting
+        report.taken[thread * wp.static(SPAN) + wp.static(CONTACTS)] = 0  # nobody takes any before the next meeting
+        if wp.static(ranks):
+            if thread == 0 and k > 0:  # before the first step ghosts are there
+                exchange(steps.exchange, k, wp.static(ARRIVED), 0)
+            met = wait_for_all(met, threads, control, report)
+            forces.shared_pair_phase(
+                thread, threads, wp.static(BOUNDARY), call, model, grains, contacts, control, report
+            )  # fmt: skip
+            met = wait_for_all(met, threads, control, report)
+            report.taken[thread * wp.static(SPAN) + wp.static(BOUNDARY)] = 0
         return met
 
     @kernel
@@ -140,8 +152,8 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                                         exchange(steps.exchange, k, stage, 0)
                                     target = wait_for_all(target, threads, control, report)
                                 target = forces_of_all(
-                                    thread, threads, target, force_call(s, stage + 1, (steps.parity + k - 1) & 1), model,
-                                    grains, contacts, wall_contacts, control, report,
+                                    thread, threads, target, k, force_call(s, stage + 1, (steps.parity + k - 1) & 1), steps,
+                                    model, grains, contacts, wall_contacts, control, report,
                                 )  # fmt: skip
                     report.moved[slot] = moved
                     target = wait_for_all(target, threads, control, report)
@@ -157,8 +169,8 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
                     report.done[0] = k
                 if stop == 0 and (k > 0 or steps.forces_first == 1) and (k < steps.count or steps.hold == 0):
                     target = forces_of_all(
-                        thread, threads, target, force_call(steps.row + k, 0, (steps.parity + k) & 1), model, grains, contacts,
-                        wall_contacts, control, report,
+                        thread, threads, target, k, force_call(steps.row + k, 0, (steps.parity + k) & 1), steps, model, grains,
+                        contacts, wall_contacts, control, report,
                     )  # fmt: skip
                     if wp.static(not ranks):  # else all stop after the next step: ``agreed``
                         for t in range(threads):

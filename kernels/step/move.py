@@ -9,6 +9,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.films import FILM_AT
+from warpdem.kernels.step import motion_sweep
 from warpdem.kernels.step.clump_sweep import BLOCK
 from warpdem.kernels.step.motion import LEFT
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
@@ -20,7 +21,7 @@ vec6 = wp.types.vector(6, wp.float64)
 @functools.cache
 def build(
     structs, WallContacts, load, acceleration, travel, integrator, border, orientation, budget, flow, wear, clumps=None, *,
-    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None, wet_load=None,
+    stages: int, spins: bool, walls: bool, leave: bool, films=None, wetting=None, wet_load=None, sweep=None,
 ):  # fmt: skip
     """Return ``move_phase``.
 
@@ -41,6 +42,7 @@ def build(
         leave: grains may leave the domain.
         films: of ``contact.films.build``, ``wetting`` of ``wall.films.build`` and ``wet_load`` of ``motion.build_wet_load``;
             None for a law without bridges.
+        sweep: of ``motion_sweep.build``, moves grains side by side; None where more is asked than their motion, or on a GPU.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -175,6 +177,45 @@ def build(
         return moved
 
     @wp.func
+    def watch(
+        i: int, state: g.Record, s: int, dt: wp.float64, grains: Grains, wall_contacts: WallContacts, control: Control,
+        report: Report, inner_share: wp.float64,
+    ) -> int:  # fmt: skip
+        """Of grain ``i`` after step ``s``: as ``move_phase``."""
+        next_row = (s + 2) * wp.static(stages)
+        far = travel.displaced(
+            i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
+            control.origin, next_row, dt,
+        )
+        if wp.static(leave):
+            far = far | travel.left(g.position(state), control.outlet, control.placement, next_row)
+            if (far & wp.static(LEFT)) > 0:
+                if leave_domain(i, 1, g.position(state), s, grains, wall_contacts, control, report):
+                    far = 0
+        return far
+
+    @wp.func
+    def move_in_lanes(
+        part: Range, s: int, row: Row, dt: wp.float64, grains: Grains, wall_contacts: WallContacts, control: Control,
+        report: Report, inner_share: wp.float64,
+    ) -> int:  # fmt: skip
+        """As ``move_phase``, by ``sweep``; what else there is to do is done grain by grain, while it is in the caches."""
+        moved = int(0)
+        for begin in range(part.first, part.last, wp.static(motion_sweep.BLOCK)):
+            end = wp.min(begin + wp.static(motion_sweep.BLOCK), part.last)
+            far = sweep(begin, end, row, dt, inner_share, wall_contacts, grains)
+            if wp.static(orientation is not None) or wp.static(leave) or far != 0:
+                for i in range(begin, end):
+                    state = grains.record[i]
+                    if wp.static(leave):
+                        if g.is_removed(state):
+                            continue
+                    if wp.static(orientation is not None):
+                        grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
+                    moved = moved | watch(i, state, s, dt, grains, wall_contacts, control, report, inner_share)
+        return moved
+
+    @wp.func
     def move_phase(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
         report: Report, inner_share: wp.float64,
@@ -185,6 +226,9 @@ def build(
         dt = model.dt
         moved = int(0)
         last = int(part.last)
+        if wp.static(sweep is not None):
+            moved = move_in_lanes(part, s, row, dt, grains, wall_contacts, control, report, inner_share)
+            last = part.first
         if wp.static(clumps is not None and not clumps.drives and films is None):
             if grains.clumps.spheres == 0:  # ``move_clumps`` does it all
                 last = part.first
@@ -243,17 +287,7 @@ def build(
                 if stage == wp.static(stages - 1):
                     grains.orientation[i] = orientation(grains.orientation[i], g.spin(state), row, dt)
             if stage == wp.static(stages - 1):
-                next_row = (s + 2) * wp.static(stages)
-                far = travel.displaced(
-                    i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
-                    control.origin, next_row, dt,
-                )
-                if wp.static(leave):
-                    far = far | travel.left(g.position(state), control.outlet, control.placement, next_row)
-                    if (far & wp.static(LEFT)) > 0:
-                        if leave_domain(i, 1, g.position(state), s, grains, wall_contacts, control, report):
-                            far = 0
-                moved = moved | far
+                moved = moved | watch(i, state, s, dt, grains, wall_contacts, control, report, inner_share)
         if wp.static(clumps is not None):
             moved = moved | move_clumps(part, s, model, grains, wall_contacts, control, report, inner_share)
         return moved

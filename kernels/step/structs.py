@@ -26,7 +26,8 @@ from warpdem.kernels.step.schedule import FrameRow, Placement, Row
 from warpdem.kernels.wall.surface import Surface
 
 SPAN = 16  # numbers per thread in shared arrays: a cache line, so that threads do not disturb each other
-CONTACTS, GRAINS, WALL_GRAINS = 0, 2, 4  # columns of ``Control.thread_ranges``: where the range of each begins
+CONTACTS, GRAINS, WALL_GRAINS, BOUNDARY = 0, 2, 4, 6
+"""Columns of ``Control.thread_ranges``: where the range of each begins; BOUNDARY: contact batches with ghosts."""
 
 
 @wp.struct
@@ -45,7 +46,7 @@ class Control:
     wear_from: wp.array(dtype=wp.int32)  # (1,) first step whose wear counts
     cutting: wp.array(dtype=wp.float64)  # (1,) K of Finnie's law, see ``measure.wear``
     max_overlap: wp.array(dtype=wp.float64)  # (1,) largest allowed overlap over the radius [-]
-    thread_ranges: wp.array2d(dtype=wp.int32)  # (threads, 6) first and last contact batch, grain, grain at a wall
+    thread_ranges: wp.array2d(dtype=wp.int32)  # (threads, 8) first and last of each; of ``CONTACTS`` ... ``BOUNDARY``
     wait_modes: wp.array(dtype=wp.uint64)  # (4,) how a thread waits at the barrier, of ``barrier.wait_modes``
 
 
@@ -60,7 +61,7 @@ class Report:
     done: wp.array(dtype=wp.int32)  # (1,) steps
     removed: wp.array(dtype=wp.int32)  # (1,) 1 when a step removed a grain
     arrivals: wp.array(dtype=wp.int32)  # (barrier.LENGTH,) arrivals at the barrier
-    taken: wp.array(dtype=wp.int32)  # (threads * SPAN,) contact batches of each thread that are taken in this force call
+    taken: wp.array(dtype=wp.int32)  # (threads * SPAN,) of each range: contact batches that are taken in this force call
 
 
 @wp.struct
@@ -111,7 +112,7 @@ def consecutive(first: int, last: int, thread: int) -> Range:
 
 @wp.func
 def range_of(thread: int, column: int, control: Control) -> Range:
-    """What ``thread`` takes of CONTACTS, GRAINS or WALL_GRAINS."""
+    """What ``thread`` takes of CONTACTS, GRAINS, WALL_GRAINS or BOUNDARY."""
     return consecutive(control.thread_ranges[thread, column], control.thread_ranges[thread, column + 1], thread)
 
 

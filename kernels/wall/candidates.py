@@ -13,6 +13,9 @@ from warpdem.kernels.lists.path import FAR, Flight, in_flight
 from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import MeshTrees, Surface
 
+MET = 8
+"""Features of a grain that are kept when they are counted: one with more looks for them once more."""
+
 
 @functools.cache
 def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bool, shapes: bool, gap: float, leave: bool,
@@ -27,14 +30,24 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
     kernel = functools.partial(wp.kernel, enable_backward=False, module="unique", module_options=MODULE_OPTIONS)
 
     @wp.func
-    def add(candidate: int, fill: int, at: int, n: int, out: wp.array(dtype=wp.int32)) -> int:
-        """Number of candidates with one more; inserted in ascending order when filling."""
+    def insert(candidate: int, at: int, n: int, out: wp.array(dtype=wp.int32)) -> int:
+        """Number of candidates with one more, inserted in ascending order."""
+        s = at + n
+        while s > at and out[s - 1] > candidate:
+            out[s] = out[s - 1]
+            s -= 1
+        out[s] = candidate
+        return n + 1
+
+    @wp.func
+    def add(
+        i: int, candidate: int, fill: int, at: int, n: int, met: wp.array2d(dtype=wp.int32), out: wp.array(dtype=wp.int32)
+    ) -> int:  # fmt: skip
+        """As ``insert`` when filling; else the first ones are kept for that."""
         if fill == 1:
-            s = at + n
-            while s > at and out[s - 1] > candidate:
-                out[s] = out[s - 1]
-                s -= 1
-            out[s] = candidate
+            return insert(candidate, at, n, out)
+        if n < met.shape[1]:
+            met[i, n] = candidate
         return n + 1
 
     @kernel
@@ -46,13 +59,16 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
         surface: Surface,
         trees: MeshTrees,
         placements: wp.array(dtype=Placement),
+        met: wp.array2d(dtype=wp.int32),  # (n, up to MET) of each grain those first met, written by 0; of width 0: none
         start: wp.array(dtype=wp.int32),
         count_out: wp.array(dtype=wp.int32),
         feature_out: wp.array(dtype=wp.int32),
     ):
         i = first + wp.tid()
         state = grains.record[i]
-        if fill == 1 and count_out[i] == 0:
+        if fill == 1 and count_out[i] <= met.shape[1]:
+            for k in range(count_out[i]):
+                insert(met[i, k], start[i], k, feature_out)
             return
         if wp.static(leave):
             if g.is_removed(state):
@@ -92,7 +108,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
                                     c = around.candidate_of(surface, trees.first[m] + t, image)
                                     # a large triangle may be met from several of these places
                                     if around.reached(surface, placement, c, q, radius, reach, travel) == place:
-                                        n = add(c, fill, at, n, feature_out)
+                                        n = add(i, c, fill, at, n, met, feature_out)
         if wp.static(shapes):
             for k in range(surface.analytic):
                 f = surface.triangles + k
@@ -105,7 +121,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
                     if around.counts(surface, wall, image):
                         c = around.candidate_of(surface, f, image)
                         if around.reached(surface, placement, c, q, radius, reach, travel) >= 0:
-                            n = add(c, fill, at, n, feature_out)
+                            n = add(i, c, fill, at, n, met, feature_out)
         count_out[i] = n
 
     @wp.func
@@ -129,7 +145,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
             c = near_feature[e]
             placement = placements[surface.motion[surface.wall[around.feature_of(surface, c)]]]
             if around.reached(surface, placement, c, q, radius, within, travel) >= 0:
-                n = add(c, 1, at, n, wall_contacts.feature)
+                n = insert(c, at, n, wall_contacts.feature)
         wall_contacts.candidates[i] = n
         if n == 0:
             if wp.static(wetting is not None):  # only one of the generations holds bridges

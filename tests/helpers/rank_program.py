@@ -2,7 +2,8 @@
 
 Of the N processes SIZE share the scene NAME; results go to FOLDER/NAME-SIZE. With a SIZE of 2+3 two of them share the first
 half, and three resume it; 1 is a run without ranks. Cuts are moved at random at every outer list, so that many grains
-change hands. ``resident``: ranks step by graphs, as on GPUs.
+change hands; every second exchange, at random, begins when it should have ended. ``resident``: ranks step by graphs, as on
+GPUs.
 """
 
 import sys
@@ -16,6 +17,7 @@ from warpdem.app.phases import run
 from warpdem.assembly import parts
 from warpdem.ranks import rank
 from warpdem.ranks.cuts import Cuts
+from warpdem.ranks.exchange import Links
 from warpdem.ranks.follower import serve
 from warpdem.ranks.front import leading
 from warpdem.ranks.world import World
@@ -32,6 +34,19 @@ def main() -> None:
     if "resident" in sys.argv[3:]:
         prepare = parts.prepare
         parts.prepare = lambda given, device, resident, past, ranks: prepare(given, device, ranks, past, ranks)
+    start, finish = Links.start, Links.finish
+
+    def start_late(links):
+        links.late = draw.random() < 0.5
+        if not links.late:
+            start(links)
+
+    def finish_late(links):
+        if links.__dict__.pop("late", False):
+            start(links)
+        finish(links)
+
+    Links.start, Links.finish = start_late, finish_late
     rank.shifted, rank.IMBALANCE, rank.WAIT = jittered, 0.0, 0
     for task in sys.argv[2].split(","):
         name, sizes = task.split("-")

@@ -1,5 +1,6 @@
 """Who owns a place, whom a rank sees, and how grains and contacts are dealt out; against brute force."""
 
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from warpdem import Scene, Simulation
 from warpdem.errors import SceneError
+from warpdem.model.decisions import Decisions
+from warpdem.model.prepare import without_grains
 from warpdem.ranks import estimate, halo, launcher
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.portion import Portion, with_ghosts
@@ -112,6 +116,25 @@ def test_ghosts_stand_behind_own_grains(rng):
     among = mine.among(mine.grains["id"])
     assert np.isin(among["pair"], mine.grains["id"]).all()
     assert len(among["pair"]) < len(mine.pairs["pair"])
+
+
+def test_what_all_ranks_are_told_does_not_grow_with_the_grains():
+    """Positions, radii, velocities, spins and ids of a scene are dealt out, not sent to all; the model is the same."""
+    sizes = []
+    for n in (10, 16):
+        place = np.stack(np.meshgrid(*[np.arange(n)] * 3), axis=-1).reshape(-1, 3) * 3e-3
+        rows = {"positions": place, "velocities": 0.1 * place, "spins": place, "radii": np.full(n**3, 1e-3)}
+        given = {"materials": {"a": {"density": 2500, "young_modulus": 5e6, "poisson_ratio": 0.3}},
+                 "pairs": [{"materials": ["a", "a"], "restitution": 0.5, "friction": 0.3}],
+                 "grains": [{"material": "a", "ids": np.arange(n**3) + 5, **rows}],
+                 "time": {"end": 1.0, "max_speed": 1.0}}  # fmt: skip
+        model = Simulation(Scene.model_validate(given), device="cpu", threads=1).model
+        decided = Decisions.of(model)
+        sizes.append(len(pickle.dumps(decided)))
+        again = without_grains(pickle.loads(pickle.dumps(decided)), model.device)
+        assert again.features == model.features and again.scene.groups == model.scene.groups
+    assert model.scene.grains[0].positions is not None and model.given.json
+    assert abs(sizes[1] - sizes[0]) < 1000 < sizes[0] < 100_000
 
 
 def test_the_launcher_is_known_by_its_variables(monkeypatch):

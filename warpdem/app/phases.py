@@ -97,7 +97,8 @@ def _run(
             end = one.time.end if until is None else min(one.time.end, until - begin)
             if resume and _is_done(there, end) and k + 1 < requested:
                 files = file_digests(one)
-                same_scene.refuse_other(checkpoint_file.read(there / CHECKPOINT), one, files, scene_hash(one, files))
+                with checkpoint_file.opened(there / CHECKPOINT) as saved:
+                    same_scene.refuse_other(saved, one, files, scene_hash(one, files))
                 continue
             resumes = resume and (k == 0 or (there / CHECKPOINT).exists())
             sim = run_scene(one, there, until=end, resume=resumes, overwrite=True, picture=False, **common)

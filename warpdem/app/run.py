@@ -1,7 +1,7 @@
 """A run with its outputs: advances a simulation from frame to frame, writes, shows progress, and sums up."""
 
 import time
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 
 from rich.console import Console
@@ -84,9 +84,11 @@ def _run(
     """``run_scene`` in a folder that no other run writes into."""
     folder = claim.folder
     begin = time.perf_counter()
-    saved = checkpoint_file.read(folder / CHECKPOINT) if resume else None
     end = scene.time.end if until is None else until
-    with compiling_ahead(scene, device) if led() is None else nullcontext():
+    opened: AbstractContextManager[checkpoint_file.Contents | None] = nullcontext()
+    if resume:
+        opened = checkpoint_file.opened(folder / CHECKPOINT)
+    with opened as saved, compiling_ahead(scene, device) if led() is None else nullcontext():
         with report_if_long(SETTING_UP, console, quiet):
             sim = Simulation(scene, device=device, threads=threads, world=led())
         if saved is not None:

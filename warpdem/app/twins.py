@@ -63,7 +63,8 @@ def make_twins(
         raise SceneError(
             f"{run.folder}: its run is not finished ({run.status}); go on with it first: warpdem run SCENE --resume"
         )
-    scene = scene_of(checkpoint_file.read(run.folder / CHECKPOINT), plugins)
+    with checkpoint_file.opened(run.folder / CHECKPOINT) as saved:
+        scene = scene_of(saved, plugins)
     if scene.start is not None:
         raise SceneError(
             f"{run.folder}: twins of a run that starts from another one are not made: they would lose the friction of its "

@@ -47,6 +47,8 @@ class Scratch:
     """(3,), [1]: neighbors in an outer list."""
     slots: wp.array
     """(3,), [1]: slots beside walls."""
+    met: wp.array
+    """(n, 0): no wall features are kept when they are counted."""
 
     @classmethod
     def of(cls, n: int, device: wp.Device) -> "Scratch":
@@ -54,7 +56,7 @@ class Scratch:
         nothing, start, entries, slots = (wp.zeros(size, dtype=wp.int32, device=device) for size in (0, n + 1, 3, 3))
         sums = wp.zeros(-(-n // numbering.BLOCK), dtype=numbering.Sums, device=device)
         allowance = wp.zeros(n, dtype=wp.float64, device=device)
-        return cls(nothing, sums, start, allowance, entries, slots)
+        return cls(nothing, sums, start, allowance, entries, slots, wp.zeros((n, 0), dtype=wp.int32, device=device))
 
 
 class Batch:
@@ -82,7 +84,7 @@ class Batch:
         self.stages = len(model.features.backend.scheme.STAGES)
         control, report = self.control, self.report = Control(), Report()
         self.model = model_struct(model)
-        control.thread_ranges = wp.zeros((threads, 6), dtype=wp.int32, device=device)
+        control.thread_ranges = wp.zeros((threads, 8), dtype=wp.int32, device=device)
         report.moved = wp.zeros(threads * SPAN, dtype=wp.int32, device=device)
         report.extreme = wp.zeros(threads * SPAN, dtype=wp.float64, device=device)
         control.max_overlap = wp.array([scene.engine.max_overlap], dtype=wp.float64, device=device)

@@ -49,6 +49,8 @@ class NewOuterList:
     """Ids by slot of the old list."""
     feature_count: wp.array
     """(n,) wall features near each grain."""
+    met: wp.array
+    """(n, up to ``candidates.MET``) wall features that were met when they were counted; of width 0: none are kept."""
     first: wp.array
     """(n + 1,) first wall slot of each grain."""
 
@@ -71,6 +73,7 @@ class ContactLists:
         rebuilds, inner_rebuilds: how often the outer and the inner list were built.
         version: how often the host built them, in other arrays.
         contact_count: contacts between grains in the inner list.
+        batches_inside: contact batches, from the first on, in which no grain is a ghost.
         row_count: grains beside a wall.
         wall_contacts: struct of ``kernels.wall.contact``; None without walls.
         force_parity: parity of the step of the last force call.
@@ -124,7 +127,7 @@ class ContactLists:
         self.forget_outer()
         self.reference, self.outer_reference = (wp.zeros((0, axes), dtype=wp.vec3d, device=model.device) for _ in range(2))
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
-        self.contact_count = self.row_count = 0
+        self.contact_count = self.row_count = self.batches_inside = 0
         self.totals = [0, 0, 0]
         self.wall_contacts: Any = self.new_wall_contacts(n, 0) if model.features.walls.present else None
         self.history = pool.zeros((0, max(model.features.memory, 1), model.features.backend.lanes), self.real)
@@ -158,6 +161,7 @@ class ContactLists:
     def set_totals(self, totals: list[int]) -> None:
         """Take note of the length of the inner list: lanes, force slots, grains beside a wall."""
         self.totals, self.contact_count, self.row_count = totals, totals[1] // 2, totals[2]
+        self.batches_inside = totals[0] // self.model.features.backend.lanes
 
     def inner_built(self) -> None:
         """Take note that the host has built the inner list."""

@@ -18,7 +18,7 @@ from warpdem.engine.host_build import HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.pace import Pace
 from warpdem.engine.structs import Structs
-from warpdem.kernels.step.structs import SPAN, Steps
+from warpdem.kernels.step.structs import BOUNDARY, SPAN, Steps
 from warpdem.model.compiled import step_kernels
 from warpdem.model.model import Model
 from warpdem.state.clock import Clock
@@ -105,8 +105,10 @@ class CpuExecutor:
         kernel = model.kernels.loop.run
         # views of the memory that the kernel reads and writes
         thread_ranges, moved = control.thread_ranges.numpy(), report.moved.numpy()
-        batches = lists.totals[0] // model.features.backend.lanes
-        thread_ranges[:n] = np.hstack([ranges(m, n) for m in (batches, self._state.owned, lists.row_count)])
+        batches, inside = lists.totals[0] // model.features.backend.lanes, lists.batches_inside
+        several = [ranges(m, n) for m in (inside, self._state.owned, lists.row_count, batches - inside)]
+        thread_ranges[:n] = np.hstack(several)
+        thread_ranges[:n, BOUNDARY:] += inside
         for counts in (report.arrivals, report.taken):
             counts.numpy()[:] = 0
         moved[:] = 0

@@ -219,7 +219,7 @@ class Captured:
         lists.new = NewOuterList(
             start=self.scratch.start, count=lists.width, slot=storage.scratch.listed, contact=storage.scratch.contact,
             allowance=self.scratch.allowance, capacity_start=nothing, old_slot=nothing, old_id=state.id,
-            feature_count=lists.near, first=lists.slot_start,
+            feature_count=lists.near, first=lists.slot_start, met=self.scratch.met,
         )  # fmt: skip
 
     # -- the loop -------------------------------------------------------------------------------

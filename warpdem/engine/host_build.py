@@ -20,6 +20,7 @@ from warpdem.engine.stops import too_long_a_list
 from warpdem.filling.size_grids import RowCapacity, finest_cell, grids_for, size_classes
 from warpdem.kernels import grain
 from warpdem.kernels.step.clock import TOTALS
+from warpdem.kernels.wall.candidates import MET
 from warpdem.model.model import Model
 from warpdem.state.particles import State
 
@@ -195,7 +196,7 @@ class HostBuild:
         a.new = NewOuterList(
             start=self._array("rows", n + 1), count=counts[0], slot=nothing, contact=nothing,
             allowance=self._array("allowances", n, wp.float64), capacity_start=nothing, old_slot=old_slot, old_id=old_id,
-            feature_count=counts[1], first=self._array("wall slots", n + 1),
+            feature_count=counts[1], first=self._array("wall slots", n + 1), met=self._met(n),
         )  # fmt: skip
         if not a.rows_are_counted:
             self._give_rows_capacity()
@@ -218,6 +219,11 @@ class HostBuild:
         if self.storage.rows_are_counted:
             return pool.zeros(size, dtype)
         return pool.buffer(f"{name} {self._side}", (size,), dtype)
+
+    def _met(self, n: int) -> wp.array:
+        """Array for the wall features that are met when they are counted: on a GPU memory counts for more."""
+        kept = MET if self.model.walls is not None and not self.storage.rows_are_counted else 0
+        return self.storage.pool.buffer("met", (n, kept), wp.int32)
 
     def _sort(self) -> np.ndarray | None:
         """Sort the grains in memory, without those that have left, and make the cell grids; return as ``outer``."""

@@ -159,8 +159,8 @@ class Newcomers:
         contacts, n, used = lists.wall_contacts, int(new[-1]) + 1, int(lists.wall_contacts.first.numpy()[new[0]])
         near, nothing = self.model.kernels.walls.near_features, self.pool.zeros(0, wp.int32)
         grains = ListStructs(self.model, self.state, lists).grains()
-        shared = grains, lists.outer.allowance, walls.surface, walls.trees, self.batch.placements
-        count = self.pool.zeros(n, wp.int32)
+        count, met = self.pool.zeros(n, wp.int32), self.pool.zeros((n, 0), wp.int32)
+        shared = grains, lists.outer.allowance, walls.surface, walls.trees, self.batch.placements, met
         self._launch_for(new, near, 0, *shared, nothing, count, nothing)
         begin = used + starts(count.numpy()[new])
         for name, axis in WALL_ROWS.items():

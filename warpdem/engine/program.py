@@ -205,7 +205,7 @@ class ListBuild:
         first, feature = (a.new.first, a.near_feature) if write else (nothing, nothing)
         if self.state.ghosts:  # which are beside no wall here
             a.new.feature_count[self.state.owned :].zero_()
-        shared = self.structs.grains(), a.new.allowance, walls.surface, walls.trees, self.batch.placements
+        shared = self.structs.grains(), a.new.allowance, walls.surface, walls.trees, self.batch.placements, a.new.met
         self.launch(self.kernels.walls.near_features, self.state.owned, write, *shared, first, a.new.feature_count, feature)
 
     # -- inner list -----------------------------------------------------------------------------

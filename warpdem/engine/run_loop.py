@@ -1,12 +1,14 @@
 """Brings a run forward: valid lists, forces, batches of steps, and grains that streams insert between them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from warpdem.core.timers import Timers
 from warpdem.engine.engine import Engine
 from warpdem.errors import WarpdemError
+from warpdem.state import contact_history
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
@@ -72,6 +74,11 @@ class RunLoop:
         clock.forces_evaluated = not moved and done < steps_to_insertion
         if done == steps_to_insertion:
             self.insert()
+
+    def restore_contacts(self, data: Mapping[str, Any]) -> None:
+        """Take over contact history and forces of a checkpoint, whose grains were taken over."""
+        contact_history.restore(self._engine.lists, contact_history.within(data))
+        self._clock.forces_evaluated = True
 
     def insert(self) -> None:
         """Insert what the streams bring at the present step."""

@@ -5,6 +5,8 @@ grain whose centre is more than its radius behind the wall is reported. The over
 """
 
 import functools
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -86,7 +88,7 @@ class SideGuard:
         """What is kept between looks: ids, shape (n,), and whether each is inside each closed mesh, shape (n, meshes)."""
         return {"sides_id": self._ids, "sides_inside": self._inside}
 
-    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+    def restore(self, arrays: Mapping[str, Any]) -> None:
         """Take over what ``arrays`` gave."""
         self._ids, self._inside = self._next = arrays["sides_id"], arrays["sides_inside"]
 

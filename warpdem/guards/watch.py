@@ -16,7 +16,7 @@ the run goes on to its next look. Guards only read. With engine.guards = "record
 goes on.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -152,7 +152,7 @@ class Guards:
         """What the guards keep of each grain."""
         return self.sides.arrays()
 
-    def restore(self, data: dict[str, Any]) -> None:
+    def restore(self, data: Mapping[str, Any]) -> None:
         """Take over ``state``, under "guards", and ``arrays`` of a checkpoint.
 
         What a checkpoint of an older version lacks counts as nothing kept: that guard starts without a reference.

@@ -18,7 +18,7 @@ SAMPLE = 256
 
 @dataclass(frozen=True)
 class Decisions:
-    """Fields as of ``Model``."""
+    """Fields as of ``Model``; scenes are without arrays of grains (positions, radii ...), and not held as JSON."""
 
     given: Given
     scene: Scene
@@ -34,10 +34,18 @@ class Decisions:
     @classmethod
     def of(cls, model: Model) -> "Decisions":
         """Those that a model was made with."""
-        table, walls = model.coefficient_table, model.schedule.dynamic
-        return cls(
-            model.given, model.scene, sample(model.expected), model.features, model.limits, model.dt, table, walls
-        )
+        table, walls, scene = model.coefficient_table, model.schedule.dynamic, _without_arrays(model.scene)
+        given = replace(model.given, scene=_without_arrays(model.given.scene), json="")
+        return cls(given, scene, sample(model.expected), model.features, model.limits, model.dt, table, walls)
+
+
+def _without_arrays(scene: Scene) -> Scene:
+    """The scene without what it says of its grains one by one."""
+    groups = [
+        group.model_copy(update={name: None for name, value in group if isinstance(value, np.ndarray)})
+        for group in scene.grains
+    ]
+    return scene.model_copy(update={"grains": groups})
 
 
 def sample(grains: InitialGrains) -> InitialGrains:

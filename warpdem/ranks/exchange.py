@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.step.exchange import WALL_LOADS
+from warpdem.kernels.step.exchange import ARRIVED, WALL_LOADS
 from warpdem.ranks.world import World
 from warpdem.state.particles import changed
 
@@ -36,6 +36,7 @@ class Links:
 
         self._mpi, self._comm = MPI, comm
         self._requests: list[Any] = []
+        self._under_way = False
         self.bytes = 0
         self._sends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._receives: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
@@ -61,18 +62,25 @@ class Links:
         self._receives.append((values, rows, buffer))
         self.receive(buffer, rank, tag)
 
-    def exchange(self) -> None:
-        """Send and receive all."""
+    def start(self) -> None:
+        """Begin to send and receive all."""
         for values, rows, buffer in self._sends:
             np.take(values, rows, axis=0, out=buffer, mode="clip")  # "raise" would copy once more
         if self._requests:
             self._mpi.Prequest.Startall(self._requests)
+            self._under_way = True
+
+    def finish(self) -> None:
+        """Wait until all is sent and received that was begun."""
+        if self._under_way:
             self._mpi.Request.Waitall(self._requests)
-        for values, rows, buffer in self._receives:
-            values[rows] = buffer
+            self._under_way = False
+            for values, rows, buffer in self._receives:
+                values[rows] = buffer
 
     def free(self) -> None:
         """Let go of the memory."""
+        self.finish()
         for request in self._requests:
             request.Free()
         self._requests, self._sends, self._receives, self.bytes = [], [], [], 0
@@ -148,6 +156,11 @@ class Exchange:
         self._ghosts.free()
         self._answers.free()
 
+    def finish(self) -> None:
+        """Wait for ghosts and answers that are under way."""
+        self._ghosts.finish()
+        self._answers.finish()
+
     def call(self, step: int, stage: int, found: int) -> int:
         """As ``kernels.step.exchange.exchange``; an error, which a kernel cannot raise, ends all ranks."""
         try:
@@ -156,14 +169,18 @@ class Exchange:
                 self._add_loads()
                 self.seconds += time.perf_counter() - began
                 return found
-            self._ghosts.exchange()
-            self._answers.exchange()
-            self.bytes += self.bytes_per_call
+            self.finish()
+            if stage != ARRIVED:
+                self._ghosts.start()
+                self._answers.start()
+                self.bytes += self.bytes_per_call
             if stage == self._last:
                 self._mine[0] = found
                 self._world.comm.Allreduce(self._mine, self._all, op=self._mpi.BOR)
                 found = int(self._all[0])
                 self.calls += 1
+            if found:  # no force call follows
+                self.finish()
             self.seconds += time.perf_counter() - began
             return found
         except BaseException:

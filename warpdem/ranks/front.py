@@ -4,7 +4,7 @@ Guards, measures, writers and checkpoints see the whole run on rank 0, as in a r
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -25,6 +25,7 @@ from warpdem.ranks.portion import Portion
 from warpdem.ranks.rank import Rank, nobody
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
+from warpdem.state.checkpoint_file import Contents
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.streams import Streams
@@ -128,7 +129,8 @@ class Front(RunLoop):
         """As ``RunLoop``, on all ranks."""
         if not self._is_dealt:
             self._evaluate()
-            self._deal()
+            view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
+            self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
         if count == 0:
             self.prepare()
             return
@@ -203,11 +205,14 @@ class Front(RunLoop):
 
     # -- the whole ------------------------------------------------------------------------------
 
-    def _deal(self) -> None:
-        """Deal the grains out to the ranks."""
+    def restore_contacts(self, data: Mapping[str, Any]) -> None:
+        """As ``RunLoop``: grains and contacts go to the ranks block by block as they are read, and to no list here."""
+        self._deal(Portion.of(data.rows if isinstance(data, Contents) else data))
+        self._clock.forces_evaluated = self._is_gathered = False
+
+    def _deal(self, whole: Portion) -> None:
+        """Deal all grains out to the ranks."""
         state, clock, world = self._state, self._clock, self._world
-        view = RunView(self._model, state, clock, self._engine, None, self._engine.lists.view)
-        whole = Portion.of({**contact_history.read(view), **Rank.arrays_of(state, state.rank)})
         position = whole.places
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():

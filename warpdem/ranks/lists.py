@@ -145,3 +145,8 @@ class RankLists(NeighborLists):
         """Take note of a build; a rank without grains built nothing, and takes note of it too."""
         if not self.state.slots:
             self.inner_rebuilds += 1
+        elif self.contact_count and not self.model.features.backend.resident:
+            lane = self.view().real_lanes()
+            ghost = np.maximum(self.owner.numpy().ravel()[lane], self.partner.numpy().ravel()[lane]) >= self.state.owned
+            first = lane[ghost].min(initial=self.totals[0])
+            self.batches_inside = int(first) // self.model.features.backend.lanes

@@ -11,7 +11,7 @@ import numpy as np
 
 from warpdem.filling.clump_grains import NONE
 from warpdem.kernels import grain
-from warpdem.state.blocks import Rows, each_block
+from warpdem.state.blocks import each_block, made
 from warpdem.state.clumps import OF_CLUMPS
 
 Table = dict[str, Any]
@@ -27,11 +27,6 @@ NUMBERS_OF_CLUMPS = tuple(f"clump_{name}" for name in (*OF_CLUMPS, "template", "
 """Arrays that have a row per clump."""
 OF_GHOSTS = ("record", "inverse", "id", "material")
 """Those that a ghost needs: to its neighbors it is no member of a clump, as all members of one are on one rank."""
-
-
-def made(values: Rows | np.ndarray) -> np.ndarray:
-    """An array whose rows are made, or that is there."""
-    return values.whole() if isinstance(values, Rows) else values
 
 
 @dataclass
@@ -96,6 +91,15 @@ class Portion:
         """Row of the first member of the clump of each grain, its own of others, shape (n,)."""
         of = self.grains["clump"]
         return np.where(of == NONE, np.arange(len(of)), np.searchsorted(self.grains["id"], of))
+
+    def bodies_of(self, some: np.ndarray) -> np.ndarray:
+        """The grains of a mask, shape (n,), and all other members of their clumps, as a mask."""
+        if not self.clumps:
+            return some
+        leads, of_lead = self._leads, np.zeros(len(some), dtype=bool)
+        of_lead[leads[some]] = True
+        out: np.ndarray = of_lead[leads]
+        return out
 
     def split(self, owner: np.ndarray, parts: int) -> list["Portion"]:
         """What each of ``parts`` ranks gets; ``owner``: the rank of each grain, shape (n,)."""

@@ -27,11 +27,11 @@ from warpdem.ranks.answers import shared_slots
 from warpdem.ranks.cuts import Cuts
 from warpdem.ranks.exchange import Exchange
 from warpdem.ranks.lists import RankLists
-from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, made, numbered, with_ghosts
+from warpdem.ranks.portion import OF_GHOSTS, OF_GRAINS, Portion, Table, numbered, with_ghosts
 from warpdem.ranks.staging import StagedExchange
 from warpdem.ranks.world import World
 from warpdem.state import contact_history
-from warpdem.state.blocks import Rows
+from warpdem.state.blocks import Rows, made
 from warpdem.state.clock import Clock
 from warpdem.state.particles import State
 from warpdem.state.view import RunView
@@ -165,25 +165,25 @@ class Rank:
             self.exchange.connect_answers(lists.slot_force[:, films.wish] if contacts else None, contacts)
 
     def _with_ghosts(self, mine: Portion) -> tuple[np.ndarray, dict[int, np.ndarray], Table, np.ndarray, dict[int, int]]:
-        """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank."""
+        """Order of own grains in memory; slots that each rank sees; all by id; their places; number of ghosts by rank.
+
+        The grains that others see come last: the contacts of those before are evaluated while ghosts are under way.
+        """
         record = mine.grains["record"]
         position, radius = record[:, grain.POSITION], record[:, grain.RADIUS]
         beyond = self._model.features.contact.gap + self.lists.skin
         boxes = self.world.everyone(halo.boxes(position, radius))
+        boxes[self.world.rank] = boxes[self.world.rank][:0]
+        seen: list[np.ndarray] = [halo.seen(position, radius, there, beyond, self._model.domain.period) for there in boxes]
         order = np.zeros(0, dtype=np.int64)
         if len(radius):
             order = morton_order(mine.places, finest_cell(radius, size_classes(radius), beyond), self._model.device)
+            order = order[np.argsort(mine.bodies_of(np.logical_or.reduce(seen))[order], kind="stable")]
         own = {name: values[order] for name, values in mine.grains.items()}
-        position, radius = position[order], radius[order]
-        sends: dict[int, np.ndarray] = {}
-        out: list[Table | None] = []
-        for rank, there in enumerate(boxes):
-            near = np.zeros(0, dtype=np.int64)
-            if rank != self.world.rank and len(there) and len(radius):
-                near = np.flatnonzero(halo.seen(position, radius, there, beyond, self._model.domain.period))
-            out.append({name: own[name][near] for name in OF_GHOSTS} if len(near) else None)
-            if len(near):
-                sends[rank] = near
+        sends = {rank: np.flatnonzero(near[order]) for rank, near in enumerate(seen) if near.any()}
+        out: list[Table | None] = [None] * self.world.size
+        for rank, rows in sends.items():
+            out[rank] = {name: own[name][rows] for name in OF_GHOSTS}
         ghosts = {rank: found for rank, found in enumerate(self.world.swapped(out)) if found is not None}
         both, place = with_ghosts(own, list(ghosts.values()))
         return order, sends, both, place, {rank: len(found["id"]) for rank, found in ghosts.items()}
@@ -345,6 +345,7 @@ class Rank:
                 done, found = self.engine.advance(count, not clock.forces_evaluated, hold)
         else:
             done, found = self._steps_without_grains(count)
+        self.exchange.finish()
         clock.step_number += done
         self.engine.read_walls()
         lists.pending |= found & (BEYOND | LEFT)
@@ -406,9 +407,15 @@ class Rank:
         return self.world.gathered({
             "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
             "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
-            "exchanges": exchange.calls, "bytes": exchange.bytes, "waiting": exchange.seconds,
+            "batches_inside": self.share_inside, "exchanges": exchange.calls,
+            "bytes": exchange.bytes, "waiting": exchange.seconds,
             "seconds": dict(self._timers.seconds),
         })  # fmt: skip
+
+    @property
+    def share_inside(self) -> float:
+        """Share of the contact batches that need no ghosts [-]: they are evaluated while those are under way."""
+        return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
 
 def shifted(position: np.ndarray, weight: np.ndarray, cuts: Cuts) -> Cuts:

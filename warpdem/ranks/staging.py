@@ -120,6 +120,7 @@ class StagedExchange(Exchange):
             mirror.fetch()
         wp.synchronize_device(self._found.device)
         found = self.call(step, stage, int(self._found.numpy()[0]) if stage == self._last else 0)
+        self.finish()
         for mirror in mirrors:
             mirror.give()
         return found

@@ -35,6 +35,11 @@ class Rows:
         return self.part(slice(0, self.shape[0]))
 
 
+def made(values: Any) -> Any:
+    """An array whose rows are made, or what is there."""
+    return values.whole() if isinstance(values, Rows) else values
+
+
 def each_block(values: Rows | np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
     """The rows of an array in blocks of about ``BLOCK`` bytes, each with the slice that it fills; none of an empty array."""
     count = values.shape[0]

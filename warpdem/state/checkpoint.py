@@ -8,7 +8,7 @@ go on with it: ``same_scene``.
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from warpdem.state.blocks import Rows
 from warpdem.state.same_scene import refuse_other
 from warpdem.state.view import RunView
 
-if TYPE_CHECKING:
-    from warpdem.engine.neighbor_list import NeighborLists
 
 class Part(Protocol):
     """A part of a run that a checkpoint holds."""
@@ -41,7 +39,7 @@ class GuardsPart(Protocol):
     def arrays(self) -> dict[str, np.ndarray]:
         """What they keep of each grain."""
 
-    def restore(self, data: dict[str, Any]) -> None:
+    def restore(self, data: Mapping[str, Any]) -> None:
         """Take over both from a checkpoint."""
 
 
@@ -53,6 +51,13 @@ class EnginePart(Protocol):
 
         Schedule and structs are made again.
         """
+
+
+class LoopPart(Protocol):
+    """What brings a run forward."""
+
+    def restore_contacts(self, data: Mapping[str, Any]) -> None:
+        """Take over contact history and forces of a checkpoint, whose grains were taken over."""
 
 
 class Run(Protocol):
@@ -79,8 +84,8 @@ class Run(Protocol):
         """What runs the steps."""
 
     @property
-    def lists(self) -> "NeighborLists":
-        """Neighbor lists."""
+    def loop(self) -> LoopPart:
+        """What brings the run forward."""
 
     @property
     def left(self) -> dict[str, list[float]]:
@@ -180,7 +185,7 @@ def _places(view: RunView) -> dict[str, Any]:
     }
 
 
-def _check(view: RunView, data: dict[str, Any]) -> None:
+def _check(view: RunView, data: Mapping[str, Any]) -> None:
     """Refuse what another scene was run to, or at another time step."""
     given, dt = view.model.given, view.clock.dt
     refuse_other(data, given.scene, given.files, given.hash)
@@ -195,8 +200,8 @@ def _check(view: RunView, data: dict[str, Any]) -> None:
         )
 
 
-def restore(run: Run, data: dict[str, Any]) -> None:
-    """Bring ``run`` to the state that ``data``, as ``read`` gives it, holds.
+def restore(run: Run, data: Mapping[str, Any]) -> None:
+    """Bring ``run`` to the state that ``data``, as ``checkpoint_file`` gives it, holds.
 
     Raises:
         SceneError: if it belongs to another scene or time step; ``run`` is unchanged then.
@@ -217,6 +222,5 @@ def restore(run: Run, data: dict[str, Any]) -> None:
         view.departures.restore(data)
     if view.totals is not None:
         view.totals.restore(data["budget"])
-    contact_history.restore(run.lists, data)
+    run.loop.restore_contacts(data)
     run.guards.restore(data)
-    view.clock.forces_evaluated = True

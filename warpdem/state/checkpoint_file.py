@@ -1,12 +1,15 @@
 """The file of a checkpoint: HDF5, float64.
 
 What is no array stands as JSON in the attributes ``scene`` and ``about``; ``digest`` tells damage anywhere in the file.
-Arrays are brought in order and written block by block (``blocks``): saving takes little memory beside that of the run.
+Arrays are brought in order, written and read block by block (``blocks``): saving and reading take little memory beside that
+of the run.
 """
 
 import hashlib
 import json
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,7 @@ import numpy as np
 
 from warpdem.core.atomic_file import replaced
 from warpdem.errors import SceneError
-from warpdem.state.blocks import FileSink, Rows, each_block
+from warpdem.state.blocks import FileSink, Rows, each_block, made
 
 FORMAT = "warpdem checkpoint 5"
 HOLDS = {
@@ -59,12 +62,13 @@ def _write(sink: FileSink, scene: str, about: str, arrays: dict[str, Rows | np.n
         file.attrs["digest"] = digest.hexdigest()
 
 
-def _digest(text: str, arrays: dict[str, np.ndarray]) -> str:
+def _digest(text: str, arrays: Mapping[str, Rows | np.ndarray]) -> str:
     """SHA-256 of all that a checkpoint holds."""
     digest = hashlib.sha256(text.encode())
     for name in sorted(arrays):
         digest.update(_head(name, arrays[name]))
-        digest.update(_bytes(arrays[name]))
+        for _, block in each_block(arrays[name]):
+            digest.update(_bytes(block))
     return digest.hexdigest()
 
 
@@ -78,7 +82,34 @@ def _bytes(values: np.ndarray) -> memoryview:
     return np.ascontiguousarray(values).reshape(-1).data
 
 
-def read(path: str | Path) -> dict[str, Any]:
+class Contents(Mapping[str, Any]):
+    """What a checkpoint holds, while its file is open: each array is read when it is asked for, every time anew.
+
+    Args:
+        rows: the arrays, whose rows are read when they are asked for, and what is no array.
+
+    Attributes:
+        rows: the same.
+    """
+
+    def __init__(self, rows: dict[str, Any]) -> None:
+        self.rows = rows
+
+    def __getitem__(self, name: str) -> Any:
+        return made(self.rows[name])
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.rows  # without reading it
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[Contents]:
     """Contents of a checkpoint: its arrays, and what ``about`` holds.
 
     Raises:
@@ -87,28 +118,49 @@ def read(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     if not path.exists():
         raise SceneError(f"{path}: no checkpoint there")
-    try:
-        with h5py.File(path, "r") as file:
-            found = file.attrs.get("format")
-            if found != FORMAT:
-                known = isinstance(found, str) and found.startswith("warpdem checkpoint")
-                what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
-                raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
-            for name in file:
-                _require_stored(file, name, path.stat().st_size)
-            scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
-            arrays = {name: file[name][()] for name in file}
-            if digest != _digest(scene + about, arrays):
-                raise SceneError(f"{path}: damaged: its content is not what was written")
-            data = {**arrays, **json.loads(about)}
-            if missing := sorted(HOLDS - data.keys()):
-                raise SceneError(
-                    f"{path}: a checkpoint of another version: it holds no {', '.join(missing)}; go on with the version "
-                    "that saved it"
-                )
-            return {**data, "scene": json.loads(scene), "path": path}
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError) as error:
-        raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
+    with ExitStack() as closing:
+        try:
+            contents = _checked(closing.enter_context(h5py.File(path, "r")), path)
+        except (
+            OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, IndexError, MemoryError,
+        ) as error:  # fmt: skip
+            raise SceneError(f"{path}: damaged or not a checkpoint ({error})") from error
+        yield contents
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """As ``opened``, all arrays at once.
+
+    Raises:
+        SceneError: as ``opened``.
+    """
+    with opened(path) as contents:
+        return dict(contents)
+
+
+def _checked(file: h5py.File, path: Path) -> Contents:
+    """What is in a file, once its digest was found to be that of its content.
+
+    Raises:
+        SceneError: it is not, or the file is of another version.
+    """
+    found = file.attrs.get("format")
+    if found != FORMAT:
+        known = isinstance(found, str) and found.startswith("warpdem checkpoint")
+        what = f"a checkpoint of another version ({found!r})" if known else "an HDF5 file, but not a checkpoint"
+        raise SceneError(f"{path}: {what}; this version reads {FORMAT!r}")
+    for name in file:
+        _require_stored(file, name, path.stat().st_size)
+    scene, about, digest = (file.attrs[name] for name in ("scene", "about", "digest"))
+    arrays = {name: Rows(data.shape, data.dtype, data.__getitem__) for name, data in file.items()}
+    if digest != _digest(scene + about, arrays):
+        raise SceneError(f"{path}: damaged: its content is not what was written")
+    data = {**arrays, **json.loads(about)}
+    if missing := sorted(HOLDS - data.keys()):
+        raise SceneError(
+            f"{path}: a checkpoint of another version: it holds no {', '.join(missing)}; go on with the version that saved it"
+        )
+    return Contents({**data, "scene": json.loads(scene), "path": path})
 
 
 def _require_stored(file: h5py.File, name: str, size: int) -> None:

@@ -5,7 +5,7 @@ template: whatever puts grains into another order keeps them together (``State.p
 """
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -203,7 +203,7 @@ class ClumpState:
         out |= {"template": self.template[slots], "axes": self.axes[slots], "reading": self.reading.numpy()[slots]}
         return {f"clump_{name}": values for name, values in out.items()}
 
-    def restore(self, data: dict[str, Any]) -> None:
+    def restore(self, data: Mapping[str, Any]) -> None:
         """Take over what ``arrays`` gave."""
         of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name != "first"}
         self.template, self.axes = data["clump_template"], data["clump_axes"]

@@ -1,6 +1,6 @@
 """Contact history and forces of the last force call: taken out for a checkpoint, and put back."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 def read(view: RunView) -> dict[str, Rows | np.ndarray]:
     """History and forces of all contacts: arrays of a checkpoint."""
     return _pair_contacts(view) | wall_contacts(view)
+
+
+def within(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a checkpoint, what ``restore`` takes: ids of the grains, and arrays of contacts."""
+    return {name: data[name] for name in data if name == "id" or name.startswith(("pair", "wall_"))}
 
 
 def springs_width(at: Columns) -> int:

@@ -3,6 +3,7 @@
 A clump is one of them: the id of its first member, the radius of a sphere of its volume.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Departures:
         """What a checkpoint holds of them."""
         return {f"departure_{name}": values for name, values in self.table().items()}
 
-    def restore(self, data: dict[str, Any]) -> None:
+    def restore(self, data: Mapping[str, Any]) -> None:
         """Take over what ``arrays`` gave."""
         self._parts = [{name: np.asarray(data[f"departure_{name}"], dtype=dtype) for name, dtype in COLUMNS.items()}]
 

@@ -1,5 +1,6 @@
 """The liquid of a run in a checkpoint, and what a run that starts from one takes over: no count is lost on the way."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def saved(view: RunView) -> dict[str, Any] | None:
     return {"quantum": liquid.quantum, "most_from_film": liquid.most_from_film, "left": [int(counts) for counts in left]}
 
 
-def restore(view: RunView, data: dict[str, Any]) -> None:
+def restore(view: RunView, data: Mapping[str, Any]) -> None:
     """Take over what ``saved`` gave."""
     if view.model.liquid is not None:
         view.state.liquid_left = np.array(data["liquid"]["left"], dtype=np.int64)

@@ -241,11 +241,11 @@ class State:
         """Columns of the record in ascending order of id, a fresh copy."""
         return self.record.numpy()[self.rank, columns]
 
-    def restore(self, data: dict[str, Any]) -> None:
+    def restore(self, data: Mapping[str, Any]) -> None:
         """Take over the arrays of a checkpoint, which are in order of id."""
+        n = len(data["id"])
         for name in self.names:
             array = getattr(self, name)
-            n = len(data["id"])
             # a run that kept no orientation, or added nothing up, can start one that does
             values = data.get(name, np.zeros((n, self.sums[name])) if name in self.sums else unrotated(n))
             setattr(self, name, in_huge_pages(wp.array(values, dtype=array.dtype, device=self.device)))

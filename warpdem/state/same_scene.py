@@ -1,6 +1,6 @@
 """Which scene may go on from a checkpoint: the one it was saved of, but for keys that change no bit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ MAY_CHANGE = {
 place."""
 
 
-def scene_of(data: dict[str, Any], plugins: Sequence[str | Path] = ()) -> Scene:
+def scene_of(data: Mapping[str, Any], plugins: Sequence[str | Path] = ()) -> Scene:
     """The scene that a checkpoint belongs to; it loads code from no other files than ``plugins``."""
     from warpdem.scene.file import scene_from_dict
 
@@ -24,7 +24,7 @@ def scene_of(data: dict[str, Any], plugins: Sequence[str | Path] = ()) -> Scene:
     return scene_from_dict(data["scene"], data["base"], data["source"], access)
 
 
-def refuse_other(data: dict[str, Any], scene: Scene, files: dict[str, str], scene_hash: str) -> None:
+def refuse_other(data: Mapping[str, Any], scene: Scene, files: dict[str, str], scene_hash: str) -> None:
     """Refuse to go on with another scene than that of a checkpoint, or the same with other files.
 
     Args:
