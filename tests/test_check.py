@@ -373,6 +373,11 @@ def test_what_warnings_tell_to_take_is_accepted():
             step = float(steps[0].split("at most ")[-1].split(" s")[0])
             changes["time"] = {**changes.get("time", {"end": 0.01, "max_speed": 0.1}), "step": step}
         assert not steps
+    fast = {"time": {"end": 0.01, "step": 2e-5, "max_speed": 2.0}}  # crosses half of the skin that a run begins with in 5 steps
+    assert simulation(**fast).lists.skin == pytest.approx(4e-4, rel=1e-9)
+    assert not [text for text in scene_warnings.warnings(simulation(**fast)) if "engine.skin" in text]  # a run widens it
+    fast["time"]["max_speed"] = 10.0
+    assert [text for text in scene_warnings.warnings(simulation(**fast)) if "half the skin of the lists (0.002 m)" in text]
     changes = {"engine": {"skin": 1e-6}}
     [skin] = [text for text in scene_warnings.warnings(simulation(**changes)) if "engine.skin" in text]
     changes["engine"]["skin"] = float(skin.split("engine.skin = ")[1].split(" m")[0])

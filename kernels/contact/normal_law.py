@@ -70,7 +70,8 @@ def build(real, normal: ModuleType, predicted: bool = True):
     dry, wet = getattr(normal, "DRY", normal), hasattr(normal, "LIQUID")
     bridges = liquid.build(real, normal.LIQUID, normal.VISCOUS) if wet else None
     at, own, dry_own = columns.coefficients(normal), columns.own_coefficients(normal), columns.own_coefficients(dry)
-    Coefficients, Constants, Own = at.vector(real), columns.constants(normal).vector(real), dry_own.vector(real)
+    of = columns.constants(normal)
+    Coefficients, Constants, Own = at.vector(real), of.vector(real), dry_own.vector(real)
     History, DryHistory = (columns.own_history(law).vector(real) for law in (normal, dry))
     constants_of_law, force_of_law, *lost_of_law = dry.build(real)
     losses = columns.scalars(columns.losses(normal))
@@ -137,7 +138,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
         @wp.func
         def of_speed(overlap: real, overlap_before: real, speed: real, k: Constants, history: DryHistory):
             """F_n, load [N], k_n [N/m], gamma_n [N s/m], depth now and before [m], history."""
-            f_n, k_n, gamma_n = force_of_law(overlap, speed, k[0], k[1])
+            f_n, k_n, gamma_n = force_of_law(overlap, speed, k[wp.static(of.stiffness)], k[wp.static(of.damping)])
             load = f_n if f_n > real(0.0) else real(0.0)
             return f_n, load, k_n, gamma_n, overlap, overlap_before, history
 
@@ -169,7 +170,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
             for f in range(wp.static(dry_own.width)):
                 own_constants[f] = k[wp.static(first) + f]
             f_n, load, k_n, gamma_n, depth, depth_before, now = force_of_law(
-                overlap, overlap_before, speed, k[0], k[1], own_constants, history
+                overlap, overlap_before, speed, k[wp.static(of.stiffness)], k[wp.static(of.damping)], own_constants, history
             )  # fmt: skip
             return f_n, load, k_n, gamma_n, depth, depth_before, now
 
@@ -178,9 +179,9 @@ def build(real, normal: ModuleType, predicted: bool = True):
         """Constants of a contact from R* [m], m* [kg], 1/(R_i + R_j) [1/m]: of every law, the law's own, the bridge's."""
         stiffness, damping, made = made_of(c, radius, mass, closeness)
         k = Constants()
-        k[0] = stiffness
-        k[1] = damping
-        k[2] = real(1.0) / mass
+        k[wp.static(of.stiffness)] = stiffness
+        k[wp.static(of.damping)] = damping
+        k[wp.static(of.inverse_mass)] = real(1.0) / mass
         for f in range(wp.static(dry_own.width)):
             k[wp.static(first) + f] = made[f]
         if wp.static(wet):
@@ -209,7 +210,7 @@ def build(real, normal: ModuleType, predicted: bool = True):
         share_t = real(1.0)
         if wp.static(predicted):
             _f, _l, k_n, gamma_n, _d, _b, _h = of_speed(overlap, overlap_before, real(0.0), k, before)
-            lag = dt * k[2]
+            lag = dt * k[wp.static(of.inverse_mass)]
             swing = k_n * dt * lag
             pull = gamma_n * lag
             along = real(wp.static(half_tangent)) * swing + real(1.0)
@@ -267,7 +268,10 @@ def build(real, normal: ModuleType, predicted: bool = True):
                 own_constants = Own()
                 for f in range(wp.static(dry_own.width)):
                     own_constants[f] = k[wp.static(first) + f]
-                of_law = lost_of_law(overlap, overlap_before, k[0], k[1], own_constants, dry_part(before), dry_part(now))
+                of_law = lost_of_law(
+                    overlap, overlap_before, k[wp.static(of.stiffness)], k[wp.static(of.damping)], own_constants,
+                    dry_part(before), dry_part(now),
+                )  # fmt: skip
                 for f in range(wp.static(len(of_dry))):
                     out[f] = of_law[f]  # its losses come first
             if wp.static(wet):

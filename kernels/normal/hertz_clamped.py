@@ -11,8 +11,8 @@ dashpot are both at rest, and the overlap that is left is no force. It is the cl
 Cummins and Cleary 2013.
 
 ``hertz`` pulls at the end of an impact, and its friction goes by max(F_n, 0): the impulse that friction takes its limit from is
-larger than m* (1 + e) v, by 3.3 % at e = 0.5. Here it is m* (1 + e) v to the last digit. Measured impacts do not tell the two
-laws apart otherwise.
+larger than m* (1 + e) v, by 3.3 % at e = 0.5. Here it is m* (1 + e) v to the last digit. Measured impacts do not distinguish
+the two laws otherwise.
 
 The dashpot of low e is strong, and the largest that a step allows (``contact.normal_law``) binds. Mean restitution by the steps
 of an undamped contact:
@@ -22,7 +22,7 @@ of an undamped contact:
     at 20            0.105   0.115   0.199   0.299   0.500
     at 40            0.050   0.100   0.200   0.300   0.500
 
-For e below 0.3 take ``time.accuracy = "impact"``, some 40 steps; ``check`` tells the error of the step that is taken.
+For e below 0.3 take ``time.accuracy = "impact"``, some 40 steps; ``check`` prints the error of the step that is taken.
 """
 
 import math

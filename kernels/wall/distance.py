@@ -2,7 +2,7 @@
 
 `wp.Mesh` holds float32 corners only, so its query finds the *face*; the closest point on that face is computed again
 from float64 corners. Sign: negative inside. Where the closest point lies within a face, the plane of the face gives the
-sign exactly; where it lies on an edge or corner, the winding number of the whole mesh does (a face alone cannot tell).
+sign exactly; where it lies on an edge or corner, the winding number of the whole mesh does (a face alone does not decide).
 
 Source of the closest point: C. Ericson, Real-Time Collision Detection (2005), section 5.1.5.
 

@@ -9,6 +9,7 @@ import pytest
 
 import twelve_grains
 from warpdem import runs
+from warpdem.app import cli
 from warpdem.reports import pictures
 
 
@@ -32,6 +33,18 @@ def test_the_first_the_middle_and_the_last_frame_are_drawn(tmp_path, monkeypatch
         assert kind == "data:image/png;base64" and image.get("alt")
         assert imageio.imread(io.BytesIO(base64.b64decode(code))).shape[:2] == (120, 160)
     assert len({figure.find("img").get("src") for figure in found}) == 3
+
+
+def test_frames_are_drawn_from_the_side_that_is_asked_for(tmp_path, monkeypatch):
+    """Also by the command: pictures of one frame from two sides differ, those from the side of "auto" do not."""
+    monkeypatch.setattr(pictures, "SIZE", (160, 120))
+    twelve_grains.run(twelve_grains.scene(output={"interval": 1.0, "formats": ["vtk"], "picture": False}), tmp_path)
+    pages = [tmp_path / f"{name}.html" for name in ("auto", "front", "left")]
+    for page in pages:
+        cli.app(["report", str(tmp_path), "--out", str(page), "--camera", page.stem, "--quiet"], result_action="return_value")
+    texts = [page.read_text().split("data:image/png;base64,")[1:] for page in pages]
+    auto, front, left = ([part.split('"')[0] for part in parts] for parts in texts)
+    assert auto == front and len(left) == len(front) == 2 and not set(front) & set(left)
 
 
 def test_without_frames_there_is_the_picture_that_the_run_drew(empty):

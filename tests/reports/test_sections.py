@@ -85,7 +85,8 @@ def test_of_pairs_the_coefficients_that_the_laws_read_are_shown_with_units():
 
 
 def test_overview_leaves_out_what_is_not_known():
-    [node] = sections.overview({"time": 2.0, "steps": 100, "grains": 10, "seconds": {"steps": 1e-3, "total": 3.0}})
+    seconds = {"steps": 6e-4, "lists": 3e-4, "refresh": 1e-4, "output": 1.0, "total": 3.0}
+    [node] = sections.overview({"time": 2.0, "steps": 100, "grains": 10, "seconds": seconds})
     found = {item[0].text: item[1].text for item in node}
     assert found == {"simulated": "2 s", "grains at the end": "10", "time steps": "100", "wall time": "3 s",
                      "speed": "1000 ns per grain and step"}  # fmt: skip

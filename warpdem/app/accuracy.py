@@ -15,10 +15,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from warpdem.app.summary import stepping
 from warpdem.app.twins import make_twins
 from warpdem.core.atomic_file import replaced
 from warpdem.core.cpu_cores import available_cores
+from warpdem.core.timers import stepping
 from warpdem.drawing.figure_file import DPI, require_drawable
 from warpdem.drawing.work_point import WorkPoint
 from warpdem.errors import SceneError

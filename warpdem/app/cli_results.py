@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from warpdem.app.cli_options import Plugins
-from warpdem.drawing.style import PictureStyle
+from warpdem.drawing.style import PictureStyle, Preset
 
 
 def render(
@@ -61,7 +61,9 @@ def render(
     console.print(f"wrote {target}", markup=False)
 
 
-def report(folder: Path, /, *, out: Path | None = None, pictures: bool = True, quiet: bool = False) -> None:
+def report(
+    folder: Path, /, *, out: Path | None = None, pictures: bool = True, camera: Preset = "auto", quiet: bool = False
+) -> None:
     """Write the report of a run: an HTML page with pictures, curves, loads, time step, warnings and a section on methods.
 
     The page needs no network and no file beside it. A film (.mp4) in the folder becomes part of it.
@@ -70,21 +72,22 @@ def report(folder: Path, /, *, out: Path | None = None, pictures: bool = True, q
         folder: Folder of the results.
         out: File to write; FOLDER/report.html if not given.
         pictures: Draw the first, the middle and the last frame, which takes seconds each.
+        camera: Side from which they are drawn, upright against gravity; "auto" is along the axis of a frame that rotates.
         quiet: Print errors only.
     """
     from warpdem.core.file_names import require_usable
 
     for name, path in (("--out", out), ("FOLDER", folder)):
         require_usable(name, path)
-    write_report(folder, out, pictures, quiet)
+    write_report(folder, out, pictures, quiet, camera)
 
 
-def write_report(folder: Path, out: Path | None, pictures: bool, quiet: bool) -> None:
+def write_report(folder: Path, out: Path | None, pictures: bool, quiet: bool, camera: Preset = "auto") -> None:
     """Write a report, and say what takes time."""
     from warpdem.reports.write_report import report as write
 
     console = Console(highlight=False, quiet=quiet)
-    target = write(folder, out, draw=pictures, watch=lambda message: console.print(message, markup=False))
+    target = write(folder, out, draw=pictures, camera=camera, watch=lambda message: console.print(message, markup=False))
     console.print(f"wrote {target}", markup=False)
 
 

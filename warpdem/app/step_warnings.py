@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from warpdem.engine.neighbor_list import skin_bounds
 from warpdem.guards.stability import DANGER
 from warpdem.model.adhesion import adhesions
 from warpdem.model.impact import damped_time
@@ -65,7 +66,7 @@ def step(sim: Simulation) -> Iterator[str]:
                 f"fields[{i}].model = {one.model!r} states no rate(mass, p): the time step does not know it; if the field "
                 f"pulls back, brakes or turns, define rate in its file{', or give time.step' * (sim.scene.time.step == 'auto')}"
             )
-    skin, speed = sim.lists.skin, found.max_speed
+    skin, speed = skin_bounds(sim.model)[1], found.max_speed  # a run widens its skin up to this where grains are fast
     if len(sim.state) and speed * dt > 0 and 0.5 * skin / (speed * dt) < REBUILD_STEPS:
         yield (
             f"a grain at {speed:.3g} m/s crosses half the skin of the lists ({skin:.3g} m) in {0.5 * skin / (speed * dt):.2g} "

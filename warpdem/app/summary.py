@@ -1,7 +1,7 @@
 """What a run reports before it begins and at its end."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
+from warpdem.core.timers import stepping
 from warpdem.measure.dimensionless import Turning
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time
@@ -88,11 +89,6 @@ def turning_line(turning: Turning) -> str:
 def warning_text(message: str) -> Text:
     """A warning as check and a run print it."""
     return Text.assemble(("warning", "bold red"), f" {message}")
-
-
-def stepping(seconds: Mapping[str, float]) -> float:
-    """Wall time of the steps [s], without set-up and results, of that of each stage."""
-    return sum(seconds.get(stage, 0.0) for stage in ("steps", "lists", "refresh", "schedule"))
 
 
 def speed_text(seconds_per_step: float, grains: int) -> str:

@@ -1,8 +1,16 @@
 """Wall time of a run by stage: set-up, steps, lists, output."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+
+STEPPING = ("steps", "lists", "refresh", "schedule")
+"""Stages that the steps of a run are made of, without set-up and results."""
+
+
+def stepping(seconds: Mapping[str, float]) -> float:
+    """Wall time of the steps [s], of that of each stage."""
+    return sum(seconds.get(stage, 0.0) for stage in STEPPING)
 
 
 class Timers:

@@ -16,7 +16,7 @@ from warpdem.runs.names import run_names
 ENERGIES = ("kinetic", "rotational", "elastic", "potential")
 """Columns that are drawn if none are named."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Colours of Okabe and Ito, which people who see colours differently can tell apart; then each again with another dash."""
+"""Colours of Okabe and Ito, which people who see colours differently can distinguish; then each again with another dash."""
 DASHES = ("-", "--", ":", "-.")
 PANEL = (7.2, 2.9)
 """Width and height of a panel [inch]."""

@@ -321,7 +321,7 @@ class FrameDrawer:
     def _bars(self) -> list[Bar]:
         field = self._grains.field
         bars = []
-        if field.array != "clump":  # whose colours only tell bodies apart
+        if field.array != "clump":  # whose colours only distinguish bodies
             bars.append(Bar(self._grains, field.title(self._moving_frame), _category_names(self._runs[0].folder, field)))
         if self._on_chains is not None:
             bars.append(Bar(self._on_chains, f"contact {self._on_chains.field.title(False)}"))

@@ -143,7 +143,7 @@ class ContactLists:
         self.outer = OuterList(start, count, slot, contact, self.pool.zeros(0, wp.float64))
 
     @property
-    def row_vectors(self) -> wp.array:
+    def slot_force_vectors(self) -> wp.array:
         """``slot_force`` as an array of vectors."""
         force = self.slot_force
         out: wp.array = wp.array(
@@ -213,7 +213,7 @@ class ContactLists:
         lanes = model.features.backend.lanes
         inputs = [
             lanes, liquid.quantum, state.record, self.owner, self.partner, self.kind, model.coefficients, self.slot_i,
-            self.slot_j, self.row_vectors, self.history, state.film,
+            self.slot_j, self.slot_force_vectors, self.history, state.film,
         ]  # fmt: skip
         wp.launch(model.kernels.films.settle_contacts, self.totals[0], [0, *inputs], device=model.device)
 

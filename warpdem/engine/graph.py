@@ -255,7 +255,7 @@ class Captured:
             return
         inputs = [
             model.features.backend.lanes, model.liquid.quantum, state.record, contacts.owner, contacts.partner, contacts.kind,
-            model.coefficients, contacts.slot_i, contacts.slot_j, lists.row_vectors, contacts.history, state.film,
+            model.coefficients, contacts.slot_i, contacts.slot_j, lists.slot_force_vectors, contacts.history, state.film,
         ]  # fmt: skip
         self.launch(model.kernels.films.settle_contacts, contacts.owner.size, *inputs)
 

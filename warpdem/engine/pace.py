@@ -1,7 +1,7 @@
 """How many of its threads a run uses while other programs want the cores too.
 
 Threads that meet after every phase go at the pace of the one whose core is taken: on a busy machine fewer of them are faster.
-A run that was not told how many threads to use tries half as many, or one, when its threads did not get the cores, and twice
+A run without a given number of threads tries half as many, or one, when its threads did not get the cores, and twice
 as many from time to time. No bit of the result depends on it, and where cores are free nothing is tried.
 """
 

@@ -18,7 +18,7 @@ SAMPLES = 200_000
 CUP = 0.5
 """Volume of a mesh over that of a box around it from which it holds less than it has inside [-]."""
 CUP_NODES = 40_000
-"""Nodes of the grid by which a cup is told."""
+"""Nodes of the grid that show whether it is a cup."""
 
 
 Corners = np.ndarray | Sequence[Sequence[float]]

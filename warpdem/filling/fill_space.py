@@ -16,7 +16,7 @@ from warpdem.scene.model import Scene
 from warpdem.scene.regions import VOLUMES
 
 SIDES = 4000
-"""Points of a region by which is told which closed meshes hold it."""
+"""Points of a region that show which closed meshes hold it."""
 
 
 @dataclass(frozen=True, eq=False)

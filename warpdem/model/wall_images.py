@@ -36,7 +36,7 @@ def wall_images(
     Args:
         scene: validated scene.
         meshes: triangles of its mesh walls, by name.
-        schedule: motions of the walls; the kernels are told to see them within the domain.
+        schedule: motions of the walls; the kernels are given places within the domain.
         domain: borders.
         radius: radii of the grains that come to be [m], shape (n,).
 

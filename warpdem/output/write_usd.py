@@ -11,7 +11,7 @@
 
 The chunks are joined by value clips. The load on a wall is the primvar ``pressure`` [Pa] of its triangles, and ``force`` [N],
 ``torque`` [N m] about the point ``torqueAbout`` [m] and ``power`` [W] of the whole, vectors in frame axes. A time code is a
-fixed share of a second (a millisecond unless told otherwise). The variant set ``view`` of ``/World/Frame`` shows the motion
+fixed share of a second (a millisecond unless another is given). The variant set ``view`` of ``/World/Frame`` shows the motion
 in the laboratory (default) or in the frame's own axes.
 
 Each frame is a scene: ``warpdem run result.usda --at SECONDS`` takes the grains of that frame in place of those the scene

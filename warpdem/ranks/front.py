@@ -216,9 +216,9 @@ class Front(RunLoop):
         position = whole.places
         cuts = Cuts.of(position, np.ones(len(position)), world.size)
         with world.together():
-            told = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
-            self._tell("deal", *told)
-            self.rank.deal(*told, whole, cuts.owner(position))
+            dealt = clock.step_number, state.next_id, [wall.saved() for wall in self._model.schedule.dynamic], cuts
+            self._tell("deal", *dealt)
+            self.rank.deal(*dealt, whole, cuts.owner(position))
         self._digits = self._engine.digits
         self._is_dealt = True
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from warpdem.drawing.style import Preset
 from warpdem.errors import WarpdemError
 from warpdem.reports.html import Node, el, number
 from warpdem.runs import Run
@@ -17,8 +18,8 @@ LARGEST_FILM = 60_000_000
 """Bytes of the largest film that is embedded [B]: browsers keep the whole page in memory."""
 
 
-def pictures(run: Run, watch: Callable[[str], None] = lambda message: None) -> list[Node]:
-    """The first, the middle and the last frame as figures; without frames picture.png, if it is there.
+def pictures(run: Run, watch: Callable[[str], None] = lambda message: None, camera: Preset = "auto") -> list[Node]:
+    """The first, the middle and the last frame as figures, from the side ``camera``; without frames picture.png, if there.
 
     Raises:
         WarpdemError: a frame cannot be read.
@@ -35,7 +36,7 @@ def pictures(run: Run, watch: Callable[[str], None] = lambda message: None) -> l
     with TemporaryDirectory(prefix="warpdem-report-") as made:
         for k in shown:
             watch(f"drawing the frame at {times[k]:.4g} s")
-            file = render(run.folder, Path(made) / "picture.png", time=float(times[k]), size=SIZE)
+            file = render(run.folder, Path(made) / "picture.png", time=float(times[k]), size=SIZE, camera=camera)
             figures.append(_figure(file.read_bytes(), f"At {number(float(times[k]))} s, seen from the laboratory.", SIZE))
     return figures
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from warpdem.core.timers import stepping
 from warpdem.reports import methods
 from warpdem.reports.chart import Chart
 from warpdem.reports.charts import STORED
@@ -26,7 +27,7 @@ def overview(record: Mapping[str, Any]) -> list[Node]:
     met, seconds = record.get("extremes", {}), record.get("seconds", {})
     step, clumps = record.get("time_step", {}), record.get("clumps") or {}
     overlaps = [met[key] for key in ("pair_overlap_share", "wall_overlap_share") if met.get(key) is not None]
-    steps, grains, stepping = record.get("steps"), record.get("grains"), seconds.get("steps")
+    steps, grains, of_steps = record.get("steps"), record.get("grains"), stepping(seconds)
     rows: list[tuple[str, str | None]] = [
         ("simulated", _with_unit(record.get("time"), "s")),
         ("grains at the end", _plain(grains)),
@@ -35,8 +36,8 @@ def overview(record: Mapping[str, Any]) -> list[Node]:
         ("time step", _with_unit(step.get("used"), "s")),
         ("largest overlap", f"{number(100 * max(overlaps), 3)} % of a radius" if overlaps else None),
         ("wall time", _with_unit(seconds.get("total"), "s")),
-        ("speed", f"{number(stepping / steps / grains * 1e9, 3)} ns per grain and step"
-         if steps and grains and stepping else None),
+        ("speed", f"{number(of_steps / steps / grains * 1e9, 3)} ns per grain and step"
+         if steps and grains and of_steps else None),
         ("device", f"{record['device']}, {record.get('threads')} threads" if record.get("device") else None),
     ]  # fmt: skip
     return [el("dl", *(el("div", el("dt", name), el("dd", text)) for name, text in rows if text is not None), class_="facts")]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+from warpdem.drawing.style import Preset
 from warpdem.errors import WarpdemError
 from warpdem.reports import pictures, sections
 from warpdem.reports.charts import MOST, charts_of
@@ -24,6 +25,7 @@ def report(
     out: Path | str | None = None,
     *,
     draw: bool = True,
+    camera: Preset = "auto",
     watch: Callable[[str], None] = lambda message: None,
 ) -> Path:
     """Write the report of a run: one HTML page that needs no network and no file beside it.
@@ -32,6 +34,7 @@ def report(
         folder: Folder of the results; the run may be unfinished.
         out: File to write; ``report.html`` in the folder if not given.
         draw: Whether frames are drawn, which takes seconds each.
+        camera: Side from which they are, as ``render`` has it.
         watch: Called with what is being done, where that takes seconds.
 
     Returns:
@@ -42,16 +45,16 @@ def report(
     """
     run = read(folder)
     target = page_file(run.folder / NAME if out is None else Path(out))
-    return write_page(target, page(run, draw, watch))
+    return write_page(target, page(run, draw, camera, watch))
 
 
-def page(run: Run, draw: bool, watch: Callable[[str], None]) -> Node:
+def page(run: Run, draw: bool, camera: Preset, watch: Callable[[str], None]) -> Node:
     """The whole page as a tree."""
     body: list[tuple[str, list[Node]]] = []
     last = run.last
     body.append(("Overview", sections.overview(last)))
     body.append(("Warnings", sections.warnings(last)))
-    shown = pictures.pictures(run, watch) if draw else []
+    shown = pictures.pictures(run, watch, camera) if draw else []
     film = pictures.film(run)
     grid = [el("div", *shown, class_="pictures")] if shown else []
     body.append(("Pictures", [*grid, *([film] if film is not None else [])]))

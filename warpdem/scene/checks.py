@@ -18,7 +18,7 @@ from warpdem.scene.streams import Stream
 from warpdem.scene.walls import Wall
 
 SAMPLES = 1000
-"""Points of a stream by which is told whether it inserts grains in an outlet [-]."""
+"""Points of a stream that show whether it inserts grains in an outlet [-]."""
 
 
 class Named(Protocol):

@@ -122,7 +122,7 @@ def imported(file: str, source: bytes) -> ModuleType:
 
 @contextmanager
 def using(names: Sequence[str], failure: str = "Warp cannot compile it") -> Iterator[None]:
-    """While these models are compiled or called: what fails in a file of the user is told with its place.
+    """While these models are compiled or called: what fails in a file of the user is reported with its place.
 
     Args:
         names: models as ``model`` takes them.

@@ -193,7 +193,7 @@ class Wall(SceneModel):
 
     @property
     def dynamic(self) -> "Servo | Slider | Hinge | FreeBody | None":
-        """What moves the wall by the load on it; None for a wall that moves as it is told."""
+        """What moves the wall by the load on it; None for a wall whose motion is prescribed."""
         return self.servo if self.servo is not None else self.free
 
     @property

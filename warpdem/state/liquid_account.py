@@ -36,11 +36,11 @@ def _unsaved(view: RunView) -> np.ndarray:
         return np.zeros_like(given)
     assert lists.owner is not None and lists.partner is not None and lists.slot_i is not None
     assert lists.slot_j is not None and lists.slot_force is not None
-    force, told = lists.slot_force.numpy(), np.zeros_like(given)
+    force, counted = lists.slot_force.numpy(), np.zeros_like(given)
     lane = lists.real_lanes()
     for side, of_side in ((lists.owner, lists.slot_i), (lists.partner, lists.slot_j)):
-        np.add.at(told, side.numpy().ravel()[lane], force[of_side.numpy().ravel()[lane], -1].astype(np.int64))
-    return given - told
+        np.add.at(counted, side.numpy().ravel()[lane], force[of_side.numpy().ravel()[lane], -1].astype(np.int64))
+    return given - counted
 
 
 def films(view: RunView) -> np.ndarray:

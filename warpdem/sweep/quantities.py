@@ -33,7 +33,7 @@ MADE: dict[str, tuple[int, Callable[..., float]]] = {
     "root": (1, lambda a: math.sqrt(a) if a >= 0.0 else math.nan),
     "size": (1, abs),
 }
-"""What is made of other quantities, and of how many; ``angle`` is that of the direction (b, a), in degrees."""
+"""What is made of other quantities, and of how many; ``angle`` is atan2(a, b) in degrees."""
 DEFAULT = ("kinetic:last", "potential:last", "largest_overlap:max")
 RUN, FRAME = "run.", "frame."
 """Beginnings of an entry of run.json, and of what the grains of the last frame have."""
@@ -91,8 +91,8 @@ class Quantity:
             raise SceneError(
                 f"result {self.text!r}: must be COLUMN:HOW, COLUMN:HOW@START:END or {RUN}KEY, HOW one of {', '.join(HOW)}, "
                 f'such as "kinetic:last", "lid force z:mean@0.5:1.0" or "run.extremes.pair_overlap_share"; {FRAME}SHAPE, SHAPE '
-                f'one of {", ".join(SHAPES)}; or made of such by {", ".join(MADE)}, as in "angle(centre_x:mean@1:, '
-                'centre_z:mean@1:)"'
+                f'one of {", ".join(SHAPES)}; or made of such by {", ".join(MADE)}, as in '
+                '"angle(size(centre_x:mean@1:), size(centre_z:mean@1:))"'
             )
         column, how = found["column"], found["how"]
         try:

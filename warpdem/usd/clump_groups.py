@@ -13,7 +13,7 @@ from warpdem.usd.reader.clumps import CLUMP_ARRAYS
 COLUMNS = ("positions", "velocities", "spins", "orientations", "sizes")
 """Arrays that a group of the scene has."""
 NUMBERS = ("clumps", "types", "groups")
-"""Arrays that tell the groups apart."""
+"""Arrays by which the groups are distinguished."""
 
 
 def clump_groups(

@@ -1,0 +1,88 @@
+"""A sweep through the pool, mpi4py.futures, Dask and submitit (without SLURM in its own processes) gives one table."""
+
+import csv
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from warpdem.sweep.executors import KINDS, LIBRARIES
+
+SCENE = """
+[materials.glass]
+density = 2500
+young_modulus = "5 MPa"
+poisson_ratio = 0.3
+[contact]
+tangential = "none"
+[[pairs]]
+materials = ["glass", "glass"]
+restitution = 0.5
+[[walls]]
+name = "floor"
+material = "glass"
+plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+[[grains]]
+material = "glass"
+radius = 1e-3
+positions = [[0, 0, 1.5e-3], [0.5e-3, 0, 4e-3]]
+[time]
+end = 0.02
+step = 1e-5
+max_speed = 0.5
+[output]
+formats = []
+picture = false
+interval = 1e-3
+"""
+WORKERS = 2
+
+
+def missing(kind):
+    """Why an executor cannot be tried here; None if it can."""
+    if kind == "local":
+        return None
+    module, package = LIBRARIES[kind]
+    if importlib.util.find_spec(module.split(".")[0]) is None:
+        return f"{package} is not installed"
+    return "there is no mpiexec" if kind == "mpi" and launcher() is None else None
+
+
+def launcher():
+    """The mpiexec of this environment, or of the system."""
+    return shutil.which("mpiexec", path=os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]]))
+
+
+def table(kind, scene, folder):
+    """Table of a sweep of three rows, but the times."""
+    words = ["sweep", str(scene), "--grid", "pairs.0.restitution=0.3,0.5,0.7", "--out", str(folder), "--threads", "1",
+             "--device", "cpu", "--quiet", "--on", kind, "--workers", str(WORKERS)]  # fmt: skip
+    start = [launcher(), "-n", str(WORKERS + 1)] if kind == "mpi" else []
+    modules = ["-m", "mpi4py.futures", "-m", "warpdem"] if kind == "mpi" else ["-m", "warpdem"]
+    command = [*start, sys.executable, "-P", *modules, *words]
+    done = subprocess.run(command, cwd=folder.parent, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with (folder / "sweep.csv").open(newline="") as file:
+        return [{name: value for name, value in row.items() if name != "wall_time [s]"} for row in csv.DictReader(file)]
+
+
+@pytest.fixture(scope="module")
+def of_pool(tmp_path_factory):
+    """The scene, and the table of the sweep through processes of this machine."""
+    folder = tmp_path_factory.mktemp("executors")
+    scene = folder / "s.toml"
+    scene.write_text(SCENE)
+    return scene, table("local", scene, folder / "local")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "local"])
+def test_every_executor_gives_the_table_of_the_pool(kind, of_pool):
+    if reason := missing(kind):
+        pytest.skip(reason)
+    scene, expected = of_pool
+    found = table(kind, scene, scene.parent / kind)
+    assert found == expected and {row["status"] for row in found} == {"done"}
+    assert len({row["state_hash"] for row in found}) == len(found) == 3
