@@ -14,8 +14,9 @@ from rich.console import Console
 from twelve_grains import history, run, scene
 from warpdem import Scene, SceneError, Simulation
 from warpdem.app.outputs import output_schedule
-from warpdem.app.summary import print_summary, speed_text, steps_per_contact
+from warpdem.app.summary import print_summary, steps_per_contact
 from warpdem.core.progress import report_if_long
+from warpdem.core.timers import speed_text
 from warpdem.model.digests import scene_hash
 from warpdem.output.history import history_columns
 from warpdem.output.read_vtk import read_results

@@ -33,7 +33,7 @@ EXCHANGE_AT = RESULT_AT.and_(scalars(["wish_i", "wish_j", "gift"]))
 """Of a law with bridges also what it asks of the films of i and j, the radius of the other grain [m] or 0, and what it gives
 back to each [counts] (``films``)."""
 NONE = Columns(())
-INVERSE_MASS = OF_CONTACT.index("inverse_mass")
+INVERSE_MASS = scalars(OF_CONTACT).inverse_mass
 
 
 @functools.cache

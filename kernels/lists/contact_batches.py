@@ -68,7 +68,7 @@ def build(
                 low = middle + 1
             else:
                 high = middle
-        while slot[low] != wanted:
+        while low < high and slot[low] != wanted:
             low += 1
         return low
 

@@ -19,9 +19,8 @@ from warpdem.kernels.simd.rows import gathered, same
 from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.clumps import what_drives, with_member
 from warpdem.kernels.step.free_rotation import rotation_matrix
+from warpdem.kernels.step.motion_sweep import strayed
 from warpdem.kernels.step.schedule import Row
-
-BLOCK = 64  # clumps between two looks at whether a member has moved too far
 
 
 def _loads(real, lanes: int, walls: bool) -> str:
@@ -112,17 +111,7 @@ def source(clumps, travel, lanes: int, *, real, walls: bool, leave: bool, driven
     check = ""
     if travel.in_frame_alone:
         distance = law.add(travel.squared_distance).name
-        check = f"""
-            wp::vec_t<3, f64> place, from;
-            f64 allowed;
-            for (int k = 0; k < {lanes}; ++k) allowed[k] = inner_share * grains.allowance.data[at[k]];
-            for (int f = 0; f < 3; ++f) {{
-                place.c[f] = w.r0.c[f];
-                for (int k = 0; k < {lanes}; ++k) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
-            }}
-            const f64 square = batch::{distance}(place, from);
-            strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
-"""
+        check = strayed(distance, "w.r0", lanes)
     return f"""{declarations(lanes)}
     struct batch {{
         enum {{ LANES = {lanes} }};

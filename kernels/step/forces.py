@@ -36,7 +36,7 @@ def build(
     structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_grain, sweep_walls, WallContacts, *, walls: bool,
     films=None,
 ):  # fmt: skip
-    """Return ``pair_phase``, ``wall_phase``, pairs shared by threads and, with walls, ``force_phase``.
+    """Return ``pair_phase``, ``wall_phase``, ``force_phase``, and of pairs that threads share.
 
     Args:
         structs: namespace of ``structs.build``.

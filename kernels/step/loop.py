@@ -195,10 +195,10 @@ def build(structs, forces, move_phase, dynamic, WallContacts, *, stages: int, ra
 
     @kernel
     def move(
-        stride: int, last: int, s: int, stage: int, model: Model, control: Control, grains: Grains,
-        wall_contacts: WallContacts, report: Report, inner_share: wp.float64,
+        last: int, s: int, stage: int, model: Model, control: Control, grains: Grains, wall_contacts: WallContacts,
+        report: Report, inner_share: wp.float64,
     ):  # fmt: skip
-        part = every(stride, last, wp.tid())
+        part = every(1, last, wp.tid())  # all on one thread: grains are moved several at once
         report.moved[part.slot] = move_phase(
             part, s, stage, model, grains, wall_contacts, control, report, inner_share
         )

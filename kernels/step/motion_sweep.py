@@ -17,7 +17,7 @@ from warpdem.kernels.simd.translate import Translator
 from warpdem.kernels.step.motion import by_contacts
 from warpdem.kernels.step.schedule import Row
 
-BLOCK = 64  # grains between two looks at whether one has moved too far
+BLOCK = 64  # grains or clumps between two looks at whether one has moved too far
 SLOTS = 6  # force slots that are added without a branch: most grains have no more
 vec6 = wp.types.vector(6, wp.float64)
 
@@ -88,6 +88,27 @@ def _loads(real, lanes: int, *, spins: bool, walls: bool) -> str:
 {squares}"""
 
 
+def strayed(distance: str, record: str, lanes: int) -> str:
+    """C++ that sets ``strayed`` where the grain ``at[k]`` is further from its reference than it may be, or its place is NaN.
+
+    Args:
+        distance: name of the translated ``squared_distance`` of ``motion.build_travel``.
+        record: of the grains, in registers.
+        lanes: how many grains.
+    """
+    return f"""\
+        wp::vec_t<3, f64> place, from;
+        f64 allowed;
+        for (int k = 0; k < {lanes}; ++k) {{
+            allowed[k] = inner_share * grains.allowance.data[at[k]];
+            for (int f = 0; f < 3; ++f) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
+        }}
+        for (int f = 0; f < 3; ++f) place.c[f] = {record}.c[f];
+        const f64 square = batch::{distance}(place, from);
+        strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
+"""
+
+
 def source(moved, travel, lanes: int, *, real, spins: bool, walls: bool, leave: bool) -> str:
     """C++ of the sweep; arguments as in ``build``."""
     law = Translator()
@@ -98,17 +119,7 @@ def source(moved, travel, lanes: int, *, real, spins: bool, walls: bool, leave: 
     check = ""
     if travel.in_frame_alone:
         distance = law.add(travel.squared_distance).name
-        check = f"""\
-        wp::vec_t<3, f64> place, from;
-        f64 allowed;
-        for (int k = 0; k < {lanes}; ++k) {{
-            allowed[k] = inner_share * grains.allowance.data[at[k]];
-            for (int f = 0; f < 3; ++f) from.c[f][k] = wp::address(grains.reference, at[k], 0)->c[f];
-        }}
-        for (int f = 0; f < 3; ++f) place.c[f] = o.c[f];
-        const f64 square = batch::{distance}(place, from);
-        strayed |= __builtin_reduce_or(~(square <= allowed * allowed)) != 0;
-"""
+        check = strayed(distance, "o", lanes)
     return f"""{declarations(lanes)}
     struct batch {{
         enum {{ LANES = {lanes} }};

@@ -9,9 +9,8 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet, clump, grain
 from warpdem.kernels.contact.films import FILM_AT
-from warpdem.kernels.step import motion_sweep
-from warpdem.kernels.step.clump_sweep import BLOCK
 from warpdem.kernels.step.motion import LEFT
+from warpdem.kernels.step.motion_sweep import BLOCK
 from warpdem.kernels.step.schedule import Row, gravity, kick_time
 from warpdem.kernels.step.structs import SPAN, Control, Range, Report
 
@@ -201,8 +200,8 @@ def build(
     ) -> int:  # fmt: skip
         """As ``move_phase``, by ``sweep``; what else there is to do is done grain by grain, while it is in the caches."""
         moved = int(0)
-        for begin in range(part.first, part.last, wp.static(motion_sweep.BLOCK)):
-            end = wp.min(begin + wp.static(motion_sweep.BLOCK), part.last)
+        for begin in range(part.first, part.last, wp.static(BLOCK)):
+            end = wp.min(begin + wp.static(BLOCK), part.last)
             far = sweep(begin, end, row, dt, inner_share, wall_contacts, grains)
             if wp.static(orientation is not None) or wp.static(leave) or far != 0:
                 for i in range(begin, end):

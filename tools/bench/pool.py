@@ -2,8 +2,8 @@
 
 Equal rows of a scene of the gallery, all through one worker and then through several, a thread each, as the command
 `warpdem sweep` runs them, its start included. Efficiency is the time with one worker over workers times the time with all of
-them. Beside it what the pool has no hand in: how much longer the steps of a row take where others run, and the processor time
-of each pass: where that is the same, other work on the machine has taken the cores.
+them. Beside it what does not depend on the pool: how much longer the steps of a row take where others run, and the processor
+time of each pass: where that is the same, other work on the machine has taken the cores.
 """
 
 import csv

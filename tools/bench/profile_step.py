@@ -55,7 +55,7 @@ def phases(sim: warpdem.Simulation, repeats: int) -> dict[str, float]:
     calls: dict[str, tuple[wp.Kernel, list[Any]]] = {
         "pairs": (loop.pair_forces, [1, batches, base, 0, *shared, contacts, batch.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, walls, batch.report]),
-        "motion": (loop.move, [1, n, base, 0, *shared, walls, batch.report, lists.share_that_holds]),
+        "motion": (loop.move, [n, base, 0, *shared, walls, batch.report, lists.share_that_holds]),
     }
     out = {}
     for name, (kernel, inputs) in calls.items():

@@ -39,7 +39,7 @@ def phases(sim: Simulation, launches: int, only: Sequence[str] = ("pairs", "wall
     calls = {
         "pairs": (loop.pair_forces, [1, batches, base, 0, *shared, contacts, b.report]),
         "walls": (loop.wall_forces, [1, lists.row_count, base, 0, sim.step_number & 1, *shared, rows, b.report]),
-        "motion": (loop.move, [1, last, base - 1, 0, *shared, rows, b.report, lists.share_that_holds]),
+        "motion": (loop.move, [last, base - 1, 0, *shared, rows, b.report, lists.share_that_holds]),
     }
     out = {}
     for name in only:

@@ -18,6 +18,7 @@ from warpdem.core.interrupts import held_back
 from warpdem.core.log import log
 from warpdem.core.progress import progress_bar, report_if_long
 from warpdem.core.run_lock import RunLock, locked
+from warpdem.core.timers import speed_text
 from warpdem.errors import OutputError, StabilityError
 from warpdem.model.prepare import require_scene
 from warpdem.output.write_tables import write_run_record
@@ -184,7 +185,7 @@ def _advance(sim: Simulation, outputs: Outputs, end: float, resumed: bool, conso
                     saved = now
                 n, rate = len(sim.state), (step - first) / max(now - began, 1e-9)
                 chunk = max(1, int(SECONDS_PER_CHUNK * rate))
-                tell(step, f"t = {sim.time:.4g} of {end:g} s  {summary.speed_text(1.0 / rate, n)}  {n} grains")
+                tell(step, f"t = {sim.time:.4g} of {end:g} s  {speed_text(1.0 / rate, n)}  {n} grains")
             if sim.step_number == last:
                 sim.guards.judge()
             outputs.close()

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from warpdem.core.timers import stepping
+from warpdem.core.timers import speed_text, stepping
 from warpdem.measure.dimensionless import Turning
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.impact import damped_time
@@ -21,8 +21,6 @@ from warpdem.runs.history import TIME
 from warpdem.scene.servo import Servo
 from warpdem.simulation import Simulation
 
-FEW = 100
-"""Grains below which the time of a step is not given per grain."""
 CARRIED = 0.5
 """Part of the load of a servo [-] below which it is not carried: vibrating grains carry more than that at times."""
 STAGES = {"set-up": "set-up with packing and its kernels", "compile": "kernels of the steps"}
@@ -89,13 +87,6 @@ def turning_line(turning: Turning) -> str:
 def warning_text(message: str) -> Text:
     """A warning as check and a run print it."""
     return Text.assemble(("warning", "bold red"), f" {message}")
-
-
-def speed_text(seconds_per_step: float, grains: int) -> str:
-    """Wall time [s] of a step in the unit to compare: per grain, but as it is where a step costs the same for fewer grains."""
-    few = grains < FEW
-    value = seconds_per_step * 1e6 if few else seconds_per_step / grains * 1e9
-    return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
 
 
 def shortfalls(sim: Simulation) -> list[str]:

@@ -7,10 +7,20 @@ from contextlib import contextmanager
 STEPPING = ("steps", "lists", "refresh", "schedule")
 """Stages that the steps of a run are made of, without set-up and results."""
 
+FEW = 100
+"""Grains below which the time of a step is not given per grain."""
+
 
 def stepping(seconds: Mapping[str, float]) -> float:
-    """Wall time of the steps [s], of that of each stage."""
+    """Wall time of the steps [s]: the sum over ``STEPPING`` of the wall time of each stage."""
     return sum(seconds.get(stage, 0.0) for stage in STEPPING)
+
+
+def speed_text(seconds_per_step: float, grains: int) -> str:
+    """Wall time [s] of a step in the unit to compare: per grain, but as it is where a step costs the same for fewer grains."""
+    few = grains < FEW
+    value = seconds_per_step * 1e6 if few else seconds_per_step / grains * 1e9
+    return f"{float(f'{value:.3g}'):g} {'us per step' if few else 'ns per grain and step'}"
 
 
 class Timers:

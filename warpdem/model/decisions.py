@@ -18,7 +18,7 @@ SAMPLE = 256
 
 @dataclass(frozen=True)
 class Decisions:
-    """Fields as of ``Model``; scenes are without arrays of grains (positions, radii ...), and not held as JSON."""
+    """Fields as of ``Model``; where ranks get them (``of``), scenes are without arrays of grains (positions, radii ...)."""
 
     given: Given
     scene: Scene

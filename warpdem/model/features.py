@@ -12,6 +12,7 @@ from warpdem.kernels.contact.columns import Columns
 from warpdem.kernels.contact.dissipation import LOSSES, impulses
 from warpdem.kernels.measure.budget import ENERGIES, MOMENTA_AT, wall_entry
 from warpdem.kernels.wall import record
+from warpdem.kernels.wall.candidates import MET
 from warpdem.scene.models import model
 from warpdem.scene.user_models import parts_of
 
@@ -270,6 +271,7 @@ class Features:
         result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
         beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
+        beside_walls += 1.5 * 4 * MET if walls.present and not self.backend.resident else 0
         return int(fixed + listed * contact + near + beside_walls)
 
     def explain(self) -> list[str]:

@@ -146,7 +146,8 @@ class RankLists(NeighborLists):
         if not self.state.slots:
             self.inner_rebuilds += 1
         elif self.contact_count and not self.model.features.backend.resident:
-            lane = self.view().real_lanes()
-            ghost = np.maximum(self.owner.numpy().ravel()[lane], self.partner.numpy().ravel()[lane]) >= self.state.owned
-            first = lane[ghost].min(initial=self.totals[0])
-            self.batches_inside = int(first) // self.model.features.backend.lanes
+            # lanes without a contact too: a pair of grains stands in them, whose places are read
+            owner, partner = (slots.numpy().ravel()[: self.totals[0]] for slots in (self.owner, self.partner))
+            ghost = (owner >= self.state.owned) | (partner >= self.state.owned)
+            if ghost.any():
+                self.batches_inside = int(ghost.argmax()) // self.model.features.backend.lanes

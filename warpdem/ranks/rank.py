@@ -174,13 +174,19 @@ class Rank:
         beyond = self._model.features.contact.gap + self.lists.skin
         boxes = self.world.everyone(halo.boxes(position, radius))
         boxes[self.world.rank] = boxes[self.world.rank][:0]
-        seen: list[np.ndarray] = [halo.seen(position, radius, there, beyond, self._model.domain.period) for there in boxes]
+        seen, by_any = [], np.zeros(len(radius), dtype=bool)
+        for there in boxes:
+            near = halo.seen(position, radius, there, beyond, self._model.domain.period)
+            seen.append(np.flatnonzero(near))
+            by_any |= near
         order = np.zeros(0, dtype=np.int64)
         if len(radius):
             order = morton_order(mine.places, finest_cell(radius, size_classes(radius), beyond), self._model.device)
-            order = order[np.argsort(mine.bodies_of(np.logical_or.reduce(seen))[order], kind="stable")]
+            order = order[np.argsort(mine.bodies_of(by_any)[order], kind="stable")]
         own = {name: values[order] for name, values in mine.grains.items()}
-        sends = {rank: np.flatnonzero(near[order]) for rank, near in enumerate(seen) if near.any()}
+        slot = np.empty_like(order)
+        slot[order] = np.arange(len(order))
+        sends = {rank: np.sort(slot[near]) for rank, near in enumerate(seen) if len(near)}
         out: list[Table | None] = [None] * self.world.size
         for rank, rows in sends.items():
             out[rank] = {name: own[name][rows] for name in OF_GHOSTS}
@@ -407,14 +413,16 @@ class Rank:
         return self.world.gathered({
             "device": self._model.device.alias, "grains": state.owned, "ghosts": state.ghosts,
             "migrated": self.counts.migrated, "rebuilds": self.counts.rebuilds, "cuts": self.counts.cuts,
-            "batches_inside": self.share_inside, "exchanges": exchange.calls,
+            "share_inside": self.share_inside, "exchanges": exchange.calls,
             "bytes": exchange.bytes, "waiting": exchange.seconds,
             "seconds": dict(self._timers.seconds),
         })  # fmt: skip
 
     @property
     def share_inside(self) -> float:
-        """Share of the contact batches that need no ghosts [-]: they are evaluated while those are under way."""
+        """Share of the contact batches that are evaluated while ghosts are under way [-]; none on GPUs."""
+        if self._model.features.backend.resident:
+            return 0.0
         return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpdem.kernels.step.exchange import WALL_LOADS
+from warpdem.kernels.step.exchange import ARRIVED, WALL_LOADS
 from warpdem.ranks.exchange import OF_ANSWERS, TAG, Exchange, Links
 from warpdem.ranks.world import World
 
@@ -120,7 +120,7 @@ class StagedExchange(Exchange):
             mirror.fetch()
         wp.synchronize_device(self._found.device)
         found = self.call(step, stage, int(self._found.numpy()[0]) if stage == self._last else 0)
-        self.finish()
+        self.call(step, ARRIVED, 0)  # nothing is launched meanwhile
         for mirror in mirrors:
             mirror.give()
         return found

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from warpdem.core.timers import stepping
+from warpdem.core.timers import speed_text, stepping
 from warpdem.reports import methods
 from warpdem.reports.chart import Chart
 from warpdem.reports.charts import STORED
@@ -36,7 +36,7 @@ def overview(record: Mapping[str, Any]) -> list[Node]:
         ("time step", _with_unit(step.get("used"), "s")),
         ("largest overlap", f"{number(100 * max(overlaps), 3)} % of a radius" if overlaps else None),
         ("wall time", _with_unit(seconds.get("total"), "s")),
-        ("speed", f"{number(of_steps / steps / grains * 1e9, 3)} ns per grain and step"
+        ("speed", speed_text(of_steps / steps, grains)
          if steps and grains and of_steps else None),
         ("device", f"{record['device']}, {record.get('threads')} threads" if record.get("device") else None),
     ]  # fmt: skip
