@@ -74,8 +74,7 @@ def content(path: Path) -> bytes | tuple[dict, dict]:
         return {"scene": scene, "about": file.attrs["about"]}, arrays
 
 
-def compare(folder: Path, name: str, size: str) -> list[dict]:
-    """Compare all files; returns what ``run.json`` says of each rank."""
+def compare(folder: Path, name: str, size: str) -> None:
     one, many = folder / f"{name}-1", folder / f"{name}-{size}"
     names = {p.relative_to(one) for p in one.rglob("*") if p.is_file()}
     assert names == {p.relative_to(many) for p in many.rglob("*") if p.is_file()}
@@ -88,19 +87,16 @@ def compare(folder: Path, name: str, size: str) -> list[dict]:
     ranks = shared["ranks"]
     if size[-1] == "1":
         assert not ranks
-        return []
+        return
     assert len(ranks) == int(size[-1])
     assert sum(rank["grains"] for rank in ranks) == shared["grains"]
     assert sum(rank["migrated"] for rank in ranks) >= (FEW.get(name, 50) if "+" not in size else 1)
     assert sum(rank["bytes"] for rank in ranks) > 0
-    return ranks
 
 
 @pytest.mark.parametrize(("name", "size"), TASKS)
 def test_all_files_are_those_of_one_process(folder, name, size):
-    ranks = compare(folder, name, size)
-    if name == "stirred":  # grains that other ranks see stand last in memory, and so do their contacts
-        assert all(0.1 < rank["share_inside"] < 1.0 for rank in ranks), [rank["share_inside"] for rank in ranks]
+    compare(folder, name, size)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def test_contacts_go_to_the_ranks_in_blocks(name, steps, tmp_path, monkeypatch):
         largest[data.name] = max(found.nbytes, largest.get(data.name, 0))
         return found
 
-    monkeypatch.setattr(transfer, "BLOCK", 256)
+    monkeypatch.setattr(transfer, "BLOCK", 128)
     monkeypatch.setattr(h5py.Dataset, "__getitem__", noted)
     world = World(MPI.COMM_SELF)
     with leading(world), checkpoint_file.opened(tmp_path / "saved.h5") as saved:
@@ -37,7 +37,7 @@ def test_contacts_go_to_the_ranks_in_blocks(name, steps, tmp_path, monkeypatch):
         checkpoint.restore(sim, saved)
         assert not sim.lists.contact_count and sim.loop.rank.lists.contact_count > 5
         found = max(largest["/pair_history"], largest["/pair_share_i"])
-        assert found <= 256 < saved["pair_share_i"].nbytes
+        assert found <= 128 < saved["pair_share_i"].nbytes
         assert len(sim.state) == len(straight.state)
         sim.step(40)
         straight.step(40)
