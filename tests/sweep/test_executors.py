@@ -2,13 +2,13 @@
 
 import csv
 import importlib.util
-import os
-import shutil
 import subprocess
 import sys
 
 import pytest
 
+from warpdem.errors import SceneError
+from warpdem.ranks import launcher
 from warpdem.sweep.executors import KINDS, LIBRARIES
 
 SCENE = """
@@ -48,22 +48,22 @@ def missing(kind):
     module, package = LIBRARIES[kind]
     if importlib.util.find_spec(module.split(".")[0]) is None:
         return f"{package} is not installed"
-    return "there is no mpiexec" if kind == "mpi" and launcher() is None else None
-
-
-def launcher():
-    """The mpiexec of this environment, or of the system."""
-    return shutil.which("mpiexec", path=os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]]))
+    if kind == "mpi":
+        try:
+            launcher.command(1)
+        except SceneError as error:
+            return str(error)
+    return None
 
 
 def table(kind, scene, folder):
     """Table of a sweep of three rows, but the times."""
     words = ["sweep", str(scene), "--grid", "pairs.0.restitution=0.3,0.5,0.7", "--out", str(folder), "--threads", "1",
              "--device", "cpu", "--quiet", "--on", kind, "--workers", str(WORKERS)]  # fmt: skip
-    start = [launcher(), "-n", str(WORKERS + 1)] if kind == "mpi" else []
+    start, environment = launcher.command(WORKERS + 1) if kind == "mpi" else ([], None)
     modules = ["-m", "mpi4py.futures", "-m", "warpdem"] if kind == "mpi" else ["-m", "warpdem"]
     command = [*start, sys.executable, "-P", *modules, *words]
-    done = subprocess.run(command, cwd=folder.parent, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, cwd=folder.parent, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     with (folder / "sweep.csv").open(newline="") as file:
         return [{name: value for name, value in row.items() if name != "wall_time [s]"} for row in csv.DictReader(file)]
