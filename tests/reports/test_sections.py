@@ -89,7 +89,9 @@ def test_overview_leaves_out_what_is_not_known():
     [node] = sections.overview({"time": 2.0, "steps": 100, "grains": 10, "seconds": seconds})
     found = {item[0].text: item[1].text for item in node}
     assert found == {"simulated": "2 s", "grains at the end": "10", "time steps": "100", "wall time": "3 s",
-                     "speed": "1000 ns per grain and step"}  # fmt: skip
+                     "speed": "10 us per step"}  # fmt: skip
+    [node] = sections.overview({"steps": 100, "grains": 1000, "seconds": seconds})
+    assert node[-1][1].text == "10 ns per grain and step"
     assert not list(sections.overview({})[0])
 
 
