@@ -36,7 +36,7 @@ def build(
     structs, pairs, evaluate_lane, sweep, lanes: int, wall_contacts_of_grain, sweep_walls, WallContacts, *, walls: bool,
     films=None,
 ):  # fmt: skip
-    """Return ``pair_phase``, ``wall_phase``, ``force_phase``, and of pairs that threads share.
+    """Return ``pair_phase``, ``wall_phase``, ``shared_pair_phase``, and ``force_phase`` of walls and shared pairs.
 
     Args:
         structs: namespace of ``structs.build``.

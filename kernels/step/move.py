@@ -41,7 +41,7 @@ def build(
         leave: grains may leave the domain.
         films: of ``contact.films.build``, ``wetting`` of ``wall.films.build`` and ``wet_load`` of ``motion.build_wet_load``;
             None for a law without bridges.
-        sweep: of ``motion_sweep.build``, moves grains side by side; None where more is asked than their motion, or on a GPU.
+        sweep: of ``motion_sweep.build``, the motion of several grains in SIMD lanes; None where they are moved one by one.
     """
     advance, reading = integrator
     g = grain.build(spins)
@@ -180,7 +180,7 @@ def build(
         i: int, state: g.Record, s: int, dt: wp.float64, grains: Grains, wall_contacts: WallContacts, control: Control,
         report: Report, inner_share: wp.float64,
     ) -> int:  # fmt: skip
-        """Of grain ``i`` after step ``s``: as ``move_phase``."""
+        """BEYOND and LEFT of grain ``i`` after step ``s``; an outlet may remove it."""
         next_row = (s + 2) * wp.static(stages)
         far = travel.displaced(
             i, state, grains.reference, inner_share * grains.allowance[i], grains.flight, control.placement,
@@ -215,19 +215,16 @@ def build(
         return moved
 
     @wp.func
-    def move_phase(
+    def move_one_by_one(
         part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
         report: Report, inner_share: wp.float64,
     ) -> int:  # fmt: skip
-        """Stage ``stage`` of the step in row ``s``; BEYOND and LEFT of ``motion``, of all its grains together."""
+        """The grains and clumps of ``part`` one after another: as ``move_phase``."""
         at = s * wp.static(stages) + stage
         row = control.row[at]
         dt = model.dt
         moved = int(0)
         last = int(part.last)
-        if wp.static(sweep is not None):
-            moved = move_in_lanes(part, s, row, dt, grains, wall_contacts, control, report, inner_share)
-            last = part.first
         if wp.static(clumps is not None and not clumps.drives and films is None):
             if grains.clumps.spheres == 0:  # ``move_clumps`` does it all
                 last = part.first
@@ -289,6 +286,19 @@ def build(
                 moved = moved | watch(i, state, s, dt, grains, wall_contacts, control, report, inner_share)
         if wp.static(clumps is not None):
             moved = moved | move_clumps(part, s, model, grains, wall_contacts, control, report, inner_share)
+        return moved
+
+    @wp.func
+    def move_phase(
+        part: Range, s: int, stage: int, model: Model, grains: Grains, wall_contacts: WallContacts, control: Control,
+        report: Report, inner_share: wp.float64,
+    ) -> int:  # fmt: skip
+        """Stage ``stage`` of the step in row ``s``; BEYOND and LEFT of ``motion``, of all its grains together."""
+        moved = int(0)
+        if wp.static(sweep is not None):
+            moved = move_in_lanes(part, s, control.row[s], model.dt, grains, wall_contacts, control, report, inner_share)
+        else:
+            moved = move_one_by_one(part, s, stage, model, grains, wall_contacts, control, report, inner_share)
         return moved
 
     return KernelSet(move_phase=move_phase)

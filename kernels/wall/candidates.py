@@ -14,7 +14,7 @@ from warpdem.kernels.step.schedule import Placement, local
 from warpdem.kernels.wall.surface import MeshTrees, Surface
 
 MET = 8
-"""Features of a grain that are kept when they are counted: one with more looks for them once more."""
+"""Wall features per grain that the counting pass stores for the writing pass; a grain with more is searched again."""
 
 
 @functools.cache
@@ -43,7 +43,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
     def add(
         i: int, candidate: int, fill: int, at: int, n: int, met: wp.array2d(dtype=wp.int32), out: wp.array(dtype=wp.int32)
     ) -> int:  # fmt: skip
-        """As ``insert`` when filling; else the first ones are kept for that."""
+        """As ``insert`` when filling; when counting, the first ``MET`` are stored."""
         if fill == 1:
             return insert(candidate, at, n, out)
         if n < met.shape[1]:
@@ -59,7 +59,7 @@ def build(around, border, WallContacts, ListedGrains, *, spins: bool, meshes: bo
         surface: Surface,
         trees: MeshTrees,
         placements: wp.array(dtype=Placement),
-        met: wp.array2d(dtype=wp.int32),  # (n, up to MET) of each grain those first met, written by 0; of width 0: none
+        met: wp.array2d(dtype=wp.int32),  # (n, MET) first features of each grain, written when counting; (n, 0): none
         start: wp.array(dtype=wp.int32),
         count_out: wp.array(dtype=wp.int32),
         feature_out: wp.array(dtype=wp.int32),

@@ -20,7 +20,7 @@ from warpdem.ranks.world import World
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(("name", "stages"), [("stirred", 1), ("sizes", 4)])
 def test_bits_do_not_depend_on_which_contacts_wait_for_ghosts(name, stages, threads, monkeypatch):
-    """Half of them do; after every stage that forces follow the host is told to wait, once all others are evaluated."""
+    """Half of them do; in each force call thread 0 waits once, after the contact batches without ghosts."""
     straight = Simulation(SCENES[name](), device="cpu", threads=1)
     straight.step(60)
     calls, inside = [], []

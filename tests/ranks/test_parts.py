@@ -118,7 +118,7 @@ def test_ghosts_stand_behind_own_grains(rng):
     assert len(among["pair"]) < len(mine.pairs["pair"])
 
 
-def test_what_all_ranks_are_told_does_not_grow_with_the_grains():
+def test_what_is_sent_to_all_ranks_does_not_grow_with_the_grains():
     """Positions, radii, velocities, spins and ids of a scene are dealt out, not sent to all; the model is the same."""
     sizes = []
     for n in (10, 16):

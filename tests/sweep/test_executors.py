@@ -7,44 +7,16 @@ import sys
 
 import pytest
 
+from scene_text import TWO_FALLING
 from warpdem.errors import SceneError
 from warpdem.ranks import launcher
-from warpdem.sweep.executors import KINDS, LIBRARIES
+from warpdem.sweep.executors import LIBRARIES
 
-SCENE = """
-[materials.glass]
-density = 2500
-young_modulus = "5 MPa"
-poisson_ratio = 0.3
-[contact]
-tangential = "none"
-[[pairs]]
-materials = ["glass", "glass"]
-restitution = 0.5
-[[walls]]
-name = "floor"
-material = "glass"
-plane = { point = [0, 0, 0], normal = [0, 0, 1] }
-[[grains]]
-material = "glass"
-radius = 1e-3
-positions = [[0, 0, 1.5e-3], [0.5e-3, 0, 4e-3]]
-[time]
-end = 0.02
-step = 1e-5
-max_speed = 0.5
-[output]
-formats = []
-picture = false
-interval = 1e-3
-"""
 WORKERS = 2
 
 
 def missing(kind):
     """Why an executor cannot be tried here; None if it can."""
-    if kind == "local":
-        return None
     module, package = LIBRARIES[kind]
     if importlib.util.find_spec(module.split(".")[0]) is None:
         return f"{package} is not installed"
@@ -74,11 +46,11 @@ def of_pool(tmp_path_factory):
     """The scene, and the table of the sweep through processes of this machine."""
     folder = tmp_path_factory.mktemp("executors")
     scene = folder / "s.toml"
-    scene.write_text(SCENE)
+    scene.write_text(TWO_FALLING)
     return scene, table("local", scene, folder / "local")
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "local"])
+@pytest.mark.parametrize("kind", LIBRARIES)
 def test_every_executor_gives_the_table_of_the_pool(kind, of_pool):
     if reason := missing(kind):
         pytest.skip(reason)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from scene_text import GLASS
+from scene_text import TWO_FALLING
 from warpdem import SceneError, WarpdemError
 from warpdem.app import cli
 from warpdem.app.sweep import rows_of
@@ -25,31 +25,11 @@ from warpdem.sweep.sweep import RowsFailed, Sweep, run_sweep
 from warpdem.sweep.worker import Task, run_row
 
 STAND_IN = Path(__file__).resolve().parents[1] / "helpers" / "stand_in.py"
-SCENE = GLASS + """
-friction = 0.3
-[[walls]]
-name = "floor"
-material = "glass"
-plane = { point = [0, 0, 0], normal = [0, 0, 1] }
-[[grains]]
-material = "glass"
-radius = 1e-3
-positions = [[0, 0, 1.5e-3], [0.5e-3, 0, 4e-3]]
-[time]
-end = 0.02
-step = 1e-5
-max_speed = 0.5
-[output]
-formats = []
-picture = false
-interval = 1e-3
-checkpoint_interval = 1e-3
-"""
 
 
 @pytest.fixture
 def scene(tmp_path):
-    (tmp_path / "s.toml").write_text(SCENE)
+    (tmp_path / "s.toml").write_text(TWO_FALLING)
     return tmp_path / "s.toml"
 
 

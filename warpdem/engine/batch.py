@@ -48,7 +48,7 @@ class Scratch:
     slots: wp.array
     """(3,), [1]: slots beside walls."""
     met: wp.array
-    """(n, 0): no wall features are kept when they are counted."""
+    """(n, 0): the counting pass stores no wall features."""
 
     @classmethod
     def of(cls, n: int, device: wp.Device) -> "Scratch":

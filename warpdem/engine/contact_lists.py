@@ -50,7 +50,7 @@ class NewOuterList:
     feature_count: wp.array
     """(n,) wall features near each grain."""
     met: wp.array
-    """(n, up to ``candidates.MET``) wall features that were met when they were counted; of width 0: none are kept."""
+    """(n, ``candidates.MET``) wall features stored by the counting pass; (n, 0): none are."""
     first: wp.array
     """(n + 1,) first wall slot of each grain."""
 

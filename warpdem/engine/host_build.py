@@ -221,7 +221,7 @@ class HostBuild:
         return pool.buffer(f"{name} {self._side}", (size,), dtype)
 
     def _met(self, n: int) -> wp.array:
-        """Array for the wall features that are met when they are counted: on a GPU memory counts for more."""
+        """Array for the wall features that the counting pass stores; none on a GPU, where memory counts for more."""
         kept = MET if self.model.walls is not None and not self.storage.rows_are_counted else 0
         return self.storage.pool.buffer("met", (n, kept), wp.int32)
 

@@ -216,11 +216,11 @@ def _built(features: Features) -> KernelSet:
             arrays, WallContacts, rigid, load, travel, images, orientation_of, sums, flowing, walls=walls.present,
             leave=domain.outlets > 0, driven=bool(fields), lanes=1 if backend.resident else backend.lanes,
         )  # fmt: skip
-    side_by_side = None
-    more = fields or sums or flowing or measures.wear or laws.clumps or laws.wet  # is asked for than motion
-    if swept is not None and scheme is exact_drift and not more:
-        drift = exact_drift.build_drift(**spins, rotating_frame=frame.rotates, moving_frame=frame.moves)
-        side_by_side = motion_sweep.build(
+    motion_swept = None
+    of_each_grain = fields, sums, flowing, measures.wear, laws.clumps, laws.wet  # computed grain by grain in the motion phase
+    if swept is not None and hasattr(scheme, "build_drift") and not any(of_each_grain):
+        drift = scheme.build_drift(**spins, rotating_frame=frame.rotates, moving_frame=frame.moves)
+        motion_swept = motion_sweep.build(
             arrays, WallContacts, motion_sweep.build_moved(drift, images, **spins), travel, backend.lanes, **spins,
             walls=walls.present, leave=domain.outlets > 0,
         )  # fmt: skip
@@ -228,7 +228,7 @@ def _built(features: Features) -> KernelSet:
         arrays, WallContacts, load, acceleration, travel, integrator, images, orientation_of, sums, flowing,
         wear.build(one, WallContacts, laws.spins) if measures.wear else None, bodies, **shared_by_steps, **spins,
         leave=domain.outlets > 0, films=liquid, wetting=wall_kernels.wetting,
-        wet_load=motion.build_wet_load(backend.real, **spins) if laws.wet else None, sweep=side_by_side,
+        wet_load=motion.build_wet_load(backend.real, **spins) if laws.wet else None, sweep=motion_swept,
     )  # fmt: skip
     dynamic = dynamic_walls.build(one, WallContacts, walls.bodies > 0) if walls.dynamic else None
     step = loop.build(arrays, forces, moved_by.move_phase, dynamic, WallContacts, stages=stages, ranks=backend.ranks)

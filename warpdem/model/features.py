@@ -270,8 +270,8 @@ class Features:
         fixed += 8 * sum(measures.sums.values()) + 8 * at_walls * (measures.energy and walls.present)
         result = record.RESULT.width if law.moments else record.FRICTION
         contact_point = 8 * (2 * record.columns(law.history).width + result) + 64 + 32 + 12
-        beside_walls = 48 + 8 + 0.4 * contact_point if walls.present else 0
-        beside_walls += 1.5 * 4 * MET if walls.present and not self.backend.resident else 0
+        met = 0 if self.backend.resident else 1.5 * 4 * MET
+        beside_walls = 48 + 8 + 0.4 * contact_point + met if walls.present else 0
         return int(fixed + listed * contact + near + beside_walls)
 
     def explain(self) -> list[str]:

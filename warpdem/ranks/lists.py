@@ -145,8 +145,10 @@ class RankLists(NeighborLists):
         """Take note of a build; a rank without grains built nothing, and takes note of it too."""
         if not self.state.slots:
             self.inner_rebuilds += 1
-        elif self.contact_count and not self.model.features.backend.resident:
-            # lanes without a contact too: a pair of grains stands in them, whose places are read
+        elif self.model.features.backend.resident:
+            self.batches_inside = 0  # nothing is evaluated while ghosts are under way
+        elif self.contact_count:
+            # lanes without a contact too: they hold a pair of grains, whose positions are read
             owner, partner = (slots.numpy().ravel()[: self.totals[0]] for slots in (self.owner, self.partner))
             ghost = (owner >= self.state.owned) | (partner >= self.state.owned)
             if ghost.any():

@@ -420,9 +420,7 @@ class Rank:
 
     @property
     def share_inside(self) -> float:
-        """Share of the contact batches that are evaluated while ghosts are under way [-]; none on GPUs."""
-        if self._model.features.backend.resident:
-            return 0.0
+        """Fraction of the contact batches that are evaluated while ghosts are under way [-]; 0 on GPUs."""
         return self.lists.batches_inside * self._model.features.backend.lanes / max(self.lists.totals[0], 1)
 
 

@@ -36,8 +36,7 @@ def overview(record: Mapping[str, Any]) -> list[Node]:
         ("time step", _with_unit(step.get("used"), "s")),
         ("largest overlap", f"{number(100 * max(overlaps), 3)} % of a radius" if overlaps else None),
         ("wall time", _with_unit(seconds.get("total"), "s")),
-        ("speed", speed_text(of_steps / steps, grains)
-         if steps and grains and of_steps else None),
+        ("speed", speed_text(of_steps / steps, grains) if steps and grains and of_steps else None),
         ("device", f"{record['device']}, {record.get('threads')} threads" if record.get("device") else None),
     ]  # fmt: skip
     return [el("dl", *(el("div", el("dt", name), el("dd", text)) for name, text in rows if text is not None), class_="facts")]

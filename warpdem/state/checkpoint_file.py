@@ -83,10 +83,10 @@ def _bytes(values: np.ndarray) -> memoryview:
 
 
 class Contents(Mapping[str, Any]):
-    """What a checkpoint holds, while its file is open: each array is read when it is asked for, every time anew.
+    """Contents of a checkpoint whose file is open: an array is read from the file at each access.
 
     Args:
-        rows: the arrays, whose rows are read when they are asked for, and what is no array.
+        rows: the arrays as ``Rows``, which are read on access, and what is no array.
 
     Attributes:
         rows: the same.
