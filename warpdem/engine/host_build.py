@@ -100,6 +100,9 @@ class Storage(Protocol):
     def selection(self, entries: int) -> wp.array:
         """Array for what is selected of each entry of the outer list, shape (entries,)."""
 
+    def copies(self, grains: int) -> wp.array:
+        """Scratch for what an outer list build copies of the grains (``kernels.lists.cells``), of size 0 if it does not."""
+
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
         """Array of the force slots; shape of the contact history, and entries of the outer list."""
 
@@ -200,6 +203,7 @@ class HostBuild:
         )  # fmt: skip
         if not a.rows_are_counted:
             self._give_rows_capacity()
+        a.grids.copies = self.storage.copies(n)
         self._look_ahead()
         self.program.build_outer()
         a.rebuilds += 1

@@ -86,12 +86,15 @@ def grids_for(
         kinds, largest = [np.ones(len(radius), dtype=bool), *kinds], np.array([widest, *largest])
     width = 2.0 * largest + beyond
     cells = np.array([grid_cells(position[mine], cell) for mine, cell in zip(kinds, width, strict=True)])
-    first = starts(cells.prod(axis=1))
+    first = starts((cells + [1, 0, 0]).prod(axis=1))  # of each line one entry more than it has cells
     out = kernels.SizeGrids()
     out.largest = wp.array(largest, dtype=wp.float64, device=device)
     out.per_length = wp.array(1.0 / width, dtype=wp.float64, device=device)
     out.cells = wp.array(cells, dtype=wp.vec3i, device=device)
     out.first = wp.array(first[:-1], dtype=wp.int32, device=device)
-    out.head = wp.zeros(int(first[-1]), dtype=wp.int32, device=device)
-    out.next = wp.empty(len(radius), dtype=wp.int32, device=device)
+    out.lines = int(cells[:, 1:].prod(axis=1).sum())
+    out.end = wp.zeros(int(first[-1]), dtype=wp.int32, device=device)
+    out.placed = wp.zeros(1 + len(cells), dtype=wp.int32, device=device)
+    out.cell = wp.empty(len(radius), dtype=wp.int32, device=device)
+    out.grain = wp.empty(len(radius) + kernels.SPARE, dtype=wp.int32, device=device)
     return out
