@@ -12,7 +12,7 @@ import functools
 import warp as wp
 from warpdem.kernels import KernelSet
 from warpdem.kernels.lists.cells import COPIED, SPARE, SizeGrids
-from warpdem.kernels.simd.lane_types import INLINE, declarations
+from warpdem.kernels.simd.lane_types import declarations
 from warpdem.kernels.simd.rows import same
 from warpdem.kernels.simd.translate import Translator
 

@@ -252,5 +252,6 @@ def build(
             rows_out.contact[e] = found
 
     return KernelSet(
-        count_in_cells=count_in_cells, sort_by_cell=sort_by_cell, find_neighbors=find_neighbors, carry_contacts=carry_contacts, ListedGrains=ListedGrains
+        count_in_cells=count_in_cells, sort_by_cell=sort_by_cell, find_neighbors=find_neighbors,
+        carry_contacts=carry_contacts, ListedGrains=ListedGrains,
     )

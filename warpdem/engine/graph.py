@@ -319,8 +319,8 @@ class Captured:
     def key(self) -> tuple:
         """What the graph holds by value."""
         lists = self.lists
-        numbers = self.state.slots, self.state.owned, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon, lists.grids.lines
-        return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
+        numbers = self.state.slots, self.state.owned, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
+        return *numbers, lists.grids.lines, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
