@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import liggghts, speed, states, window
+from bench import liggghts, size_picture, speed, states, window
 
 # LIGGGHTS-PUBLIC 3.8.0, a run of the deck on 5000 grains: 5 warm-up steps, 30 timed ones, contacts counted; shortened
 PEER_OUTPUT = """\
@@ -155,3 +155,20 @@ def test_data_file_of_the_peer_holds_diameters_and_motion(tmp_path):
     np.testing.assert_allclose(np.fromstring(atoms, sep=" "), [1, 1, 0.1, 2500, 0.1, 0.2, 0.3])
     np.testing.assert_allclose(np.fromstring(motion, sep=" "), [1, 1, 2, 3, 4, 5, 6])
     assert "0 0.5 xlo xhi" in text
+
+
+def test_the_picture_has_a_curve_of_each_code_model_and_number_of_threads_by_size(tmp_path):
+    def case(grains, time, model="full", peer=None, state="bed"):
+        row = {"state": f"{state}_{grains}", "grains": grains, "model": model, "threads": 1}
+        row["ns_per_grain_step"] = {"median": time}
+        return row | ({"peer": {"ns_per_grain_step": {"median": peer}}} if peer else {})
+
+    cases = [case(2000, 70.0, peer=170.0), case(100, 90.0), case(100, 60.0, "frictionless"), case(500, 1.0, state="hourglass")]
+    found = size_picture.curves(cases)
+    assert found == {
+        ("warpdem", "full", 1): ([100, 2000], [90.0, 70.0]), ("peer", "full", 1): ([2000], [170.0]),
+        ("warpdem", "frictionless", 1): ([100], [60.0]),
+    }  # fmt: skip
+    report = {"cases": cases, "versions": {"peer": "liggghts 3.8"}, "machine": {"processor": "some"}}
+    size_picture.draw(report | {"settings": {"precision": "double"}}, tmp_path / "sizes.png")
+    assert (tmp_path / "sizes.png").read_bytes().startswith(b"\x89PNG")

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 import warpdem
-from bench import deme, liggghts
+from bench import deme, liggghts, size_picture
 from bench.states import MATERIAL, OWN_GLASS, Law, Model, Precision, Settings, Start, bed, given_bed, mid_discharge
 from bench.window import OtherLoad, commit, machine, spread, window
 from warpdem.core.threads import available_threads
@@ -256,6 +256,7 @@ def main(
     settle: int = 20_000,
     flow: float = 0.12,
     out: Path = Path("bench_speed.json"),
+    picture: Path | None = None,
 ) -> None:
     """Measure, print a table and write JSON.
 
@@ -279,6 +280,7 @@ def main(
         settle: Steps that a bed made here settles.
         flow: Simulated time from turning the hourglass over to the windows [s].
         out: JSON file to write.
+        picture: PNG to write: time per grain and step of the beds against their size.
     """
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -291,6 +293,9 @@ def main(
     print_report(report, console)
     out.write_text(json.dumps(report, indent=2) + "\n")
     console.print(f"wrote {out}")
+    if picture is not None:
+        size_picture.draw(report, picture)
+        console.print(f"wrote {picture}")
 
 
 if __name__ == "__main__":
