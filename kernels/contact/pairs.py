@@ -170,19 +170,18 @@ def build(real, law, parts, border, *, spins: bool, gap: float, clumps: bool = F
     of_clumps = clump.build(clumps)
 
     @wp.func
-    def constants_of_clumps(gi: g.Record, gj: g.Record, inverse: of_clumps.Inverse, c: Numbers) -> Constants:
+    def constants_of_clumps(
+        gi: g.Record, gj: g.Record, inverse: of_clumps.Inverse, radius: real, c: Numbers
+    ) -> Constants:
         """Constants of a contact from the mass that its grains have along the normal as members of clumps.
 
-        ``inverse``: the sum of theirs. One division for all: contacts wait for each other's.
+        ``inverse``: the sum of theirs.
         """
         across = border.nearest(g.position(gi) - g.position(gj))
         n = across * (wp.float64(1.0) / wp.sqrt(wp.dot(across, across)))
         along = of_clumps.inverse_mass(inverse, n)
-        radii = gi[3] + gj[3]
-        over_both = wp.float64(1.0) / (radii * along)
-        closeness = along * over_both
-        k = law.constants(c, real(gi[3] * gj[3] * closeness), real(radii * over_both), real(closeness))
-        k[wp.static(INVERSE_MASS)] = real(along)  # not 1/m* again
+        k = law.constants(c, radius, real(wp.float64(1.0) / along), real(wp.float64(1.0) / (gi[3] + gj[3])))
+        k[wp.static(INVERSE_MASS)] = real(along)  # not 1/m* again: the contacts wait for each other's divisions
         return k
 
     @wp.func

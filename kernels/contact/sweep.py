@@ -83,7 +83,7 @@ def source(pairs, lanes: int, *, stored: Columns, rotating_frame: bool, table: b
             f"        batch::read_sum(inverse.data[0].c + {at}, {of_all}, {of_both}, inv.c + {at});\n"
             for at in rows.starts(of_all, lanes)
         )
-        given = f"gi, gj, inv, batch::{law.cast_coefficients}(c)"
+        given = f"gi, gj, inv, {radius}, batch::{law.cast_coefficients}(c)"
         of_clumps = f"        numbers = batch::{law.constants_of_clumps}({given});\n"
     history_in, history_out = (f"history_{way}.data + (p * {remembers} + {{f}}) * {lanes}" for way in ("in", "out"))
     rotated = f"        remembered = batch::{law.rotated}(remembered, rotation);\n" if hasattr(law, "rotated") else ""

@@ -89,7 +89,7 @@ def build(
         c = pairs.cast_coefficients(coefficients_64)
         numbers = Constants()
         if wp.static(pairs.clumps.there):
-            numbers = pairs.constants_of_clumps(gi, gj, inv_i + inv_j, c)
+            numbers = pairs.constants_of_clumps(gi, gj, inv_i + inv_j, real(radius), c)
         else:
             constants_64 = constants(
                 coefficients_64, radius, wp.float64(1.0) / (inv_i[0] + inv_j[0]), wp.float64(1.0) / (gi[3] + gj[3])
