@@ -17,14 +17,12 @@ from warpdem.filling.clump_grains import NONE, InitialClumps
 from warpdem.kernels import clump, grain
 from warpdem.kernels.clump import Reading
 
-OF_CLUMPS = {
-    "record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32, "shape": wp.int32,
-}  # fmt: skip
-"""Arrays with a row per clump, with their types."""
+OF_CLUMPS = {"record": None, "turn": wp.vec4d, "rate": wp.vec4d, "first": wp.int32, "count": wp.int32}
+"""Arrays with a row per clump, with their types, that a checkpoint holds but for ``first``."""
+HERE = {**OF_CLUMPS, "shape": wp.int32}
+"""All of them."""
 OTHERS = {"of_grain": wp.int32, "arm": wp.vec4d}
 """Arrays with a row per grain, and per member of each shape."""
-IN_MEMORY = "first", "shape"
-"""Of ``OF_CLUMPS``, what says where in memory something is."""
 OF_STEP = {"drive": clump.vec6, "rotation": wp.vec4d, "reading": Reading}
 """Arrays with a row per clump that a step or a reading writes before anything reads them."""
 
@@ -136,7 +134,7 @@ class ClumpState:
     def _take(
         self, of_clumps: dict[str, np.ndarray], others: dict[str, np.ndarray], template: np.ndarray, axes: np.ndarray
     ) -> None:
-        for name, dtype in {**OF_CLUMPS, **OTHERS}.items():
+        for name, dtype in {**HERE, **OTHERS}.items():
             value = np.ascontiguousarray({**of_clumps, **others}[name])
             kind = grain.build(True).Record if dtype is None else dtype
             value = value.astype(np.int32 if kind is wp.int32 else np.float64)
@@ -150,7 +148,7 @@ class ClumpState:
         """The struct ``kind`` of ``kernels.clump`` over the present arrays, made once for them."""
         if self._struct is None:
             self._struct = kind()
-            for name in (*OF_CLUMPS, *OTHERS, *OF_STEP):
+            for name in (*HERE, *OTHERS, *OF_STEP):
                 setattr(self._struct, name, getattr(self, name))
             self._struct.spheres = int((self.of_grain.numpy() == NONE).sum())
         return self._struct
@@ -178,12 +176,12 @@ class ClumpState:
         return record, 1.0 / rate[:, 0], np.einsum("nij,nj,nkj,nk->ni", axes, rate[:, 1:], axes, momentum), momentum
 
     def _values(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        return tuple({name: getattr(self, name).numpy() for name in names} for names in (OF_CLUMPS, OTHERS))  # type: ignore[return-value]
+        return tuple({name: getattr(self, name).numpy() for name in names} for names in (HERE, OTHERS))  # type: ignore[return-value]
 
     def add(self, more: "ClumpState", slots: int) -> None:
         """Append the clumps ``more``, whose grains come after those in the first ``slots`` slots."""
         (own, of_own), (new, of_new) = self._values(), more._values()
-        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in OF_CLUMPS}
+        of_clumps = {name: np.concatenate([own[name], new[name]]) for name in HERE}
         of_clumps["first"] = np.concatenate([own["first"], slots + new["first"]])
         of_clumps["shape"][len(self) :] += len(of_own["arm"])
         arm = np.concatenate([of_own["arm"], of_new["arm"]])
@@ -222,7 +220,7 @@ class ClumpState:
         """What a checkpoint holds: arrays by name, clumps and grains in order of id; motion at the present time, just read."""
         slots, _ = self.in_order(rank)
         of_clumps, others = self._values()
-        out = {name: values[slots] for name, values in of_clumps.items() if name not in IN_MEMORY}
+        out = {name: values[slots] for name, values in of_clumps.items() if name not in ("first", "shape")}
         number = np.full(len(self) + 1, NONE)
         number[slots] = np.arange(len(slots))
         of = others["of_grain"]
@@ -236,7 +234,7 @@ class ClumpState:
 
     def restore(self, data: Mapping[str, Any]) -> None:
         """Take over what ``arrays`` gave."""
-        of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name not in IN_MEMORY}
+        of_clumps = {name: data[f"clump_{name}"] for name in OF_CLUMPS if name != "first"}
         self.template, self.axes, of = data["clump_template"], data["clump_axes"], data["clump_of_grain"]
         arm = np.column_stack([data["clump_arm"], data["record"][:, grain.RADIUS]])
         member = np.flatnonzero(of != NONE)
@@ -248,6 +246,6 @@ class ClumpState:
         """As ``State.copied``."""
         out = copy.copy(self)
         out._struct = None
-        for name in (*OF_CLUMPS, *OTHERS, *OF_STEP):
+        for name in (*HERE, *OTHERS, *OF_STEP):
             setattr(out, name, take(f"clumps {name}", getattr(self, name)))
         return out
