@@ -207,3 +207,8 @@ def soaked() -> Scene:
 
 ALL = stirred, sizes, few, poured, drained, milled, belted, pressed, held, phased, clumped, soaked
 SCENES = {one.__name__: one for one in ALL}
+
+
+def in_pieces(scene: Scene, pieces: str) -> Scene:
+    """The scene with frames in all formats that have pieces, in pieces or in one."""
+    return scene.model_copy(update={"output": scene.output.model_copy(update={"formats": ["vtk", "usd"], "pieces": pieces})})

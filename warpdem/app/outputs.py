@@ -13,8 +13,9 @@ from warpdem.measure.residence import read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.measure.sums import load_readers
 from warpdem.measure.totals import Totals
+from warpdem.app.frame_pieces import Pieces, in_pieces
 from warpdem.output.background import Background
-from warpdem.output.formats import FrameWriter, writer_of
+from warpdem.output.formats import FORMATS, FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.output.write_grid import GridWriter
@@ -35,7 +36,10 @@ class Outputs:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         formats = sim.scene.output.formats
-        self.writers: list[FrameWriter] = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats]
+        whole = [name for name in formats if not (in_pieces(sim) and FORMATS[name].piece)]
+        writers = {name: writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats}
+        self.writers: list[FrameWriter] = [writers.pop(name) for name in whole]
+        self.pieces = Pieces(sim, folder, resume, list(writers.values())) if writers else None
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
@@ -62,7 +66,10 @@ class Outputs:
         with self.sim.clock("output"):
             output, self.staging = self.sim.scene.output, self.staging[::-1]
             measures, view = self.sim.scene.measures, self.sim.view
-            network = frame and (output.contacts or measures.grid is not None)
+            if frame and self.pieces is not None:
+                self.background.settle()  # the libraries are called by one thread at a time
+                self.pieces.write()
+            network = frame and bool(self.writers) and (output.contacts or measures.grid is not None)
             network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
@@ -78,7 +85,9 @@ class Outputs:
                 self.history.write(numbers)
                 self.sim.rows.add(numbers)
                 self.turning.add(view)
-            if frame:
+            if frame and self.pieces is not None:
+                self.pieces.join(view)
+            if frame and self.writers:
                 snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
@@ -108,4 +117,6 @@ class Outputs:
         finally:
             for writer in self.writers:
                 writer.close()
+            if self.pieces is not None:
+                self.pieces.close()
             self.history.close()

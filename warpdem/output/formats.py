@@ -1,15 +1,15 @@
 """The formats of the frames: what each name of ``output.formats`` stands for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.scene.model import Scene
 
 
 class FrameWriter(Protocol):
-    """What every format of the results has."""
+    """What writes frames as a whole."""
 
     def write(self, snapshot: Snapshot) -> None:
         """Write one frame; when this returns the frame is on disk."""
@@ -18,11 +18,29 @@ class FrameWriter(Protocol):
         """Close the files."""
 
 
+class JoiningWriter(FrameWriter, Protocol):
+    """What writes frames as a whole, or around the pieces that ranks write."""
+
+    def join(self, around: Snapshot, pieces: Sequence[Any]) -> None:
+        """Write a frame, without grains, contacts and clumps, around the pieces for which their writers gave this."""
+
+
+class PieceWriter(Protocol):
+    """What writes the grains, contacts and clumps of one rank."""
+
+    def write(self, piece: Snapshot) -> Any:
+        """Write the piece of one frame, to disk; returns what ``JoiningWriter.join`` has to know of it."""
+
+
 class Format(NamedTuple):
     """A format of the frames."""
 
     writer: Callable[[Path, list[WallMesh], Scene, bool], FrameWriter]
-    """Makes the writer: folder, walls to draw in their body axes, scene, whether earlier frames are kept."""
+    """Makes the writer: folder, walls to draw in their body axes, scene, whether earlier frames are kept. With ``piece`` it is
+    a ``JoiningWriter``."""
+    piece: Callable[[Path, int, Scene, bool], PieceWriter] | None
+    """Makes the writer of the pieces of a rank: folder, number of the rank, scene, whether earlier frames are kept. None: the
+    format has no pieces."""
     grain_bytes: int
     """Bytes of a grain in a frame [B], for the estimate of ``warpdem check``: 5000 that fly and spin."""
 
@@ -31,6 +49,12 @@ def _vtk(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> Fra
     from warpdem.output.write_vtk import VtkWriter
 
     return VtkWriter(folder, walls, contacts=scene.output.contacts, clumps=bool(scene.clumps), resume=resume)
+
+
+def _vtk_piece(folder: Path, part: int, scene: Scene, resume: bool) -> PieceWriter:
+    from warpdem.output.vtk_pieces import VtkPieceWriter
+
+    return VtkPieceWriter(folder, part, contacts=scene.output.contacts, clumps=bool(scene.clumps), resume=resume)
 
 
 def _vtkhdf(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> FrameWriter:
@@ -45,10 +69,16 @@ def _usd(folder: Path, walls: list[WallMesh], scene: Scene, resume: bool) -> Fra
     return UsdWriter(folder, walls, scene=scene, resume=resume)
 
 
+def _usd_piece(folder: Path, part: int, scene: Scene, resume: bool) -> PieceWriter:
+    from warpdem.output.usd_pieces import UsdPieceWriter
+
+    return UsdPieceWriter(folder, part, scene, resume=resume)
+
+
 FORMATS = {
-    "vtk": Format(_vtk, grain_bytes=110),
-    "vtkhdf": Format(_vtkhdf, grain_bytes=100),
-    "usd": Format(_usd, grain_bytes=110),
+    "vtk": Format(_vtk, _vtk_piece, grain_bytes=110),
+    "vtkhdf": Format(_vtkhdf, None, grain_bytes=100),
+    "usd": Format(_usd, _usd_piece, grain_bytes=110),
 }
 """Every format that ``warpdem.scene.settings.Output.formats`` allows. Libraries are loaded when a writer is made."""
 

@@ -127,10 +127,7 @@ class Front(RunLoop):
 
     def advance(self, count: int) -> None:
         """As ``RunLoop``, on all ranks."""
-        if not self._is_dealt:
-            self._evaluate()
-            view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
-            self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
+        self._deal_first()
         if count == 0:
             self.prepare()
             return
@@ -152,6 +149,19 @@ class Front(RunLoop):
         self._take_extremes(self.on_all("extremes"))
         if clock.step_number == insertion:
             self.insert()
+
+    def _deal_first(self) -> None:
+        """Deal the grains out as they are at the start, unless that is done."""
+        if not self._is_dealt:
+            self._evaluate()
+            view = RunView(self._model, self._state, self._clock, self._engine, None, self._engine.lists.view)
+            self._deal(Portion.of({**contact_history.read(view), **Rank.arrays_of(self._state, self._state.rank)}))
+
+    def write_pieces(self) -> list[list[Any]]:
+        """Let each rank write its piece of the frame of the present time; returns what joins them, for each rank and format."""
+        self._deal_first()
+        found: list[list[Any]] = self.on_all("write_pieces")
+        return found
 
     def insert(self) -> None:
         """As ``RunLoop``."""
