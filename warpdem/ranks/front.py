@@ -63,7 +63,8 @@ def leading(world: World | None) -> Iterator[None]:
     finally:
         _led.pop()
         if world.busy:  # the others wait for what this rank did not do
-            sys.stderr.write(f"error: rank 0: {sys.exception()!r}\n")
+            error = sys.exception()
+            sys.stderr.write(f"error: rank 0: {error if isinstance(error, WarpdemError) else repr(error)}\n")
             sys.stderr.flush()
             world.abort(code)
         world.from_first((END, (code,)))
@@ -140,7 +141,8 @@ class Front(RunLoop):
             with self._timers.measure("steps"):
                 self.on_all("advance", count, max_overlap, hold)
         except WarpdemError:
-            self._show_grains()
+            if not self._world.busy:  # else the others cannot answer
+                self._show_grains()
             raise
         finally:
             clock.step_number = self.rank.clock.step_number
