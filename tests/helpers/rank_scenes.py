@@ -210,5 +210,6 @@ SCENES = {one.__name__: one for one in ALL}
 
 
 def in_pieces(scene: Scene, pieces: str) -> Scene:
-    """The scene with frames in all formats that have pieces, in pieces or in one."""
-    return scene.model_copy(update={"output": scene.output.model_copy(update={"formats": ["vtk", "usd"], "pieces": pieces})})
+    """The scene with frames in all formats, in pieces or in one."""
+    output = scene.output.model_copy(update={"formats": ["vtk", "vtkhdf", "usd"], "pieces": pieces})
+    return scene.model_copy(update={"output": output})

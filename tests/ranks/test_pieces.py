@@ -16,6 +16,7 @@ from rank_scenes import SCENES, in_pieces
 from warpdem import Simulation, load_scene
 from warpdem.app.phases import run
 from warpdem.output.read_vtk import read_frame, read_results
+from warpdem.output.read_vtkhdf import read_vtkhdf
 from warpdem.ranks import launcher
 
 PROGRAM = Path(__file__).parents[1] / "helpers" / "rank_program.py"
@@ -49,10 +50,11 @@ def assert_equal(one: dict[str, np.ndarray], many: dict[str, np.ndarray]) -> Non
         assert_array_equal(many[key], values, err_msg=key)
 
 
+@pytest.mark.parametrize("read", [read_results, read_vtkhdf])
 @pytest.mark.parametrize(("name", "size"), TASKS)
-def test_vtk_pieces_hold_the_frames_of_one_process(folder, name, size):
-    """Array by array, in the order of one process; walls, history and state are the same files."""
-    one, many = (read_results(path) for path in both(folder, name, size))
+def test_vtk_pieces_hold_the_frames_of_one_process(folder, name, size, read):
+    """Array by array, in the order of one process, by the files of VTK and those of VTKHDF."""
+    one, many = (read(path) for path in both(folder, name, size))
     assert_array_equal(many.times, one.times)
     for k in range(len(one.times)):
         alone, shared = one.frame(k), many.frame(k)
@@ -65,8 +67,15 @@ def test_vtk_pieces_hold_the_frames_of_one_process(folder, name, size):
         assert one.has_contacts == many.has_contacts
         if one.has_contacts:
             assert_equal(one.contacts(k), many.contacts(k))
-        for wall, path in one.files[k].items():
-            assert many.files[k][wall].read_bytes() == path.read_bytes()
+        for wall, other in zip(one.walls(k), many.walls(k), strict=True):
+            assert wall.name == other.name
+            assert_array_equal(other.vertices, wall.vertices)
+            assert_equal(one.fields(k, wall.name), many.fields(k, wall.name))
+
+
+@pytest.mark.parametrize(("name", "size"), TASKS)
+def test_all_else_is_as_without_pieces(folder, name, size):
+    """History, grid and state."""
     for file in ("history.csv", "grid.pvd"):
         written = [path / file for path in both(folder, name, size) if (path / file).exists()]
         assert len({path.read_bytes() for path in written}) == bool(written)

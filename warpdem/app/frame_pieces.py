@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from warpdem.measure.snapshot import take_loads
 from warpdem.output import own_pieces
-from warpdem.output.formats import FrameWriter, JoiningWriter
+from warpdem.output.formats import JoiningWriter
 from warpdem.output.own_pieces import OwnPieces
 from warpdem.ranks.front import Front
 from warpdem.simulation import Simulation
@@ -25,11 +25,11 @@ class Pieces:
         sim: the run.
         folder: where the results go.
         resume: keep the frames of an earlier run that come before the first new one.
-        joiners: what joins the pieces, for each format that has them.
+        joiners: what joins the pieces, for each format.
     """
 
-    def __init__(self, sim: Simulation, folder: Path, resume: bool, joiners: list[FrameWriter]) -> None:
-        self._sim, self._joiners = sim, cast(list[JoiningWriter], joiners)
+    def __init__(self, sim: Simulation, folder: Path, resume: bool, joiners: list[JoiningWriter]) -> None:
+        self._sim, self._joiners = sim, joiners
         self._front = sim.loop if isinstance(sim.loop, Front) else None
         self._own: OwnPieces
         self._found: list[list[Any]] = []

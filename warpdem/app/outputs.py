@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem.app.frame_pieces import Pieces, in_pieces
 from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.run_lock import RunLock
 from warpdem.measure import observation
@@ -13,9 +14,8 @@ from warpdem.measure.residence import read_departed
 from warpdem.measure.snapshot import take_snapshot
 from warpdem.measure.sums import load_readers
 from warpdem.measure.totals import Totals
-from warpdem.app.frame_pieces import Pieces, in_pieces
 from warpdem.output.background import Background
-from warpdem.output.formats import FORMATS, FrameWriter, writer_of
+from warpdem.output.formats import FrameWriter, writer_of
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.output.write_grid import GridWriter
@@ -36,10 +36,10 @@ class Outputs:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         formats = sim.scene.output.formats
-        whole = [name for name in formats if not (in_pieces(sim) and FORMATS[name].piece)]
-        writers = {name: writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats}
-        self.writers: list[FrameWriter] = [writers.pop(name) for name in whole]
-        self.pieces = Pieces(sim, folder, resume, list(writers.values())) if writers else None
+        pieces = in_pieces(sim)
+        of_formats = [writer_of(name, folder, walls, sim.scene, resume, pieces) for name in formats]
+        self.pieces = Pieces(sim, folder, resume, of_formats) if pieces and formats else None
+        self.writers: list[FrameWriter] = [] if pieces else [*of_formats]
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()

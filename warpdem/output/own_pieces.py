@@ -16,12 +16,12 @@ MANY = 20_000_000
 
 
 def in_pieces(scene: Scene, grains: int) -> bool:
-    """Whether the frames of a scene that begins with so many grains are written in pieces: on any number of ranks, also on one."""
+    """Whether the frames of a scene that begins with so many grains are in pieces, on any number of ranks, also on one."""
     return scene.output.pieces == "ranks" or (scene.output.pieces == "auto" and grains > MANY)
 
 
 class OwnPieces:
-    """The writers of the pieces of one process, for each format of the scene that has pieces.
+    """The writers of the pieces of one process, for each format of the scene.
 
     Args:
         scene: the scene that is run.
@@ -39,7 +39,7 @@ class OwnPieces:
     def __init__(self, scene: Scene, folder: Path, part: int, resume: bool) -> None:
         makers = [FORMATS[name].piece for name in scene.output.formats]
         try:
-            self._writers = [make(folder, part, scene, resume) for make in makers if make is not None]
+            self._writers = [make(folder, part, scene, resume) for make in makers]
         except OSError as error:
             raise not_written(folder, error) from error
         self.around: Snapshot

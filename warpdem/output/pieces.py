@@ -34,31 +34,32 @@ def without_grains(snapshot: Snapshot) -> Snapshot:
 
 def joined_grains(pieces: list[Snapshot]) -> Snapshot:
     """The grains of all pieces by id; what belongs to the whole frame is that of the first."""
-    if len(pieces) == 1:
-        return pieces[0]
-    order = np.argsort(np.concatenate([piece.id for piece in pieces]), kind="stable")
-    rows: dict[str, Any] = {
-        name: np.concatenate([getattr(piece, name) for piece in pieces])[order] for name in _held(pieces[0])
-    }
-    return replace(pieces[0], **rows)
+    rows = joined([{name: getattr(piece, name) for name in _held(piece)} for piece in pieces])
+    of_grains: dict[str, Any] = in_rows(rows, order_by_id(rows["id"]))
+    return replace(pieces[0], **of_grains)
 
 
-def joined_by_id(pieces: list[Arrays]) -> Arrays:
-    """The rows of all pieces in order of their ``id``."""
-    if len(pieces) == 1:
-        return pieces[0]
-    return _joined(pieces, np.argsort(np.concatenate([piece["id"] for piece in pieces]), kind="stable"))
+def joined(pieces: list[Arrays]) -> Arrays:
+    """The rows of all pieces, one piece after the other."""
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]} if len(pieces) > 1 else pieces[0]
 
 
-def joined_contacts(pieces: list[Arrays]) -> Arrays:
-    """The contacts of all pieces: those of two grains by the ids, then those with walls by grain and wall, the last wall first.
+def in_rows(arrays: Arrays, order: np.ndarray | None) -> Arrays:
+    """The rows in another order; None: as they are."""
+    return arrays if order is None else {name: values[order] for name, values in arrays.items()}
 
-    A grain's several points on one wall keep their order: they are in one piece.
+
+def order_by_id(ids: np.ndarray) -> np.ndarray | None:
+    """Order of grains or clumps in a frame; None if it is theirs already."""
+    return None if (ids[1:] > ids[:-1]).all() else np.argsort(ids, kind="stable")
+
+
+def order_of_contacts(i: np.ndarray, j: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    """Order of contacts in a frame: those of two grains by the ids, then those with walls by grain and wall, the last first.
+
+    A grain's several points on one wall keep theirs: they are in one piece.
     """
-    if len(pieces) == 1:
-        return pieces[0]
-    i, j, wall = (np.concatenate([piece[name] for piece in pieces]) for name in ("i", "j", "wall"))
-    return _joined(pieces, np.lexsort((np.where(wall < 0, j, -1 - wall), i, wall >= 0)))
+    return np.lexsort((np.where(wall < 0, j, -1 - wall), i, wall >= 0))
 
 
 def _held(table: Snapshot | ContactNetwork | ClumpShots) -> list[str]:
@@ -69,6 +70,3 @@ def _held(table: Snapshot | ContactNetwork | ClumpShots) -> list[str]:
 def _rows(table: Snapshot | ContactNetwork | ClumpShots, which: np.ndarray | slice) -> dict[str, Any]:
     return {name: getattr(table, name)[which] for name in _held(table)}
 
-
-def _joined(pieces: list[Arrays], order: np.ndarray) -> Arrays:
-    return {name: np.concatenate([piece[name] for piece in pieces])[order] for name in pieces[0]}

@@ -7,7 +7,7 @@ import numpy as np
 
 from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
-from warpdem.output.pieces import joined_by_id, joined_contacts, joined_grains
+from warpdem.output.pieces import in_rows, joined, joined_grains, order_by_id, order_of_contacts
 from warpdem.output.pvd_index import Entry, read_index
 from warpdem.output.result_arrays import snapshot_of
 from warpdem.output.vtk_files import load_polydata, points_of
@@ -42,14 +42,16 @@ class Results:
         """Arrays of the grains at frame ``k``, or those of the triangles of a wall, by name; vectors in frame axes."""
         if wall:
             return read_fields(self.files[k][wall])
-        return joined_by_id([read_fields(path) for path in self.grain_files[k]])
+        fields = joined([read_fields(path) for path in self.grain_files[k]])
+        return in_rows(fields, order_by_id(fields["id"])) if "id" in fields else fields
 
     def clumps(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the clumps at frame ``k`` by name, with their centres as ``position``, (c, 3) [m]; empty without clumps."""
         if float(self.times[k]) not in self.clump_files:
             return {}
         paths = self.clump_files[float(self.times[k])]
-        return joined_by_id([{**read_fields(path), "position": points_of(load_polydata(path))} for path in paths])
+        clumps = joined([{**read_fields(path), "position": points_of(load_polydata(path))} for path in paths])
+        return in_rows(clumps, order_by_id(clumps["id"]))
 
     @property
     def has_contacts(self) -> bool:
@@ -62,9 +64,10 @@ class Results:
         if time not in self.contact_files:
             raise WarpdemError(f"{self.folder}: {CONTACT_INDEX} has no contacts at {time:g} s")
         paths = self.contact_files[time]
-        return joined_contacts(
+        contacts = joined(
             [{**read_fields(path), "points": points_of(load_polydata(path)).reshape(-1, 2, 3)} for path in paths]
         )
+        return in_rows(contacts, order_of_contacts(contacts["i"], contacts["j"], contacts["wall"]))
 
 
 def read_results(folder: Path) -> Results:

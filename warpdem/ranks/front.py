@@ -63,8 +63,8 @@ def leading(world: World | None) -> Iterator[None]:
     finally:
         _led.pop()
         if world.busy:  # the others wait for what this rank did not do
-            error = sys.exception()
-            sys.stderr.write(f"error: rank 0: {error if isinstance(error, WarpdemError) else repr(error)}\n")
+            raised = sys.exception()
+            sys.stderr.write(f"error: rank 0: {raised if isinstance(raised, WarpdemError) else repr(raised)}\n")
             sys.stderr.flush()
             world.abort(code)
         world.from_first((END, (code,)))
