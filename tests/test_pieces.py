@@ -3,8 +3,10 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
+import pyvista
 from numpy.testing import assert_array_equal
 from pxr import Usd
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -114,10 +116,18 @@ def test_vtk_reads_joined_files_at_any_time(tmp_path):
         assert sorted(found["whole"]) == snapshot(k).id.tolist()
 
 
+def test_pyvista_reads_the_pieces_as_parts_of_a_frame(tmp_path):
+    """As it reads walls; all grains are there."""
+    write(tmp_path, "vtk", range(3), 3)
+    reader = pyvista.get_reader(tmp_path / "result.pvd")
+    reader.set_active_time_value(0.2)
+    ids = [part["id"] for part in reader.read()]
+    assert len(ids) == 2  # one is empty
+    assert sorted(np.concatenate(ids)) == snapshot(2).id.tolist()
+
+
 def test_arrays_that_no_rank_wrote_again_are_joined_once(tmp_path):
     write(tmp_path, "vtkhdf", range(2), 2)
-    import h5py
-
     with h5py.File(tmp_path / "result.vtkhdf") as file:
         assert len(file["VTKHDF/PointData/radius"]) == COUNTS[0]
         assert len(file["VTKHDF/PointData/v"]) == 2 * COUNTS[0]
@@ -175,7 +185,9 @@ def test_of_a_rank_only_its_own_is_written(monkeypatch):
     """Of the contacts of two grains those of the lower id, wherever the other is; no ghosts, and no loads."""
     whole, seen = replace(snapshot(0), loads={"w": None}), []
     monkeypatch.setattr(own_pieces, "take_snapshot", lambda view, loads: whole)
-    monkeypatch.setattr(own_pieces.FORMATS["vtk"].__class__, "piece", lambda *_: SimpleNamespace(write=seen.append), raising=False)
+    monkeypatch.setattr(own_pieces, "FORMATS", {
+        name: SimpleNamespace(piece=lambda *_: SimpleNamespace(write=seen.append)) for name in FORMATS
+    })  # fmt: skip
     rank = np.random.default_rng(0).permutation(COUNTS[0])
     pieces = own_pieces.OwnPieces(scene(), None, 0, False)
     pieces.write(SimpleNamespace(state=SimpleNamespace(rank=rank, owned=7)))

@@ -54,11 +54,12 @@ def order_by_id(ids: np.ndarray) -> np.ndarray | None:
     return None if (ids[1:] > ids[:-1]).all() else np.argsort(ids, kind="stable")
 
 
-def order_of_contacts(i: np.ndarray, j: np.ndarray, wall: np.ndarray) -> np.ndarray:
+def order_of_contacts(contacts: Arrays) -> np.ndarray:
     """Order of contacts in a frame: those of two grains by the ids, then those with walls by grain and wall, the last first.
 
     A grain's several points on one wall keep theirs: they are in one piece.
     """
+    i, j, wall = (contacts[name] for name in ("i", "j", "wall"))
     return np.lexsort((np.where(wall < 0, j, -1 - wall), i, wall >= 0))
 
 

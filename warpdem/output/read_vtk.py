@@ -67,7 +67,7 @@ class Results:
         contacts = joined(
             [{**read_fields(path), "points": points_of(load_polydata(path)).reshape(-1, 2, 3)} for path in paths]
         )
-        return in_rows(contacts, order_of_contacts(contacts["i"], contacts["j"], contacts["wall"]))
+        return in_rows(contacts, order_of_contacts(contacts) if len(paths) > 1 else None)
 
 
 def read_results(folder: Path) -> Results:

@@ -14,6 +14,7 @@ from warpdem.core.snapshot import Snapshot, WallMesh
 from warpdem.errors import WarpdemError
 from warpdem.output.pieces import in_rows, order_by_id, order_of_contacts
 from warpdem.output.result_arrays import snapshot_of
+from warpdem.output.vtkhdf_joined import PIECES as PARTS
 from warpdem.output.vtkhdf_series import TOPOLOGIES
 from warpdem.output.write_vtkhdf import CLUMPS, CONTACTS, GRAINS, WALLS
 
@@ -73,9 +74,9 @@ class VtkhdfResults:
 
     def contacts(self, k: int) -> dict[str, np.ndarray]:
         """Arrays of the contact network at frame ``k`` by name, with the two ends of each line as ``points``, (c, 2, 3) [m]."""
-        data = self._read(CONTACTS, lambda root: _frame(root, k))
+        data, in_pieces = self._read(CONTACTS, lambda root: (_frame(root, k), PARTS in root.parent))
         contacts = {**data.cell_data, "points": data.points.reshape(-1, 2, 3)}
-        return in_rows(contacts, order_of_contacts(contacts["i"], contacts["j"], contacts["wall"]))
+        return in_rows(contacts, order_of_contacts(contacts) if in_pieces else None)
 
     def _read(self, name: str, what: Callable[[h5py.Group], T]) -> T:
         return _opened(self.folder / name, what)

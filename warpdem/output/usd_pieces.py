@@ -1,7 +1,7 @@
 """One rank's pieces of the frames in USD: a layer of its own with grains and clumps, which the root layer refers to.
 
-``result_usd/piece_0.usda`` has those of the first rank, which the root has as ``Grains_0`` and ``Clumps_0``; what it plays is in
-``result_usd/piece_0_*``, files as those of a whole frame.
+``result_usd/piece_0.usda`` has those of the first rank, which the root has as ``Grains_0`` and ``Clumps_0``; what it plays is
+in ``result_usd/piece_0_*``, files as those of a whole frame.
 """
 
 from __future__ import annotations
