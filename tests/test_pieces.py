@@ -141,6 +141,12 @@ def test_a_joined_file_without_its_pieces_is_refused(tmp_path):
         read_vtkhdf(tmp_path)
 
 
+def test_a_joined_file_that_is_damaged_is_named(tmp_path):
+    (tmp_path / "result.vtkhdf").write_bytes(b"no HDF5")
+    with pytest.raises(WarpdemError, match=r"result.vtkhdf: cannot be read as a VTKHDF file"):
+        writer_of("vtkhdf", tmp_path, [], scene(), True, True)
+
+
 def usd_grains(stage: Usd.Stage, code: float) -> Snapshot:
     """Ids and places of the grains of all prims at a time code."""
     pieces = []

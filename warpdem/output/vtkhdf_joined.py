@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from warpdem.core.atomic_file import not_written, replaced
+from warpdem.errors import WarpdemError
 from warpdem.output.vtkhdf_series import TOPOLOGIES, Placed
 
 PIECES = "pieces"
@@ -72,20 +73,20 @@ class JoinedSeries:
         """Nothing is held back: every frame is on disk when ``write`` returns."""
 
     def _earlier(self) -> list[_Frame]:
-        """The frames of the file."""
-        with h5py.File(self._path, "r") as file:
-            root = file["VTKHDF"]
-            steps = root["Steps"]
-            names: list[str] = json.loads(file[PIECES].attrs["arrays"])
-            self._layout = {name: (root[name].dtype.str, root[name].shape[1:]) for name in names}
-            out = []
-            for k, time in enumerate(steps["Values"]):
-                held = {}
-                for name, values in root["FieldData"].items():
-                    first = steps[f"FieldDataOffsets/{name}"][k]
-                    held[name] = values[first : first + steps[f"FieldDataSizes/{name}"][k, 1]]
-                out.append(_Frame(float(time), file[PIECES][k], held))
-        return out
+        """The frames of the file.
+
+        Raises:
+            WarpdemError: It cannot be read.
+        """
+        try:
+            with h5py.File(self._path, "r") as file:
+                root = file["VTKHDF"]
+                names: list[str] = json.loads(file[PIECES].attrs["arrays"])
+                self._layout = {name: (root[name].dtype.str, root[name].shape[1:]) for name in names}
+                times, parts = root["Steps/Values"][()], file[PIECES][()]
+                return [_Frame(float(time), parts[k], _field_data(root, k)) for k, time in enumerate(times)]
+        except (OSError, KeyError, ValueError) as error:
+            raise WarpdemError(f"{self._path}: cannot be read as a VTKHDF file ({error})") from error
 
     def _fill(self, file: h5py.File) -> None:
         """Write all frames."""
@@ -154,3 +155,12 @@ class JoinedSeries:
         else:
             root.create_dataset(name, (0, *tail), kind)
         return first
+
+
+def _field_data(root: h5py.Group, k: int) -> dict[str, np.ndarray]:
+    """Field data of frame ``k`` by name."""
+    out = {}
+    for name, values in root["FieldData"].items():
+        first = root[f"Steps/FieldDataOffsets/{name}"][k]
+        out[name] = values[first : first + root[f"Steps/FieldDataSizes/{name}"][k, 1]]
+    return out
