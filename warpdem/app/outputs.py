@@ -16,7 +16,7 @@ from warpdem.measure.sums import load_readers
 from warpdem.measure.totals import Totals
 from warpdem.output.background import Background
 from warpdem.output.formats import FrameWriter, writer_of
-from warpdem.output.history import history_columns, history_row
+from warpdem.output.history import history_columns, history_row, reads_grains
 from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_departures
@@ -51,6 +51,7 @@ class Outputs:
         for earlier in self.history.earlier:
             sim.rows.add(earlier)
         self.turning = TurningNumbers(sim.scene)
+        self.rows_read_grains = bool(self.turning.motions) or reads_grains(sim.scene)
         load_readers("cpu")  # here: loading is not safe from the thread that reads beside the steps
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
@@ -64,8 +65,13 @@ class Outputs:
         if self.claim is not None:
             self.claim.check()
         with self.sim.clock("output"):
+            view = self.sim.view
+            if not (frame or self.rows_read_grains):  # sums are few numbers: copying a run takes longer
+                numbers = history_row(self.columns, Readings(view))
+                self.background.start(lambda: self._append(numbers))
+                return
             output, self.staging = self.sim.scene.output, self.staging[::-1]
-            measures, view = self.sim.scene.measures, self.sim.view
+            measures = self.sim.scene.measures
             if frame and self.pieces is not None:
                 self.background.settle()  # the libraries are called by one thread at a time
                 self.pieces.write()
@@ -81,9 +87,7 @@ class Outputs:
         with self.sim.clock("output, beside the steps"):
             view = staged.view()
             if totals is not None:
-                numbers = history_row(self.columns, Readings(view, observed, totals))
-                self.history.write(numbers)
-                self.sim.rows.add(numbers)
+                self._append(history_row(self.columns, Readings(view, observed, totals)))
                 self.turning.add(view)
             if frame and self.pieces is not None:
                 self.pieces.join(view)
@@ -91,6 +95,10 @@ class Outputs:
                 snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
+
+    def _append(self, numbers: list[float]) -> None:
+        self.history.write(numbers)
+        self.sim.rows.add(numbers)
 
     def settle(self) -> None:
         """Wait until all rows and frames are written: what is saved next counts on them.
