@@ -18,7 +18,7 @@ from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.coefficients import coefficient_columns
 from warpdem.model.contact_cases import ContactCase, contact_cases
 from warpdem.model.dynamic_walls import DynamicWall, largest_arm
-from warpdem.model.impact import damping_coefficient, lessening, pressed, stiffness
+from warpdem.model.impact import damping_coefficient, dashpot_slope, pressed, stiffness
 from warpdem.scene.free import FreeBody
 from warpdem.scene.model import Scene
 from warpdem.scene.servo import Servo
@@ -105,7 +105,7 @@ def _coupling(
     same, grain, held = np.ones(2 * n), np.tile(np.arange(n), 2), np.full(2 * n, n)
     springs = Springs(
         grain, held, np.concatenate([normal, -normal]), each * np.outer([slope, shear * k], same),
-        each * np.outer([lessening(scene.normal_law, slope, k), shear * k], same),
+        each * np.outer([dashpot_slope(scene.normal_law, slope, k), shear * k], same),
         each * np.stack([damping, shear_damping * damping]), each * np.stack([mass, ROLLING_MASS * mass]),
         np.stack([case.radius * same, 0.0 * same]),
     )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from warpdem.filling.clump_grains import NONE
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.model.coefficients import coefficient_columns, coefficient_table
-from warpdem.model.impact import Impact, Own, damping_coefficient, impact, lessening, own_of, stiffness
+from warpdem.model.impact import Impact, Own, damping_coefficient, dashpot_slope, impact, own_of, stiffness
 from warpdem.model.stability_limit import Spring, across, along, contact_limit, packing_limit, rolling_limit
 from warpdem.scene.model import Scene
 
@@ -96,6 +96,6 @@ def _springs(scene: Scene, one: ContactCase, secant: float, slope: float) -> tup
     damping = damping_coefficient(scene.normal_law, secant, constant, one.row[at.damping], one.reduced_mass)
     sticks = scene.contact.tangential != "none" and one.row[at.friction] > 0.0
     shear, shear_damping = (one.row[at.of(name)] if sticks else 0.0 for name in ("shear", "shear_damping"))
-    made_up = lessening(scene.normal_law, slope, secant)
-    normal = along(slope, damping, one.reduced_mass, made_up)
+    reducing = dashpot_slope(scene.normal_law, slope, secant)
+    normal = along(slope, damping, one.reduced_mass, reducing)
     return normal, across(shear * secant, shear_damping * damping, one.reduced_mass)

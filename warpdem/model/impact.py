@@ -137,10 +137,10 @@ def tangent(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Va
     return _bend(functools.partial(model("normal", normal).energy, **own), overlap, constant)
 
 
-def lessening(normal: str, slope: Value, k_n: Value) -> Value:
-    """Slope [N/m] by which the dashpot of contacts is made up for: no more than TANGENT k_n (``kernels.contact.normal_law``).
+def dashpot_slope(normal: str, slope: Value, k_n: Value) -> Value:
+    """Slope [N/m] by which the dashpot of contacts is reduced: no more than TANGENT k_n (``kernels.contact.normal_law``).
 
-    A law that yields unloads along a steeper line than that, by which its dashpot is not lessened.
+    A law that yields unloads along a steeper line than that, by which its dashpot is not reduced.
 
     Args:
         normal: name of the normal law.
