@@ -4,7 +4,7 @@
       walls that move by their load          check the lists
       for each stage of the integrator       outer list, where it is out of date
         forces of the stage (not the 1st)
-        kick, drift, displacement check        grains sorted by cell
+        kick, drift, displacement check        allowances of the grains set, grains sorted by cell
       forces at the end of the step            neighbors of each grain and wall features near it, counted and numbered
                                                [do the arrays hold them?] written
                                                contact numbers and wall contacts carried over from the old list
