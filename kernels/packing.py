@@ -15,22 +15,29 @@ are needed by every packing, so they are one module.
 import warp as wp
 from warpdem.kernels import MODULE_OPTIONS
 from warpdem.kernels.clump import build as build_clumps
-from warpdem.kernels.lists.cells import SizeGrids, box_around, first_in, insert, line_of, next_in
+from warpdem.kernels.lists import cells
+from warpdem.kernels.lists.cells import SizeGrids
 
 wp.set_module_options(MODULE_OPTIONS)
 of_clumps = build_clumps(True)
 
 
 @wp.kernel(enable_backward=False)
-def insert_grains(
+def count_in_cells(
     grids: SizeGrids,
     # grains, read [m]
     position: wp.array[wp.vec3d],
     radius: wp.array[wp.float64],
 ):
-    """Put the grains on the grids; on a CPU one thread does it, and lists go by the grains' numbers."""
-    i = position.shape[0] - 1 - wp.tid()
-    insert(grids, i, position[i], radius[i])
+    """Count the grains in their cells; on a CPU one thread does it."""
+    i = wp.tid()
+    cells.count(grids, i, position[i], radius[i])
+
+
+@wp.kernel(enable_backward=False)
+def sort_by_cell(grids: SizeGrids):
+    """Put the grains in their places; on a CPU one thread does it, and the grains of a cell ascend."""
+    cells.put(grids, wp.tid())
 
 
 @wp.kernel(enable_backward=False)
@@ -60,13 +67,15 @@ def list_neighbours(
     worst = wp.float64(0.0)
     partner = wp.int32(-1)
     for size in range(grids.largest.shape[0]):
-        low, box = box_around(grids, size, x, r + grids.largest[size] + skin)
+        low, box = cells.box_around(grids, size, x, r + grids.largest[size] + skin)
+        runs = cells.runs_of(grids, size, low, box)
         for cz in range(box[2]):
             for cy in range(box[1]):
-                line = line_of(grids, size, low, cy, cz)
-                for cx in range(box[0]):
-                    j = first_in(grids, size, line, low, cx)
-                    while j >= 0:
+                line = cells.line_of(grids, size, low, cy, cz)
+                for part in range(runs):
+                    begin, end = cells.run(grids, size, line, low, box, part)
+                    for e in range(begin, end):
+                        j = grids.grain[e]
                         touch = r + radius[j]
                         apart = x - position[j]
                         square = wp.dot(apart, apart)
@@ -84,7 +93,6 @@ def list_neighbours(
                             if overlap > worst:
                                 worst = overlap
                                 partner = j
-                        j = next_in(grids, j)
     count_out[i] = count
     overlap_out[i] = worst
     partner_out[i] = partner

@@ -132,6 +132,19 @@ def test_a_plate_on_mounts_swings_up_and_down_and_tilts():
     assert shown["kinetic"] + shown["spring"] + shown["gravity"] == pytest.approx(total, abs=1e-3 * (total + shown["spring"]))
 
 
+def test_a_mount_beside_the_center_pulls_towards_where_it_is_fixed():
+    """At rest nothing pulls; displaced by the velocity of the start, a ball on one mount of 500 N/m at its edge swings."""
+    edge = {"point": [0.02, 0, 0], "stiffness": 500}
+    sim = run(scene(body(0.1, mounts=[edge], inertia=[1e-5, 1e-5, 2e-5]), time={"end": 1, "step": 2e-5}))
+    sim.step(500)
+    np.testing.assert_array_equal(motion(sim, "place"), 0.0)
+    sim = run(scene(body(0.1, mounts=[edge], inertia=[1e-5, 1e-5, 2e-5], velocity=[0.1, 0, 0]), time={"end": 1, "step": 2e-5}))
+    sim.step(700)
+    rate = math.sqrt(500 / 0.1)  # along its arm: it does not turn
+    way = 0.1 / rate * math.sin(rate * sim.time)
+    np.testing.assert_allclose(motion(sim, "place"), [way, 0, 0], rtol=0, atol=1e-3 * 0.1 / rate)
+
+
 def quaternion_of_y(sim):
     """What takes the component along y out of the quaternion of the rotation since the start."""
     w, x, y, z = body_of(sim).body[BODY.of("orientation")]

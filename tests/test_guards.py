@@ -191,7 +191,7 @@ def yielded_pair(step: float, k1: float = 100.0, limit: float = 500.0) -> Simula
 
 
 def test_measured_limit_of_a_yielded_contact_goes_by_the_dashpot_as_it_acts():
-    """Luding's unloading is steeper than k1, by which its dashpot is made up for: held below the limit, lost above."""
+    """Luding's unloading is steeper than k1, by which its dashpot is reduced: held below the limit, lost above."""
     limit, speed = measured_limit(yielded_pair(1e-7)), []
     for share in (0.98, 1.02):
         sim = yielded_pair(share * limit)

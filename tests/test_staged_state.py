@@ -8,6 +8,8 @@ import pytest
 import warp as wp
 
 from warpdem import Scene, Simulation
+from warpdem.app import outputs as app_outputs
+from warpdem.app.outputs import Outputs
 from warpdem.measure import observation
 from warpdem.measure.column import Readings
 from warpdem.measure.observers import Particles, read_contacts
@@ -15,6 +17,7 @@ from warpdem.measure.snapshot import take_snapshot
 from warpdem.measure.totals import Totals
 from warpdem.output.history import history_columns, history_row
 from warpdem.output.staged_state import StagedState, StagingBuffer
+from warpdem.scene.measures import Measures
 from warpdem.state.listed_contacts import CONTACT_ARRAYS
 
 STEPS = 800
@@ -189,3 +192,25 @@ def test_from_a_gpu_goes_what_was_there_when_it_was_taken(monkeypatch):
     room.wait()
     assert room._stream.looks == 2
     np.testing.assert_array_equal(host.numpy(), 1.0)
+
+
+def written(sim, folder, frame: bool) -> list[str]:
+    """The last line of history.csv after the present time was written, with a frame or without."""
+    outputs = Outputs(sim, folder)
+    outputs.write(row=True, frame=frame)
+    outputs.close()
+    return (folder / "history.csv").read_text().splitlines()[-1].split(",")
+
+
+def test_a_row_alone_is_that_with_a_frame_and_copies_the_run_only_where_it_reads_grains(scene, sim, tmp_path, monkeypatch):
+    plain = scene.model_copy(update={"frame": None, "walls": scene.walls[1:], "measures": Measures(), "observers": []})
+    resting = Simulation(plain, device="cpu", threads=1)
+    resting.step(STEPS)
+    copied = []
+    monkeypatch.setattr(app_outputs, "StagedState", lambda *args, **keys: copied.append(1) or StagedState(*args, **keys))
+    for number, (run, copies) in enumerate(((resting, 0), (sim, 1))):
+        copied.clear()
+        alone = written(run, tmp_path / f"{number} alone", frame=False)
+        assert len(copied) == copies
+        assert alone == written(run, tmp_path / f"{number} with a frame", frame=True)
+        assert run.rows.table()[:, 0].tolist() == [run.time]

@@ -15,7 +15,7 @@ from warpdem.mesh.triangle_mesh import build_mesh
 from warpdem.model import expected_load, stability_limit, time_step
 from warpdem.model.coefficients import coefficient_table
 from warpdem.model.contact_cases import contact_cases, limits_at
-from warpdem.model.impact import impact, lessening, pressed
+from warpdem.model.impact import dashpot_slope, impact, pressed
 from warpdem.model.restitution_error import restitution_error
 
 RADIUS, DENSITY, YOUNG, POISSON = 1.0e-3, 2500.0, 1.0e7, 0.25
@@ -340,12 +340,12 @@ def test_a_lone_free_grain_has_no_contact_to_limit_it():
     assert alone.overlap == 0.0
 
 
-def test_a_dashpot_is_lessened_by_the_kernel_s_slope_where_a_law_unloads_more_steeply():
+def test_a_dashpot_is_reduced_by_the_kernel_s_slope_where_a_law_unloads_more_steeply():
     """Luding: k1, not k2; Hertz and JKR, whose slope is TANGENT k_n or less: that slope, to the bit."""
-    assert lessening("luding", 500.0, 100.0) == 100.0
-    assert lessening("edinburgh", 300.0, 100.0) == 150.0
-    assert lessening("jkr", 120.0, 100.0) == 120.0
-    assert lessening("hertz", 150.00001, 100.0) == 150.00001
+    assert dashpot_slope("luding", 500.0, 100.0) == 100.0
+    assert dashpot_slope("edinburgh", 300.0, 100.0) == 150.0
+    assert dashpot_slope("jkr", 120.0, 100.0) == 120.0
+    assert dashpot_slope("hertz", 150.00001, 100.0) == 150.00001
     acting = stability_limit.along(500.0, 0.2, 1e-6, 100.0).acting(1e-5)
     assert acting == pytest.approx(0.2 / max(1.0 + 100.0 * 1e-10 / 2e-6, 0.2 * 1e-5 / 0.3e-6))
     packed = [

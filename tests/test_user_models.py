@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from law_scenes import ELASTIC, MASS, RADIUS, contact_time, impacts, parting_speeds
 from warpdem import SceneError, Simulation
 from warpdem.app.run import run_scene
-from warpdem.model.impact import impact
+from warpdem.model.impact import impact, rebound
 from warpdem.scene import models
 from warpdem.scene.file import scene_from_dict
 
@@ -318,3 +319,34 @@ def test_time_step_limits_know_a_law_by_its_energy_alone(tmp_path):
     assert hertz.secant == pytest.approx(1e7 * math.sqrt(1e-3 * depth), rel=1e-7)
     assert same == hertz
     assert stiffer.time == pytest.approx(hertz.time * 10**-0.4, rel=1e-9)
+
+
+VISCOELASTIC = '''
+
+def damping_coefficient(k_n, stiffness, damping, mass):
+    return damping * k_n
+'''
+
+
+def test_estimates_know_the_dashpot_of_a_law_by_its_damping_coefficient(tmp_path):
+    """Kuwabara and Kono 1987: (3/2) K A sqrt(d) v_n, so gamma_n goes with k_n and not with its root."""
+    text = (KERNELS / "normal" / "hertz.py").read_text()
+    for old, new in (
+        ("math.sqrt(5.0) * beta, ratio", "2.25e-5, ratio"), ("damping * wp.sqrt(mass * stiffness)", "damping * stiffness"),
+        ("damping * wp.sqrt(root)", "damping * root"),
+    ):  # fmt: skip
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    law = tmp_path / "viscoelastic.py"
+    law.write_text(text + VISCOELASTIC)
+    speed, phases = 0.1, 32
+    step = contact_time(speed) / 15.0
+    scene = impacts("viscoelastic.py", {"restitution": 0.9}, speed, step, phases=phases, base=tmp_path)
+    sim = Simulation(scene, device="cpu", threads=1)
+    hertz = Simulation(impacts("hertz", {"restitution": 1.0}, speed, step, phases=1), device="cpu", threads=1)
+    sim.run(until=60.0 * step)
+    at_wall = parting_speeds(sim, phases)[1] / speed
+    told = rebound(str(law), 4.0 / 3.0 * ELASTIC, 2.25e-5, MASS, RADIUS, speed, step)
+    np.testing.assert_allclose(told, at_wall, rtol=0, atol=1e-6)
+    assert 0.5 < at_wall.mean() < 0.9
+    assert sim.limits.stable < 0.97 * hertz.limits.stable

@@ -8,7 +8,7 @@ from warpdem.kernels.api.contact_law import ContactLaw
 from warpdem.kernels.api.drift import step_row
 from warpdem.kernels.api.grains import Grains, Load
 from warpdem.kernels.api.listed_grains import ListedGrains
-from warpdem.kernels.lists.cells import SizeGrids
+from warpdem.kernels.lists.cells import SizeGrids, start_lines
 from warpdem.kernels.lists.neighbors import NeighborRows
 from warpdem.kernels.lists.numbering import Counts, Starts, starts
 from warpdem.kernels.lists.path import Flight
@@ -74,15 +74,17 @@ class Pairs(ListedGrains):
         grid.largest = wp.array([largest + 0.5 * self.skin], dtype=wp.float64, device=g.device)
         grid.per_length = wp.array([1.0 / width], dtype=wp.float64, device=g.device)
         grid.cells = wp.array(cells[None], dtype=wp.vec3i, device=g.device)
-        grid.first = self.ints(1)
-        grid.head = self.ints(int(cells.prod()))
-        grid.next = self.ints(len(g))
+        grid.first, grid.lines = self.ints(1), int(cells[1:].prod())
+        grid.end, grid.placed = self.ints(int(cells.prod()) + grid.lines), self.ints(2)
+        grid.cell, grid.grain = self.ints(len(g)), self.ints(len(g))
         return grid
 
     def _make(self) -> None:
         g, outer, batches, n = self.grains, self.kernels.neighbors, self.kernels.batches, len(self.grains)
         grid, grains = self._grid(), self.listed()
-        self.launch(outer.insert_grains, n, [0, grid, g.record, self._allowance])
+        self.launch(outer.count_in_cells, n, [0, grid, g.record, self._allowance])
+        self.launch(start_lines, grid.lines, [0, grid])
+        self.launch(outer.sort_by_cell, n, [0, grid, g.record, self._allowance])
         count = self.ints(n)
         while True:
             start = wp.array(np.arange(n + 1, dtype=np.int32) * self._capacity, device=g.device)

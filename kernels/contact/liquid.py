@@ -254,7 +254,8 @@ def joined(normal: ModuleType, liquid: ModuleType, viscous: bool) -> ModuleType:
         parts["contact_depth"] = lambda overlap, stiffness, **numbers: contact_depth(overlap, stiffness, **dry(numbers))
     if (adhesion := getattr(normal, "adhesion", None)) is not None:
         parts["adhesion"] = lambda stiffness, radius, **numbers: adhesion(stiffness, radius, **dry(numbers))
-    for name in ("PASSIVE", "TANGENT", "CLAMPED", "CLOSENESS", "STIFFNESS_KEY", "stiffness", "damped_time", "gap"):
+    as_they_are = "stiffness", "damping_coefficient", "damped_time", "gap"
+    for name in ("PASSIVE", "TANGENT", "CLAMPED", "CLOSENESS", "STIFFNESS_KEY", *as_they_are):
         if hasattr(normal, name):
             parts[name] = getattr(normal, name)
     parts["LOSSES"] = tuple(dict.fromkeys((*columns.losses(normal), "liquid")))  # those of the law first: ``normal_law``

@@ -36,7 +36,7 @@ with r k_n the slope of the normal force. The first of the two takes the error o
 restitution is right in the mean at any step. The second keeps damping from deciding about stability. From e = 0.3 on it hardly
 acts at 12 and more steps per contact along the normal, nor at 15 across it. Below, the mean is off by it: little with
 ``hertz`` (0.1023 for 0.1 at 12 steps), far with the strong dashpot of ``hertz_clamped`` (its docstring has numbers). Both only
-lessen a dashpot, so that friction still creates no energy. Schemes that do not predict (``predicted`` false) have the plain
+reduce a dashpot, so that friction still creates no energy. Schemes that do not predict (``predicted`` false) have the plain
 coefficients.
 
 A law states the ratio r of the slope of its elastic force to k_n as ``TANGENT``, its power of the overlap; without it, 1. It is

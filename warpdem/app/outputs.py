@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpdem.app.frame_pieces import Pieces, in_pieces
 from warpdem.core.output_schedule import OutputSchedule
 from warpdem.core.run_lock import RunLock
 from warpdem.measure import observation
@@ -15,7 +16,7 @@ from warpdem.measure.sums import load_readers
 from warpdem.measure.totals import Totals
 from warpdem.output.background import Background
 from warpdem.output.formats import FrameWriter, writer_of
-from warpdem.output.history import history_columns, history_row
+from warpdem.output.history import history_columns, history_row, reads_grains
 from warpdem.output.staged_state import StagedState, StagingBuffer
 from warpdem.output.write_grid import GridWriter
 from warpdem.output.write_tables import HistoryWriter, write_departures
@@ -35,7 +36,10 @@ class Outputs:
         self.sim, self.folder, self.claim = sim, folder, claim
         walls = sim.wall_meshes()
         formats = sim.scene.output.formats
-        self.writers: list[FrameWriter] = [writer_of(name, folder, walls, sim.scene, resume=resume) for name in formats]
+        pieces = in_pieces(sim)
+        of_formats = [writer_of(name, folder, walls, sim.scene, resume, pieces) for name in formats]
+        self.pieces = Pieces(sim, folder, resume, of_formats) if pieces and formats else None
+        self.writers: list[FrameWriter] = [] if pieces else [*of_formats]
         grid = sim.scene.measures.grid
         self.writers += [GridWriter(folder, grid, sim.domain.period, resume=resume)] if grid is not None else []
         self.background = Background()
@@ -47,6 +51,7 @@ class Outputs:
         for earlier in self.history.earlier:
             sim.rows.add(earlier)
         self.turning = TurningNumbers(sim.scene)
+        self.rows_read_grains = bool(self.turning.motions) or reads_grains(sim.scene)
         load_readers("cpu")  # here: loading is not safe from the thread that reads beside the steps
 
     def write(self, *, row: bool = False, frame: bool = False) -> None:
@@ -60,9 +65,17 @@ class Outputs:
         if self.claim is not None:
             self.claim.check()
         with self.sim.clock("output"):
+            view = self.sim.view
+            if not (frame or self.rows_read_grains):  # sums are few numbers: copying a run takes longer
+                numbers = history_row(self.columns, Readings(view))
+                self.background.start(lambda: self._append(numbers))
+                return
             output, self.staging = self.sim.scene.output, self.staging[::-1]
-            measures, view = self.sim.scene.measures, self.sim.view
-            network = frame and (output.contacts or measures.grid is not None)
+            measures = self.sim.scene.measures
+            if frame and self.pieces is not None:
+                self.background.settle()  # the libraries are called by one thread at a time
+                self.pieces.write()
+            network = frame and bool(self.writers) and (output.contacts or measures.grid is not None)
             network |= row and bool(measures.regions or measures.profiles)
             # by kernels and the threads of the run, which no other thread may launch
             observed = observation.observed(view) if row else {}
@@ -74,14 +87,18 @@ class Outputs:
         with self.sim.clock("output, beside the steps"):
             view = staged.view()
             if totals is not None:
-                numbers = history_row(self.columns, Readings(view, observed, totals))
-                self.history.write(numbers)
-                self.sim.rows.add(numbers)
+                self._append(history_row(self.columns, Readings(view, observed, totals)))
                 self.turning.add(view)
-            if frame:
+            if frame and self.pieces is not None:
+                self.pieces.join(view)
+            if frame and self.writers:
                 snapshot = take_snapshot(view)
                 for writer in self.writers:
                     writer.write(snapshot)
+
+    def _append(self, numbers: list[float]) -> None:
+        self.history.write(numbers)
+        self.sim.rows.add(numbers)
 
     def settle(self) -> None:
         """Wait until all rows and frames are written: what is saved next counts on them.
@@ -108,4 +125,6 @@ class Outputs:
         finally:
             for writer in self.writers:
                 writer.close()
+            if self.pieces is not None:
+                self.pieces.close()
             self.history.close()

@@ -32,7 +32,9 @@ A list build, from the step that asks for it:
    whether the outer list may be built there or the host is asked.
 3. Outer list (``program.ListBuild.build_outer``). The host first sorts the grains along a Z-order curve
    (``HostBuild.outer``), on a CPU only from time to time; in a graph they stay where they are. Then
-   ``neighbors.insert_grains``, ``find_neighbors``, ``numbering`` where rows are counted first (GPU),
+   ``displacement.set_allowances``: how far each grain may move; ``neighbors.count_in_cells``, ``cells.start_lines`` and
+   ``neighbors.sort_by_cell``, which sort the grains by cell,
+   ``find_neighbors``, ``numbering`` where rows are counted first (GPU),
    ``wall/candidates.near_features``, which counts, ``numbering``;
    ``outer_fits``: the host gives the arrays their length, a graph asks the host where they are too short; ``find_neighbors``
    again where rows were counted first, ``neighbors.carry_contacts`` where there is an old list, ``replace_outer``,

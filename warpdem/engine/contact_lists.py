@@ -129,6 +129,7 @@ class ContactLists:
         self.flight = wp.zeros(0, dtype=Flight, device=model.device)
         self.contact_count = self.row_count = self.batches_inside = 0
         self.totals = [0, 0, 0]
+        self._views: dict[str, tuple[wp.array, int, wp.array]] = {}  # of the arrays that ``_used`` gave: array, batches, view
         self.wall_contacts: Any = self.new_wall_contacts(n, 0) if model.features.walls.present else None
         self.history = pool.zeros((0, max(model.features.memory, 1), model.features.backend.lanes), self.real)
 
@@ -224,25 +225,31 @@ class ContactLists:
         arrays: dict[str, Any] = {name: getattr(self, name, None) for name in CONTACT_ARRAYS}
         for name in ("owner", "partner", "slot_i", "slot_j", "history"):
             if arrays[name] is not None:  # before the first list there are none
-                arrays[name] = self._used(arrays[name])
+                arrays[name] = self._used(name)
         return ListedContacts(
             self.state, self.model.features.contact.history, self.contact_count, self.row_count, **arrays,
             constants=self.contact_constants, walls=self.wall_contacts,
         )  # fmt: skip
 
-    def _used(self, array: wp.array) -> wp.array:
+    def _used(self, name: str) -> wp.array:
         """The contact batches of an array that the list uses, without the capacity that it has to spare."""
+        array: wp.array = getattr(self, name)
         batches = self.totals[0] // self.model.features.backend.lanes
         if batches >= array.shape[0]:
             return array
-        return array[:batches] if batches else wp.empty((0, *array.shape[1:]), dtype=array.dtype, device=array.device)
+        of, length, used = self._views.get(name, (None, 0, array))
+        if of is not array or length != batches:  # kept: making a view takes longer than reading a few numbers
+            empty = (0, *array.shape[1:])
+            used = array[:batches] if batches else wp.empty(empty, dtype=array.dtype, device=array.device)
+            self._views[name] = array, batches, used
+        return used
 
     def contact_constants(self) -> wp.array:
         """What does not change of each listed contact, shape (batches, numbers, lanes): a GPU does not keep it."""
         batches, state, features = self.model.kernels.batches, self.state, self.model.features
         if self.constants.size:
-            return self._used(self.constants)
-        owner, partner, kind = (self._used(array) for array in (self.owner, self.partner, self.kind))
+            return self._used("constants")
+        owner, partner, kind = map(self._used, ("owner", "partner", "kind"))
         out = self.pool.zeros((owner.shape[0], batches.constants_width, features.backend.lanes), self.real)
         inputs = [state.record, state.inverse, self.model.coefficients, owner, partner, kind, out]
         wp.launch(batches.contact_constants, owner.size, inputs, device=self.model.device)

@@ -18,6 +18,7 @@ from warpdem.engine.host_build import HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.pace import Pace
 from warpdem.engine.structs import Structs
+from warpdem.kernels.lists.cells import COPIED, SPARE
 from warpdem.kernels.step.structs import BOUNDARY, SPAN, Steps
 from warpdem.model.compiled import step_kernels
 from warpdem.model.model import Model
@@ -39,6 +40,14 @@ class CpuStorage:
     def selection(self, entries: int) -> wp.array:
         """As ``host_build.Storage``."""
         return self.pool.buffer("listed", (entries,), wp.int32)
+
+    def copies(self, grains: int) -> wp.array:
+        """As ``host_build.Storage``; in the memory of what is selected, which the inner list after it writes anew."""
+        columns, rows = COPIED, grains + SPARE
+        memory = self.pool.buffer("listed", (2 * columns * rows,), wp.int32)
+        out: wp.array = wp.array(ptr=memory.ptr, shape=(columns, rows), dtype=wp.float64, device=memory.device)
+        out._ref = memory  # type: ignore[assignment]  # as in Warp's own views: it holds the memory
+        return out
 
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
         """As ``host_build.Storage``."""

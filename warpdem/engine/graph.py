@@ -19,7 +19,7 @@ from warpdem.engine.host_build import HostBuild, HostLaunch
 from warpdem.engine.neighbor_list import NeighborLists
 from warpdem.engine.program import ListBuild, Step
 from warpdem.engine.structs import Structs
-from warpdem.kernels.lists import numbering
+from warpdem.kernels.lists import cells, numbering
 from warpdem.kernels.step.clock import (
     ASK_HOST,
     BEYOND_LISTS,
@@ -71,6 +71,10 @@ class GraphStorage:
     def selection(self, entries: int) -> wp.array:
         """As ``host_build.Storage``."""
         return self.pool.zeros(entries, wp.int32)
+
+    def copies(self, grains: int) -> wp.array:
+        """As ``host_build.Storage``: threads read the grains themselves."""
+        return self.pool.zeros((0, 0), wp.float64)
 
     def force_slots(self, shape: tuple[int, int], history: tuple[int, int, int], entries: int, real: type) -> wp.array:
         """As ``host_build.Storage``; ``scratch`` lies in the same memory."""
@@ -316,12 +320,12 @@ class Captured:
         """What the graph holds by value."""
         lists = self.lists
         numbers = self.state.slots, self.state.owned, self.step.inner_share, lists.inner_share, lists.skin, lists.horizon
-        return *numbers, *((array.ptr, *array.shape) for array in self.arrays())
+        return *numbers, lists.grids.lines, *((array.ptr, *array.shape) for array in self.arrays())
 
     def load(self) -> None:
         """Compile what the graph launches: not possible within a capture on every system."""
         k = self.model.kernels
-        for group in (k.graph, k.rebuild, k.neighbors, k.batches, k.displacement, k.walls, k.films, numbering):
+        for group in (k.graph, k.rebuild, k.neighbors, k.batches, k.displacement, k.walls, k.films, cells, numbering):
             for thing in vars(group).values() if group is not None else ():
                 if isinstance(thing, wp.Kernel):
                     wp.load_module(thing.module, device=self.model.device)

@@ -4,7 +4,7 @@
       walls that move by their load          check the lists
       for each stage of the integrator       outer list, where it is out of date
         forces of the stage (not the 1st)
-        kick, drift, displacement check        grains onto the cell grids
+        kick, drift, displacement check        allowances of the grains set, grains sorted by cell
       forces at the end of the step            neighbors of each grain and wall features near it, counted and numbered
                                                [do the arrays hold them?] written
                                                contact numbers and wall contacts carried over from the old list
@@ -30,7 +30,7 @@ from warpdem.engine.batch import Batch
 from warpdem.engine.contact_lists import ContactLists
 from warpdem.engine.list_structs import ListStructs, of_each
 from warpdem.kernels import KernelSet
-from warpdem.kernels.lists import numbering
+from warpdem.kernels.lists import cells, numbering
 from warpdem.kernels.step.clock import TOTALS
 from warpdem.model.model import Model
 from warpdem.state.particles import State
@@ -161,10 +161,9 @@ class ListBuild:
 
     def build_outer(self) -> None:
         """Pairs and wall features within the allowances, where the arrays hold them."""
-        a, k, scratch = self.lists, self.kernels.neighbors, self.batch.scratch(self.n)
+        a, scratch = self.lists, self.batch.scratch(self.n)
         self.set_allowances(a.horizon, 0.5 * a.skin, a.most_allowance)
-        a.grids.head.zero_()
-        self.launch(k.insert_grains, self.n, a.grids, self.state.record, a.new.allowance, split=False)
+        self._sort_by_cell()
         self.find_neighbors(a.new.capacity_start)
         if a.rows_are_counted:
             self._number(a.new.count, scratch.entries, a.new.start)
@@ -172,6 +171,16 @@ class ListBuild:
             self._near_features(0)
             self._number(a.new.feature_count, scratch.slots, a.new.first)
         self.decide.outer_fits(self._write_outer)
+
+    def _sort_by_cell(self) -> None:
+        """Sort the grains by the cells of the grids that they are in."""
+        a, k = self.lists, self.kernels.neighbors
+        inputs = a.grids, self.state.record, a.new.allowance
+        a.grids.end.zero_()
+        a.grids.placed.zero_()
+        self.launch(k.count_in_cells, self.n, *inputs, split=False)
+        self.launch(cells.start_lines, a.grids.lines, a.grids, split=False)
+        self.launch(k.sort_by_cell, self.n, *inputs, split=False)
 
     def _write_outer(self) -> None:
         a, k = self.lists, self.kernels.neighbors

@@ -6,6 +6,7 @@ import warp as wp
 from warpdem.core.threads import Threads, available_threads
 from warpdem.filling.size_grids import RowCapacity, grids_for, size_classes
 from warpdem.kernels import packing as kernels
+from warpdem.kernels.lists import cells
 
 
 def worst_overlaps(
@@ -64,7 +65,9 @@ class NeighborTable:
         """List the neighbors."""
         self._points.numpy()[:] = self._position
         grids = grids_for(self._position, self._radii, self._classes, self._skin, wp.get_device("cpu"))
-        wp.launch(kernels.insert_grains, len(self._radii), [grids, self._points, self._radius], device="cpu")
+        wp.launch(kernels.count_in_cells, len(self._radii), [grids, self._points, self._radius], device="cpu")
+        wp.launch(cells.start_lines, grids.lines, [0, grids], device="cpu")
+        wp.launch(kernels.sort_by_cell, len(self._radii), [grids], device="cpu")
         loose = self._classes[: self._loose]
         while True:
             start = self._capacity.starts(loose) if self._capacity else np.zeros(self._loose + 1, dtype=np.int32)

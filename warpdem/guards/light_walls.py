@@ -18,7 +18,7 @@ from warpdem.mesh.triangle_mesh import TriangleMesh
 from warpdem.model.coefficients import coefficient_columns
 from warpdem.model.contact_cases import ContactCase, contact_cases
 from warpdem.model.dynamic_walls import DynamicWall, largest_arm
-from warpdem.model.impact import lessening, pressed
+from warpdem.model.impact import damping_coefficient, dashpot_slope, pressed, stiffness
 from warpdem.scene.free import FreeBody
 from warpdem.scene.model import Scene
 from warpdem.scene.servo import Servo
@@ -100,12 +100,13 @@ def _coupling(
     shear, shear_damping = (case.row[at.of(name)] if sticks else 0.0 for name in ("shear", "shear_damping"))
     yielding = np.append(inverse_mass(one.mobility, normal, point), np.zeros(n))
     mass = 1.0 / (1.0 / case.reduced_mass + yielding)
-    dashpot = case.row[at.damping] * np.sqrt(k * mass)
+    constant = stiffness(scene.normal_law, case.row[at.stiffness], case.reduced_radius)
+    damping = damping_coefficient(scene.normal_law, k, constant, case.row[at.damping], mass)
     same, grain, held = np.ones(2 * n), np.tile(np.arange(n), 2), np.full(2 * n, n)
     springs = Springs(
         grain, held, np.concatenate([normal, -normal]), each * np.outer([slope, shear * k], same),
-        each * np.outer([lessening(scene.normal_law, slope, k), shear * k], same),
-        each * np.stack([dashpot, shear_damping * dashpot]), each * np.stack([mass, ROLLING_MASS * mass]),
+        each * np.outer([dashpot_slope(scene.normal_law, slope, k), shear * k], same),
+        each * np.stack([damping, shear_damping * damping]), each * np.stack([mass, ROLLING_MASS * mass]),
         np.stack([case.radius * same, 0.0 * same]),
     )  # fmt: skip
     still = np.concatenate([np.eye(3).ravel(), np.zeros(15)])

@@ -19,8 +19,8 @@ class Springs:
     """From j to i, shape (c, 3)."""
     stiffness: np.ndarray
     """Along the normal and across [N/m], shape (2, c)."""
-    lessening: np.ndarray
-    """Slopes that the dashpots are made up for by [N/m], shape (2, c): below ``stiffness`` where a law unloads more steeply."""
+    dashpot_slope: np.ndarray
+    """Slopes that the dashpots are reduced by [N/m], shape (2, c): below ``stiffness`` where a law unloads more steeply."""
     damping: np.ndarray
     """Of the law, along the normal and across [N s/m], shape (2, c)."""
     mass: np.ndarray
@@ -30,13 +30,13 @@ class Springs:
 
     def acting(self, dt: float) -> np.ndarray:
         """Damping coefficients that act at time step ``dt`` [s], shape (2, c)."""
-        lessened = 1.0 + self.lessening * dt**2 / (2.0 * self.mass)
-        return self.damping / np.maximum(lessened, self.damping * dt / (CAPS * self.mass))
+        reduction = 1.0 + self.dashpot_slope * dt**2 / (2.0 * self.mass)
+        return self.damping / np.maximum(reduction, self.damping * dt / (CAPS * self.mass))
 
     def subset(self, which: np.ndarray) -> "Springs":
         """The contacts ``which``."""
         return Springs(
-            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.lessening[:, which],
+            self.i[which], self.j[which], self.normal[which], self.stiffness[:, which], self.dashpot_slope[:, which],
             self.damping[:, which], self.mass[:, which], self.arm[:, which],
         )  # fmt: skip
 

@@ -28,7 +28,7 @@ from warpdem.measure.contact_columns import ContactColumns
 from warpdem.measure.elastic import LEAST_OVERLAP, normal_secant, normal_slope
 from warpdem.measure.observers import Contacts, Particles, coefficients_of, read_contacts
 from warpdem.measure.totals import Totals
-from warpdem.model.impact import lessening
+from warpdem.model.impact import damping_coefficient, dashpot_slope
 from warpdem.scene.messages import rounded_down
 from warpdem.scene.servo import Servo
 from warpdem.state.contact_history import positions
@@ -69,12 +69,12 @@ def _springs(
     slope, k = normal_slope(normal, overlap, contacts), normal_secant(normal, overlap, contacts)
     at = plan.contact.coefficients
     reduced = 1.0 / (1.0 / mass[i] + 1.0 / mass[j] + free_walls.yielding(view, contacts))
-    dashpot = table[:, at.damping] * np.sqrt(k * reduced)
+    damping = damping_coefficient(normal, k, contacts.stiffness, table[:, at.damping], reduced)
     friction = (table[:, at.friction] > 0.0) * 1.0 if plan.contact.tangential else np.zeros(len(k))
     arm = np.stack([radius[i], np.where(j < n, radius[j], 0.0)]) - np.where(j < n, 0.5, 1.0) * overlap
     shear = friction * table[:, at.shear] * k
-    out = Springs(i, j, contacts.normal, np.stack([slope, shear]), np.stack([lessening(normal, slope, k), shear]),
-                  np.stack([dashpot, friction * table[:, at.shear_damping] * dashpot]),
+    out = Springs(i, j, contacts.normal, np.stack([slope, shear]), np.stack([dashpot_slope(normal, slope, k), shear]),
+                  np.stack([damping, friction * table[:, at.shear_damping] * damping]),
                   np.stack([reduced, ROLLING_MASS * reduced]), arm)  # fmt: skip
     touching = contacts.overlap > 0.0
     return out if touching.all() else out.subset(np.flatnonzero(touching))

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from warpdem.core.pose import FramePose
 from warpdem.core.snapshot import WallLoad
 from warpdem.kernels.measure.readings import WALL_SUMS
 from warpdem.measure.surface_power import contact_points
@@ -22,6 +21,8 @@ from warpdem.scene.model import Scene
 from warpdem.scene.motion import FixedPlacement
 from warpdem.scene.rotation import Rotation
 from warpdem.state.view import RunView
+
+AFTER, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # components that follow and precede each
 
 
 def torque_point(scene: Scene, number: int) -> np.ndarray:
@@ -44,53 +45,47 @@ def torque_point(scene: Scene, number: int) -> np.ndarray:
 def read_loads(view: RunView, lab: bool = False) -> dict[str, WallLoad]:
     """Load on each wall at the time of the view, by name; vectors in frame axes, or in the laboratory."""
     now = Totals(view)
-    loads = total_loads(now)
+    loads = total_loads(now, lab)
     if loads and view.model.meshes:
-        _add_triangles(view, loads)
-    return _in_laboratory(now.pose, loads) if lab else loads
+        _add_triangles(view, loads, now.pose.rotation if lab else None)
+    return loads
 
 
 def total_loads(now: Totals, lab: bool = False) -> dict[str, WallLoad]:
     """The same without forces and pressures of triangles: of size 0."""
-    model = now.view.model
+    view, model = now.view, now.view.model
     if model.walls is None:
         return {}
-    loads = {}
-    for number, (wall, body, sums) in enumerate(zip(model.scene.walls, now.bodies, now.walls, strict=True)):
-        force, moment, rolling = (sums[WALL_SUMS.of(name)] for name in ("force", "moment", "torque"))
-        about = body[:9].reshape(3, 3) @ torque_point(model.scene, number) + body[9:12]
-        spin, velocity = body[12:15], body[15:18]
-        loads[wall.name] = WallLoad(
-            force=0.0 - force,
-            torque=0.0 - (moment - cross(about, force) + rolling),
-            about=about,
-            power=float(force @ velocity + (moment + rolling) @ spin),
-            triangle_force=np.zeros((0, 3)),
-            pressure=np.zeros(0),
-        )
+    if "torque points" not in view.kept:
+        view.kept["torque points"] = np.array([torque_point(model.scene, number) for number in range(len(model.scene.walls))])
+    bodies = now.bodies  # all walls at once: of few numbers each a call takes longer than the work
+    force, moment, rolling = (now.walls[:, WALL_SUMS.of(name)] for name in ("force", "moment", "torque"))
+    about = np.einsum("wij,wj->wi", bodies[:, :9].reshape(-1, 3, 3), view.kept["torque points"]) + bodies[:, 9:12]
+    torque = moment - cross(about, force) + rolling
+    power = np.einsum("wi,wi->w", force, bodies[:, 15:18]) + np.einsum("wi,wi->w", moment + rolling, bodies[:, 12:15])
+    force, torque = 0.0 - force, 0.0 - torque
+    if lab:
+        force, torque, about = force @ now.pose.rotation.T, torque @ now.pose.rotation.T, now.pose.to_laboratory(about)
+    powers = dict(zip((wall.name for wall in model.scene.walls), power.tolist(), strict=True))
     if model.features.walls.conveying:
-        for name, power in now.surface_powers.items():
-            loads[name] = replace(loads[name], power=loads[name].power + power)
-    return _in_laboratory(now.pose, loads) if lab else loads
+        powers |= {name: powers[name] + more for name, more in now.surface_powers.items()}
+    rows = zip(powers.items(), force, torque, about, strict=True)
+    return {name: WallLoad(f, t, a, p, np.zeros((0, 3)), np.zeros(0)) for (name, p), f, t, a in rows}
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """A x b of two vectors, shape (3,): a tenth of what ``np.cross`` takes for so few numbers."""
-    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
-    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+    """A x b of vectors, shapes (..., 3): a tenth of what ``np.cross`` takes for so few numbers."""
+    return a[..., AFTER] * b[..., BEFORE] - a[..., BEFORE] * b[..., AFTER]
 
 
-def _in_laboratory(pose: FramePose, loads: dict[str, WallLoad]) -> dict[str, WallLoad]:
-    return {name: load.in_laboratory(pose) for name, load in loads.items()}
-
-
-def _add_triangles(view: RunView, loads: dict[str, WallLoad]) -> None:
-    """Force and pressure of each triangle of the meshes, in frame axes, in place of none.
+def _add_triangles(view: RunView, loads: dict[str, WallLoad], rotation: np.ndarray | None) -> None:
+    """Force and pressure of each triangle of the meshes in place of none; ``rotation`` from frame axes to those of the loads.
 
     Summed in order of grain id, so that they do not depend on the order of the lists.
     """
     model, (point, wall_of) = view.model, contact_points(view)
     force = _sums(-point["force"], point["feature"], len(wall_of))
+    force = force if rotation is None else force @ rotation.T
     push = _sums(np.einsum("ij,ij->i", point["force"], point["normal"])[:, None], point["feature"], len(wall_of))[:, 0]
     for number, wall in enumerate(model.scene.walls):
         if (mesh := model.meshes.get(wall.name)) is not None:

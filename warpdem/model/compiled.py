@@ -8,7 +8,7 @@ import warp as wp
 from warpdem.kernels import KernelSet
 from warpdem.kernels.contact import dissipation, films, law, pairs, sweep, thread_contact
 from warpdem.kernels.integrator import exact_drift
-from warpdem.kernels.lists import contact_batches, displacement, flight, inner, neighbors, numbering, rebuild
+from warpdem.kernels.lists import cells, contact_batches, displacement, flight, inner, neighbors, numbering, rebuild
 from warpdem.kernels.measure import budget, flow, wear
 from warpdem.kernels.observer import build_each
 from warpdem.kernels.simd.values import NotStraight
@@ -76,7 +76,7 @@ def step_kernels(kernels: KernelSet) -> list[wp.Kernel]:
     readers = kernels.read.read, kernels.read.read_budget, kernels.read.read_losses
     step = kernels.loop.run, kernels.inner.build_inner, *readers
     moved = kernels.displacement.save_reference, kernels.displacement.set_allowances
-    outer = lists.find_neighbors, lists.insert_grains, lists.carry_contacts, *moved
+    outer = lists.find_neighbors, lists.count_in_cells, cells.start_lines, lists.sort_by_cell, lists.carry_contacts, *moved
     beside = (walls.near_features, walls.carry_wall_contacts, numbering.sum_blocks) if walls is not None else ()
     return [kernel for kernel in (*step, *outer, *beside) if kernel is not None]
 
@@ -236,7 +236,10 @@ def _built(features: Features) -> KernelSet:
         arrays, pair_kernels, WallContacts, load, acceleration, integrator[1], sums, bodies, **shared_by_steps,
         rotating_frame=rotates, ranks=backend.ranks,
     )  # fmt: skip
-    outer = neighbors.build(images, **spins, gap=laws.gap, clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks)
+    outer = neighbors.build(
+        images, **spins, gap=laws.gap, clumps=laws.clumps, apart=laws.apart, ranks=backend.ranks,
+        side_by_side=not backend.resident,
+    )  # fmt: skip
     batches = contact_batches.build(
         backend.real, wall_law, outer.ListedGrains, images, backend.lanes, **shared, stored=laws.constants,
         history=features.memory,

@@ -10,7 +10,7 @@ import numpy as np
 from warpdem.filling.clump_grains import NONE
 from warpdem.filling.initial_grains import InitialGrains
 from warpdem.model.coefficients import coefficient_columns, coefficient_table
-from warpdem.model.impact import Impact, Own, impact, lessening, own_of
+from warpdem.model.impact import Impact, Own, damping_coefficient, dashpot_slope, impact, own_of, stiffness
 from warpdem.model.stability_limit import Spring, across, along, contact_limit, packing_limit, rolling_limit
 from warpdem.scene.model import Scene
 
@@ -70,9 +70,9 @@ def _lightness(start: InitialGrains, kind: int, density: float) -> float:
     return min(1.0, float(found[mine].min(initial=1.0)))
 
 
-def impact_of(law: str, stiffness: int, one: ContactCase, speed: float) -> Impact:
-    """The undamped impact of ``one`` at ``speed`` [m/s]; ``stiffness`` is the column of the stiffness base."""
-    return impact(law, one.row[stiffness], one.reduced_mass, one.reduced_radius, max(speed, 1e-6), one.own)
+def impact_of(law: str, column: int, one: ContactCase, speed: float) -> Impact:
+    """The undamped impact of ``one`` at ``speed`` [m/s]; ``column`` is that of the stiffness base."""
+    return impact(law, one.row[column], one.reduced_mass, one.reduced_radius, max(speed, 1e-6), one.own)
 
 
 def limits_at(scene: Scene, one: ContactCase, secant: float, slope: float, oscillator: Any) -> tuple[float, float]:
@@ -92,9 +92,10 @@ def limits_at(scene: Scene, one: ContactCase, secant: float, slope: float, oscil
 def _springs(scene: Scene, one: ContactCase, secant: float, slope: float) -> tuple[Spring, Spring]:
     """Springs along and across the normal of a contact with k_n = ``secant`` and the slope of its force [N/m]."""
     at = coefficient_columns(scene)
-    dashpot = one.row[at.damping] * math.sqrt(secant * one.reduced_mass)
+    constant = stiffness(scene.normal_law, one.row[at.stiffness], one.reduced_radius)
+    damping = damping_coefficient(scene.normal_law, secant, constant, one.row[at.damping], one.reduced_mass)
     sticks = scene.contact.tangential != "none" and one.row[at.friction] > 0.0
     shear, shear_damping = (one.row[at.of(name)] if sticks else 0.0 for name in ("shear", "shear_damping"))
-    made_up = lessening(scene.normal_law, slope, secant)
-    normal = along(slope, dashpot, one.reduced_mass, made_up)
-    return normal, across(shear * secant, shear_damping * dashpot, one.reduced_mass)
+    reducing = dashpot_slope(scene.normal_law, slope, secant)
+    normal = along(slope, damping, one.reduced_mass, reducing)
+    return normal, across(shear * secant, shear_damping * damping, one.reduced_mass)

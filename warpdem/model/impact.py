@@ -88,6 +88,21 @@ def damped_time(normal: str, restitution: float) -> float:
     return of_law(restitution) if of_law else math.hypot(math.log(restitution), math.pi) / math.pi
 
 
+def damping_coefficient(normal: str, k_n: Value, constant: Value, damping: Value, mass: Value) -> Value:
+    """gamma_n [N s/m] of contacts: the law's ``damping_coefficient``, else damping base times sqrt(m* k_n).
+
+    Args:
+        normal: name of the normal law.
+        k_n: ``secant`` of the contacts [N/m].
+        constant: stiffness constants of the contacts.
+        damping: damping base of the pair of materials.
+        mass: m* [kg].
+    """
+    of_law = getattr(model("normal", normal), "damping_coefficient", None)
+    found: Value = of_law(k_n, constant, damping, mass) if of_law else damping * np.sqrt(k_n * mass)
+    return found
+
+
 def elastic_energy(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Value:
     """Energy of contacts [J] of the law named ``normal``.
 
@@ -122,10 +137,10 @@ def tangent(normal: str, overlap: Value, constant: Value, own: Own = NONE) -> Va
     return _bend(functools.partial(model("normal", normal).energy, **own), overlap, constant)
 
 
-def lessening(normal: str, slope: Value, k_n: Value) -> Value:
-    """Slope [N/m] by which the dashpot of contacts is made up for: no more than TANGENT k_n (``kernels.contact.normal_law``).
+def dashpot_slope(normal: str, slope: Value, k_n: Value) -> Value:
+    """Slope [N/m] by which the dashpot of contacts is reduced: no more than TANGENT k_n (``kernels.contact.normal_law``).
 
-    A law that yields unloads along a steeper line than that, by which its dashpot is not lessened.
+    A law that yields unloads along a steeper line than that, by which its dashpot is not reduced.
 
     Args:
         normal: name of the normal law.
@@ -206,12 +221,12 @@ def rebound(
     """Restitution of a head-on impact [-] as the default scheme makes it, for each phase of its beginning, shape (PHASES,).
 
     The step is that of ``kernels.integrator.exact_drift``, the dashpot that of ``kernels.contact.normal_law``: damping
-    coefficient ``damping`` sqrt(m* k_n).
+    coefficient ``damping_coefficient``.
 
     Args:
         normal: name of the normal law.
         base: stiffness base of the pair of materials.
-        damping: damping base of it [-].
+        damping: damping base of it.
         mass: m* [kg].
         radius: R* [m].
         speed: at which the two meet [m/s].
@@ -234,7 +249,7 @@ def rebound(
             touching = overlap > 0.0
             depth: np.ndarray = np.where(touching, overlap, radius)
             k_n = touching * secant(normal, depth, np.full(PHASES, constant), own)
-            gamma = damping * np.sqrt(mass * k_n)
+            gamma = touching * damping_coefficient(normal, k_n, constant, damping, mass)
             acting = gamma / np.maximum(1.0 + half_tangent * k_n * dt**2 / mass, gamma * dt / (NORMAL_CAP * mass))
             elastic = touching * _force_over_overlap(normal, depth, np.full(PHASES, constant), own) if pulls else k_n
             force = elastic * overlap + acting * (rate + 0.5 * dt * before)

@@ -33,19 +33,19 @@ class Spring:
     """That its own ends move [kg], [kg m2]."""
     cap: float = math.inf
     """Largest damping coefficient times the time step over ``mass`` [-]."""
-    lessening: float | None = None
-    """Slope that the dashpot is made up for by [N/m], if it is not ``stiffness``: of a law that unloads more steeply."""
+    dashpot_slope: float | None = None
+    """Slope that the dashpot is reduced by [N/m], if it is not ``stiffness``: of a law that unloads more steeply."""
 
     def acting(self, dt: float) -> float:
         """Damping coefficient that acts at time step ``dt`` [s]."""
-        slope = self.stiffness if self.lessening is None else self.lessening
-        lessened = 1.0 + slope * dt**2 / (2.0 * self.mass)
-        return self.damping / max(lessened, self.damping * dt / (self.cap * self.mass))
+        slope = self.stiffness if self.dashpot_slope is None else self.dashpot_slope
+        reduction = 1.0 + slope * dt**2 / (2.0 * self.mass)
+        return self.damping / max(reduction, self.damping * dt / (self.cap * self.mass))
 
 
-def along(stiffness: float, damping: float, mass: float, lessening: float | None = None) -> Spring:
-    """The spring along the normal of a contact: slope [N/m], damping [N s/m] and m* [kg]; ``lessening`` as of ``Spring``."""
-    return Spring(stiffness, damping, mass, NORMAL_CAP, lessening)
+def along(stiffness: float, damping: float, mass: float, dashpot_slope: float | None = None) -> Spring:
+    """The spring along the normal of a contact: slope [N/m], damping [N s/m], m* [kg]; ``dashpot_slope`` as of ``Spring``."""
+    return Spring(stiffness, damping, mass, NORMAL_CAP, dashpot_slope)
 
 
 def across(stiffness: float, damping: float, mass: float) -> Spring:

@@ -52,6 +52,11 @@ def history_columns(scene: Scene) -> list[Column]:
     return [*GENERAL, *walls, *measures.columns(scene), *observation.columns(scene), *outlets]
 
 
+def reads_grains(scene: Scene) -> bool:
+    """Whether columns of a scene read more of a run than sums over its grains, contacts and walls, and what outlets took."""
+    return bool(measures.columns(scene) or observation.columns(scene))
+
+
 def history_row(columns: Sequence[Column], readings: Readings) -> list[float]:
     """One row: the number of each column at the time of the readings."""
     return [column.read(readings) for column in columns]
